@@ -1,0 +1,28 @@
+# vellum_embed_glsl(TARGET NAME symbol SOURCE file.comp [FLAGS ...])
+# Compiles a GLSL shader at build time and adds to TARGET a header "shaders/<symbol>.h" that defines
+# `inline constexpr std::uint32_t <symbol>[]` (SPIR-V words). The shader is validated with spirv-val.
+find_program(GLSLANG glslangValidator REQUIRED)
+find_program(SPIRV_VAL spirv-val REQUIRED)
+
+function(vellum_embed_glsl TARGET)
+  cmake_parse_arguments(ARG "" "NAME;SOURCE" "FLAGS" ${ARGN})
+  cmake_path(ABSOLUTE_PATH ARG_SOURCE BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR})
+  set(dir ${CMAKE_CURRENT_BINARY_DIR}/shaders)
+  set(spv ${dir}/${ARG_NAME}.spv)
+  set(header ${dir}/${ARG_NAME}.h)
+  add_custom_command(
+    OUTPUT ${header}
+    COMMAND ${CMAKE_COMMAND} -E make_directory ${dir}
+    COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core ${ARG_FLAGS}
+            --depfile ${spv}.d -o ${spv} ${ARG_SOURCE}
+    COMMAND ${SPIRV_VAL} --target-env vulkan1.2 --scalar-block-layout ${spv}
+    COMMAND ${CMAKE_COMMAND} -DIN=${spv} -DOUT=${header} -DSYMBOL=${ARG_NAME}
+            -P ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake
+    DEPENDS ${ARG_SOURCE} ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake
+            ${PROJECT_SOURCE_DIR}/src/core/shared.h ${PROJECT_SOURCE_DIR}/src/core/opacity.h
+            ${PROJECT_SOURCE_DIR}/src/core/curve.h ${PROJECT_SOURCE_DIR}/src/core/records.h
+    COMMENT "GLSL ${ARG_NAME}"
+    VERBATIM)
+  target_sources(${TARGET} PRIVATE ${header})
+  target_include_directories(${TARGET} PRIVATE ${CMAKE_CURRENT_BINARY_DIR})
+endfunction()

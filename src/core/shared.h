@@ -1,0 +1,38 @@
+// The subset of language that compiles both as C++20 and as GLSL 4.60. Headers that state a rule of the
+// specification once, for the library, the oracle and the shaders, are written in it.
+#ifndef VELLUM_CORE_SHARED_H
+#define VELLUM_CORE_SHARED_H
+
+#ifdef __cplusplus
+#include <cstdint>
+#define VELLUM_CONST inline constexpr
+#define VELLUM_FN constexpr
+// GLSL: a `const in` parameter is passed by value, which keeps linked functions free of local variables.
+#define VELLUM_IN const
+#define VELLUM_SHARED_BEGIN                                                                                            \
+    namespace vellum::shared                                                                                           \
+    {
+#define VELLUM_SHARED_END }
+namespace vellum::shared
+{
+using uint = std::uint32_t;
+constexpr uint toUint(float x)
+{
+    return static_cast<uint>(x);
+}
+constexpr float toFloat(uint x)
+{
+    return static_cast<float>(x);
+}
+} // namespace vellum::shared
+#else
+#define VELLUM_CONST const
+#define VELLUM_FN
+#define VELLUM_IN const in
+#define VELLUM_SHARED_BEGIN
+#define VELLUM_SHARED_END
+#define toUint(x) uint(x)
+#define toFloat(x) float(x)
+#endif
+
+#endif
