@@ -1,0 +1,22 @@
+// Acceleration structures: what vkCreate/Destroy/BuildAccelerationStructure(s)KHR have to do beside the driver's own
+// work.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice, const VkAccelerationStructureCreateInfoKHR *,
+                                                           const VkAllocationCallbacks *, VkAccelerationStructureKHR *);
+VKAPI_ATTR void VKAPI_CALL destroyAccelerationStructure(VkDevice, VkAccelerationStructureKHR,
+                                                        const VkAllocationCallbacks *);
+VKAPI_ATTR void VKAPI_CALL getAccelerationStructureBuildSizes(VkDevice, VkAccelerationStructureBuildTypeKHR,
+                                                              const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                                              const uint32_t *,
+                                                              VkAccelerationStructureBuildSizesInfoKHR *);
+VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer, uint32_t,
+                                                          const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                                          const VkAccelerationStructureBuildRangeInfoKHR *const *);
+
+} // namespace vellum::layer

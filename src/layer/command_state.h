@@ -1,0 +1,54 @@
+// What the application has set in a command buffer and the layer's injected work disturbs.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/vulkan_newer.h"
+
+namespace vellum::layer
+{
+
+struct Device;
+
+struct CommandState {
+    struct PushedConstants {
+        VkPipelineLayout layout;
+        VkShaderStageFlags stages;
+        uint32_t offset;
+        std::vector<std::byte> bytes;
+    };
+    Device *device = nullptr;
+    VkCommandPool pool = VK_NULL_HANDLE;
+
+    VkPipeline computePipeline = VK_NULL_HANDLE;
+    std::optional<newer::ShaderEXT> computeShader; // bound last instead of a pipeline; may be null
+    std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
+    std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
+
+    void forgetBindings();
+};
+
+// Null for command buffers of devices that the layer does not emulate.
+std::shared_ptr<CommandState> commandState(VkCommandBuffer commandBuffer);
+void forgetCommandBuffers(const Device &device);
+
+VKAPI_ATTR VkResult VKAPI_CALL allocateCommandBuffers(VkDevice, const VkCommandBufferAllocateInfo *, VkCommandBuffer *);
+VKAPI_ATTR void VKAPI_CALL freeCommandBuffers(VkDevice, VkCommandPool, uint32_t, const VkCommandBuffer *);
+VKAPI_ATTR void VKAPI_CALL destroyCommandPool(VkDevice, VkCommandPool, const VkAllocationCallbacks *);
+VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer, const VkCommandBufferBeginInfo *);
+VKAPI_ATTR void VKAPI_CALL cmdBindPipeline(VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
+VKAPI_ATTR void VKAPI_CALL cmdBindShaders(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
+                                          const newer::ShaderEXT *);
+VKAPI_ATTR void VKAPI_CALL cmdPushConstants(VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
+                                            const void *);
+VKAPI_ATTR void VKAPI_CALL cmdPushConstants2(VkCommandBuffer, const newer::PushConstantsInfo *);
+VKAPI_ATTR void VKAPI_CALL cmdExecuteCommands(VkCommandBuffer, uint32_t, const VkCommandBuffer *);
+VKAPI_ATTR void VKAPI_CALL cmdBeginConditionalRendering(VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
+VKAPI_ATTR void VKAPI_CALL cmdEndConditionalRendering(VkCommandBuffer);
+
+} // namespace vellum::layer

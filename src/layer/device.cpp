@@ -1,0 +1,207 @@
+#include "layer/device.h"
+
+#include <cstring>
+#include <new>
+#include <shared_mutex>
+#include <unordered_map>
+#include <vector>
+
+#include <vulkan/vk_layer.h>
+
+#include "layer/pnext.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+std::shared_mutex devicesMutex;
+std::unordered_map<void *, std::unique_ptr<Device>> devices;
+
+bool asksForMicromaps(const VkDeviceCreateInfo &info)
+{
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
+        if (std::strcmp(info.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0)
+            return true;
+    }
+    return false;
+}
+
+// The device as the driver is asked for it: without what the layer provides, with what the layer needs.
+struct DriverDeviceInfo {
+    explicit DriverDeviceInfo(const VkDeviceCreateInfo &application) : info(application), chain(application.pNext)
+    {
+        for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {
+            if (std::strcmp(application.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) != 0)
+                extensions.push_back(application.ppEnabledExtensionNames[i]);
+        }
+        info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
+        info.ppEnabledExtensionNames = extensions.data();
+        chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+        // The tables are reached by address from every rewritten shader.
+        if (auto *core =
+                chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
+            core->bufferDeviceAddress = VK_TRUE;
+        } else if (auto *own = chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(
+                       VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
+            own->bufferDeviceAddress = VK_TRUE;
+        } else {
+            addresses.bufferDeviceAddress = VK_TRUE;
+            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
+        }
+        info.pNext = chain.head();
+    }
+    VkDeviceCreateInfo info;
+    Chain chain;
+    std::vector<const char *> extensions;
+    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
+};
+
+VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
+{
+    auto *link = const_cast<VkLayerDeviceCreateInfo *>(static_cast<const VkLayerDeviceCreateInfo *>(info.pNext));
+    while (link &&
+           !(link->sType == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO && link->function == VK_LAYER_LINK_INFO))
+        link = const_cast<VkLayerDeviceCreateInfo *>(static_cast<const VkLayerDeviceCreateInfo *>(link->pNext));
+    return link && link->u.pLayerInfo ? link : nullptr;
+}
+
+} // namespace
+
+void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size)
+{
+    if (address == 0)
+        return;
+    std::lock_guard lock(mutex_);
+    if (addresses_.emplace(buffer, address).second)
+        ranges_.insert({address, {buffer, size}});
+}
+
+void AddressMap::remove(VkBuffer buffer)
+{
+    std::lock_guard lock(mutex_);
+    const auto known = addresses_.find(buffer);
+    if (known == addresses_.end())
+        return;
+    const auto [first, last] = ranges_.equal_range(known->second);
+    for (auto it = first; it != last; ++it) {
+        if (it->second.buffer == buffer) {
+            ranges_.erase(it);
+            break;
+        }
+    }
+    addresses_.erase(known);
+}
+
+VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
+{
+    std::lock_guard lock(mutex_);
+    // Buffers may alias: the one that reaches furthest counts. Only those that start at or before the address can hold
+    // it.
+    VkDeviceSize most = 0;
+    auto it = ranges_.upper_bound(address);
+    for (int steps = 0; it != ranges_.begin() && steps < 16; ++steps) {
+        --it;
+        if (address < it->first + it->second.size)
+            most = std::max(most, it->first + it->second.size - address);
+    }
+    return most == 0 ? UINT64_MAX : most;
+}
+
+VkDeviceAddress Device::bufferAddress(VkBuffer buffer) const
+{
+    const VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
+    return next.GetBufferDeviceAddress(handle, &info);
+}
+
+Device *deviceOfKey(void *key)
+{
+    std::shared_lock lock(devicesMutex);
+    const auto it = devices.find(key);
+    return it == devices.end() ? nullptr : it->second.get();
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *handle)
+try {
+    Instance &instance = instanceOf(physicalDevice);
+    VkLayerDeviceCreateInfo *link = linkInfo(*info);
+    if (!link)
+        return VK_ERROR_INITIALIZATION_FAILED;
+    const PFN_vkGetInstanceProcAddr nextInstanceGet = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
+    const PFN_vkGetDeviceProcAddr nextDeviceGet = link->u.pLayerInfo->pfnNextGetDeviceProcAddr;
+    link->u.pLayerInfo = link->u.pLayerInfo->pNext; // the loader's protocol
+    const auto nextCreate = reinterpret_cast<PFN_vkCreateDevice>(nextInstanceGet(instance.handle, "vkCreateDevice"));
+    if (!nextCreate)
+        return VK_ERROR_INITIALIZATION_FAILED;
+
+    const bool asked = asksForMicromaps(*info);
+    const Implementation implementation = asked ? implementationOn(instance, physicalDevice) : Implementation::None;
+    if (asked && implementation == Implementation::None) {
+        instance.report.error(
+            "VELLUM-device-without-ray-tracing",
+            "VK_EXT_opacity_micromap cannot be provided on this device: it has no acceleration structures "
+            "or no buffer device addresses",
+            VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
+        return VK_ERROR_EXTENSION_NOT_PRESENT;
+    }
+    auto device = std::make_unique<Device>();
+    device->emulated = implementation == Implementation::Emulation;
+    VkResult result;
+    if (device->emulated) {
+        const DriverDeviceInfo driverInfo(*info);
+        result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
+    } else {
+        result = nextCreate(physicalDevice, info, allocator, handle);
+    }
+    if (result != VK_SUCCESS)
+        return result;
+
+    device->handle = *handle;
+    device->physicalDevice = physicalDevice;
+    device->instance = &instance;
+    device->next.load(*handle, nextDeviceGet);
+    if (device->emulated) {
+        device->gpu = {*handle, &device->next, {}};
+        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->gpu.memory);
+        result = device->root.create(device->gpu);
+        if (result == VK_SUCCESS)
+            result = device->injected.create(device->gpu);
+        if (result != VK_SUCCESS) {
+            instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
+            const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
+            device.reset();
+            destroy(*handle, allocator);
+            *handle = VK_NULL_HANDLE;
+            return result;
+        }
+        instance.report.info("VELLUM-device", "VK_EXT_opacity_micromap is emulated on this device");
+    }
+    std::unique_lock lock(devicesMutex);
+    devices[dispatchKey(*handle)] = std::move(device);
+    return VK_SUCCESS;
+} catch (const std::bad_alloc &) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCallbacks *allocator)
+{
+    if (!handle)
+        return;
+    std::unique_ptr<Device> device;
+    {
+        std::unique_lock lock(devicesMutex);
+        const auto it = devices.find(dispatchKey(handle));
+        if (it == devices.end())
+            return;
+        device = std::move(it->second);
+        devices.erase(it);
+    }
+    forgetCommandBuffers(*device);
+    const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
+    device.reset();
+    destroy(handle, allocator);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,93 @@
+// Per-device state.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/command_state.h"
+#include "layer/dispatch.h"
+#include "layer/gpu_memory.h"
+#include "layer/handle_map.h"
+#include "layer/injected_work.h"
+#include "layer/instance.h"
+#include "layer/root_table.h"
+
+namespace vellum::layer
+{
+
+struct BufferInfo {
+    VkDeviceSize size = 0;
+};
+
+// A VkMicromapEXT. Handles are pointers to these.
+struct Micromap {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+    VkDeviceSize size = 0;
+};
+
+// What the layer keeps of a VkAccelerationStructureKHR.
+struct AccelerationStructure {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+    VkDeviceSize size = 0;
+
+    std::mutex mutex;              // guards what is below
+    VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell
+    VkDeviceAddress cell = 0;
+    std::shared_ptr<SlotRange> slots;
+    std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
+};
+
+// Where addresses come from: the end of the buffer that an address lies in bounds what the GPU may read from there.
+class AddressMap
+{
+public:
+    void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size);
+    void remove(VkBuffer buffer);
+    // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
+    [[nodiscard]] VkDeviceSize bytesFrom(VkDeviceAddress address) const;
+
+private:
+    struct Range {
+        VkBuffer buffer;
+        VkDeviceSize size;
+    };
+    mutable std::mutex mutex_;
+    std::multimap<VkDeviceAddress, Range> ranges_;
+    std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
+};
+
+struct Device {
+    VkDevice handle = VK_NULL_HANDLE;
+    VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
+    Instance *instance = nullptr;
+    DeviceTable next;
+    bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
+
+    GpuContext gpu;
+    RootTable root;
+    InjectedPipelines injected;
+    HandleMap<VkBuffer, BufferInfo> buffers;
+    AddressMap addresses;
+    HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;
+
+    [[nodiscard]] Reporter &report() const { return instance->report; }
+    [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;
+};
+
+Device *deviceOfKey(void *key);
+template <typename DispatchableHandle>
+Device &deviceOf(DispatchableHandle handle)
+{
+    return *deviceOfKey(dispatchKey(handle));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device);
+VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice device, const VkAllocationCallbacks *allocator);
+
+} // namespace vellum::layer

@@ -1,0 +1,33 @@
+#include "layer/dispatch.h"
+
+namespace vellum::layer
+{
+
+void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next)
+{
+    GetInstanceProcAddr = next;
+#define VELLUM_LOAD(name, alias)                                                                                       \
+    name = reinterpret_cast<PFN_vk##name>(next(instance, "vk" #name));                                                 \
+    if (!name)                                                                                                         \
+        name = reinterpret_cast<PFN_vk##name>(next(instance, "vk" #alias));
+    VELLUM_INSTANCE_COMMANDS(VELLUM_LOAD)
+#undef VELLUM_LOAD
+}
+
+void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
+{
+    GetDeviceProcAddr = next;
+#define VELLUM_LOAD(name, alias)                                                                                       \
+    name = reinterpret_cast<PFN_vk##name>(next(device, "vk" #name));                                                   \
+    if (!name)                                                                                                         \
+        name = reinterpret_cast<PFN_vk##name>(next(device, "vk" #alias));
+    VELLUM_DEVICE_COMMANDS(VELLUM_LOAD)
+#undef VELLUM_LOAD
+    CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2"));
+    if (!CmdPushConstants2)
+        CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2KHR"));
+    CreateShadersEXT = reinterpret_cast<newer::PFN_CreateShaders>(next(device, "vkCreateShadersEXT"));
+    CmdBindShadersEXT = reinterpret_cast<newer::PFN_CmdBindShaders>(next(device, "vkCmdBindShadersEXT"));
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,87 @@
+// Function pointers of the next layer or driver, one row per command that the layer calls or intercepts.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include "layer/vulkan_newer.h"
+
+namespace vellum::layer
+{
+
+// X(name, name of an alias that may be there instead)
+#define VELLUM_INSTANCE_COMMANDS(X)                                                                                    \
+    X(DestroyInstance, DestroyInstance)                                                                                \
+    X(EnumerateDeviceExtensionProperties, EnumerateDeviceExtensionProperties)                                          \
+    X(GetPhysicalDeviceProperties, GetPhysicalDeviceProperties)                                                        \
+    X(GetPhysicalDeviceMemoryProperties, GetPhysicalDeviceMemoryProperties)                                            \
+    X(GetPhysicalDeviceFeatures2, GetPhysicalDeviceFeatures2KHR)                                                       \
+    X(GetPhysicalDeviceProperties2, GetPhysicalDeviceProperties2KHR)                                                   \
+    X(GetPhysicalDeviceToolProperties, GetPhysicalDeviceToolPropertiesEXT)                                             \
+    X(CreateDebugUtilsMessengerEXT, CreateDebugUtilsMessengerEXT)                                                      \
+    X(DestroyDebugUtilsMessengerEXT, DestroyDebugUtilsMessengerEXT)
+
+#define VELLUM_DEVICE_COMMANDS(X)                                                                                      \
+    X(DestroyDevice, DestroyDevice)                                                                                    \
+    X(CreateBuffer, CreateBuffer)                                                                                      \
+    X(DestroyBuffer, DestroyBuffer)                                                                                    \
+    X(GetBufferMemoryRequirements, GetBufferMemoryRequirements)                                                        \
+    X(GetDeviceBufferMemoryRequirements, GetDeviceBufferMemoryRequirementsKHR)                                         \
+    X(AllocateMemory, AllocateMemory)                                                                                  \
+    X(FreeMemory, FreeMemory)                                                                                          \
+    X(BindBufferMemory, BindBufferMemory)                                                                              \
+    X(MapMemory, MapMemory)                                                                                            \
+    X(GetBufferDeviceAddress, GetBufferDeviceAddressKHR)                                                               \
+    X(CreateShaderModule, CreateShaderModule)                                                                          \
+    X(DestroyShaderModule, DestroyShaderModule)                                                                        \
+    X(CreatePipelineLayout, CreatePipelineLayout)                                                                      \
+    X(DestroyPipelineLayout, DestroyPipelineLayout)                                                                    \
+    X(CreateComputePipelines, CreateComputePipelines)                                                                  \
+    X(CreateGraphicsPipelines, CreateGraphicsPipelines)                                                                \
+    X(CreateRayTracingPipelinesKHR, CreateRayTracingPipelinesKHR)                                                      \
+    X(DestroyPipeline, DestroyPipeline)                                                                                \
+    X(CreateRenderPass2, CreateRenderPass2KHR)                                                                         \
+    X(CreateAccelerationStructureKHR, CreateAccelerationStructureKHR)                                                  \
+    X(DestroyAccelerationStructureKHR, DestroyAccelerationStructureKHR)                                                \
+    X(GetAccelerationStructureBuildSizesKHR, GetAccelerationStructureBuildSizesKHR)                                    \
+    X(GetAccelerationStructureDeviceAddressKHR, GetAccelerationStructureDeviceAddressKHR)                              \
+    X(CmdBuildAccelerationStructuresKHR, CmdBuildAccelerationStructuresKHR)                                            \
+    X(AllocateCommandBuffers, AllocateCommandBuffers)                                                                  \
+    X(FreeCommandBuffers, FreeCommandBuffers)                                                                          \
+    X(DestroyCommandPool, DestroyCommandPool)                                                                          \
+    X(BeginCommandBuffer, BeginCommandBuffer)                                                                          \
+    X(CmdBindPipeline, CmdBindPipeline)                                                                                \
+    X(CmdPushConstants, CmdPushConstants)                                                                              \
+    X(CmdExecuteCommands, CmdExecuteCommands)                                                                          \
+    X(CmdDispatch, CmdDispatch)                                                                                        \
+    X(CmdPipelineBarrier, CmdPipelineBarrier)                                                                          \
+    X(CmdCopyBuffer, CmdCopyBuffer)                                                                                    \
+    X(CmdBeginConditionalRenderingEXT, CmdBeginConditionalRenderingEXT)                                                \
+    X(CmdEndConditionalRenderingEXT, CmdEndConditionalRenderingEXT)                                                    \
+    X(CmdPipelineBarrier2, CmdPipelineBarrier2KHR)                                                                     \
+    X(CmdSetEvent2, CmdSetEvent2KHR)                                                                                   \
+    X(CmdResetEvent2, CmdResetEvent2KHR)                                                                               \
+    X(CmdWaitEvents2, CmdWaitEvents2KHR)                                                                               \
+    X(CmdWriteTimestamp2, CmdWriteTimestamp2KHR)                                                                       \
+    X(QueueSubmit2, QueueSubmit2KHR)                                                                                   \
+    X(SetDebugUtilsObjectNameEXT, SetDebugUtilsObjectNameEXT)                                                          \
+    X(SetDebugUtilsObjectTagEXT, SetDebugUtilsObjectTagEXT)
+
+struct InstanceTable {
+#define VELLUM_MEMBER(name, alias) PFN_vk##name name = nullptr;
+    VELLUM_INSTANCE_COMMANDS(VELLUM_MEMBER)
+    PFN_vkGetInstanceProcAddr GetInstanceProcAddr = nullptr;
+    void load(VkInstance instance, PFN_vkGetInstanceProcAddr next);
+};
+
+struct DeviceTable {
+    VELLUM_DEVICE_COMMANDS(VELLUM_MEMBER)
+#undef VELLUM_MEMBER
+    // Commands that the oldest headers do not declare.
+    newer::PFN_CmdPushConstants2 CmdPushConstants2 = nullptr;
+    newer::PFN_CreateShaders CreateShadersEXT = nullptr;
+    newer::PFN_CmdBindShaders CmdBindShadersEXT = nullptr;
+    PFN_vkGetDeviceProcAddr GetDeviceProcAddr = nullptr;
+    void load(VkDevice device, PFN_vkGetDeviceProcAddr next);
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,48 @@
+// An acceleration structure build as the driver is to see it: without micromaps, and with every geometry that has one
+// non-opaque, so that each hit on it is handed to a shader.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/pnext.h"
+
+namespace vellum::layer
+{
+
+class DriverBuildInfo
+{
+public:
+    explicit DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoKHR &application);
+    DriverBuildInfo(DriverBuildInfo &&) = default;
+    DriverBuildInfo(const DriverBuildInfo &) = delete;
+    DriverBuildInfo &operator=(const DriverBuildInfo &) = delete;
+    DriverBuildInfo &operator=(DriverBuildInfo &&) = delete;
+
+    // To be handed to the driver; `info` points into this object.
+    [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &info();
+    [[nodiscard]] bool topLevel() const { return topLevel_; }
+    [[nodiscard]] bool hasMicromaps() const { return hasMicromaps_; }
+    [[nodiscard]] uint32_t geometryCount() const { return static_cast<uint32_t>(geometries_.size()); }
+    // The driver's copy of geometry i; may be changed.
+    VkAccelerationStructureGeometryKHR &geometry(uint32_t i) { return geometries_[i]; }
+    // Of the application's geometry i: its micromap, or null; and whether it is opaque.
+    [[nodiscard]] const VkAccelerationStructureTrianglesOpacityMicromapEXT *micromap(uint32_t i) const
+    {
+        return micromaps_[i];
+    }
+    [[nodiscard]] bool opaque(uint32_t i) const { return opaque_[i]; }
+
+private:
+    VkAccelerationStructureBuildGeometryInfoKHR info_;
+    std::vector<VkAccelerationStructureGeometryKHR> geometries_;
+    std::vector<const VkAccelerationStructureTrianglesOpacityMicromapEXT *> micromaps_;
+    std::vector<bool> opaque_;
+    std::deque<Chain> chains_;
+    bool topLevel_ = false;
+    bool hasMicromaps_ = false;
+};
+
+} // namespace vellum::layer

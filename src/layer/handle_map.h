@@ -1,0 +1,78 @@
+// A map from handles to the layer's own state. Sharded, so that threads that record different command buffers do not
+// wait for each other.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <shared_mutex>
+#include <type_traits>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+namespace vellum::layer
+{
+
+template <typename Handle, typename Value>
+class HandleMap
+{
+public:
+    void set(Handle handle, Value value)
+    {
+        Shard &shard = shardOf(handle);
+        std::unique_lock lock(shard.mutex);
+        shard.values[handle] = std::move(value);
+    }
+    // A copy of the value; a default one where there is none.
+    [[nodiscard]] Value get(Handle handle) const
+    {
+        const Shard &shard = shardOf(handle);
+        std::shared_lock lock(shard.mutex);
+        const auto it = shard.values.find(handle);
+        return it == shard.values.end() ? Value{} : it->second;
+    }
+    // Removes and returns it.
+    Value take(Handle handle)
+    {
+        Shard &shard = shardOf(handle);
+        std::unique_lock lock(shard.mutex);
+        const auto it = shard.values.find(handle);
+        if (it == shard.values.end())
+            return Value{};
+        Value value = std::move(it->second);
+        shard.values.erase(it);
+        return value;
+    }
+    // Removes every entry whose value satisfies the predicate.
+    template <typename Predicate>
+    void removeIf(Predicate predicate)
+    {
+        for (Shard &shard : shards_) {
+            std::unique_lock lock(shard.mutex);
+            std::erase_if(shard.values, [&](const auto &entry) { return predicate(entry.second); });
+        }
+    }
+
+private:
+    struct Shard {
+        mutable std::shared_mutex mutex;
+        std::unordered_map<Handle, Value> values;
+    };
+    static std::size_t index(Handle handle)
+    {
+        std::uintptr_t bits = 0;
+        if constexpr (std::is_pointer_v<Handle>)
+            bits = reinterpret_cast<std::uintptr_t>(handle);
+        else
+            bits = static_cast<std::uintptr_t>(handle);
+        return (bits >> 4 ^ bits >> 10) % kShards;
+    }
+    Shard &shardOf(Handle handle) { return shards_[index(handle)]; }
+    const Shard &shardOf(Handle handle) const { return shards_[index(handle)]; }
+
+    static constexpr std::size_t kShards = 16;
+    std::array<Shard, kShards> shards_;
+};
+
+} // namespace vellum::layer

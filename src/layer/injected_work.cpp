@@ -1,0 +1,140 @@
+#include "layer/injected_work.h"
+
+#include "layer/device.h"
+#include "shaders/blas_records.h"
+#include "shaders/micromap_pack.h"
+#include "shaders/micromap_place.h"
+#include "shaders/tlas_instances.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+struct Code {
+    const uint32_t *words;
+    size_t bytes;
+};
+
+Code codeOf(InjectedShader shader)
+{
+    switch (shader) {
+    case InjectedShader::MicromapPlace: return {micromap_place, sizeof micromap_place};
+    case InjectedShader::MicromapPack: return {micromap_pack, sizeof micromap_pack};
+    case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
+    default: return {tlas_instances, sizeof tlas_instances};
+    }
+}
+
+constexpr uint32_t kMaxGroups = 65535; // the least maxComputeWorkGroupCount
+
+} // namespace
+
+VkResult InjectedPipelines::create(const GpuContext &context)
+{
+    context_ = context;
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};
+    VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
+    info.pushConstantRangeCount = 1;
+    info.pPushConstantRanges = &range;
+    return context.next->CreatePipelineLayout(context.device, &info, nullptr, &layout_);
+}
+
+InjectedPipelines::~InjectedPipelines()
+{
+    if (!context_.next)
+        return;
+    for (const VkPipeline pipeline : pipelines_) {
+        if (pipeline)
+            context_.next->DestroyPipeline(context_.device, pipeline, nullptr);
+    }
+    if (layout_)
+        context_.next->DestroyPipelineLayout(context_.device, layout_, nullptr);
+}
+
+VkPipeline InjectedPipelines::get(InjectedShader shader)
+{
+    std::lock_guard lock(mutex_);
+    VkPipeline &pipeline = pipelines_[static_cast<size_t>(shader)];
+    if (pipeline)
+        return pipeline;
+    const Code code = codeOf(shader);
+    VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+    moduleInfo.codeSize = code.bytes;
+    moduleInfo.pCode = code.words;
+    VkShaderModule module = VK_NULL_HANDLE;
+    if (context_.next->CreateShaderModule(context_.device, &moduleInfo, nullptr, &module) != VK_SUCCESS)
+        return VK_NULL_HANDLE;
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+    info.stage = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                  nullptr,
+                  0,
+                  VK_SHADER_STAGE_COMPUTE_BIT,
+                  module,
+                  "main",
+                  nullptr};
+    info.layout = layout_;
+    if (context_.next->CreateComputePipelines(context_.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline) !=
+        VK_SUCCESS)
+        pipeline = VK_NULL_HANDLE;
+    context_.next->DestroyShaderModule(context_.device, module, nullptr);
+    return pipeline;
+}
+
+InjectedWork::InjectedWork(Device &device, VkCommandBuffer commandBuffer)
+    : device_(device), commandBuffer_(commandBuffer), state_(commandState(commandBuffer))
+{
+}
+
+bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushBytes, uint64_t groups)
+{
+    const VkPipeline pipeline = device_.injected.get(shader);
+    if (!pipeline) {
+        device_.report().error("VELLUM-injected-pipeline",
+                               "the driver could not make a pipeline of the layer's own shaders");
+        return false;
+    }
+    const DeviceTable &next = device_.next;
+    if (!disturbed_ && state_ && state_->conditionalRendering) {
+        // The application's condition is about its own draws and dispatches, not about builds.
+        next.CmdEndConditionalRenderingEXT(commandBuffer_);
+    }
+    disturbed_ = true;
+    next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes, push);
+    // The shaders number their workgroups through x and y, and skip what is beyond their count.
+    const uint64_t rows = (groups + kMaxGroups - 1) / kMaxGroups;
+    next.CmdDispatch(commandBuffer_, static_cast<uint32_t>(rows > 1 ? kMaxGroups : groups), static_cast<uint32_t>(rows),
+                     1);
+    return true;
+}
+
+void InjectedWork::barrier()
+{
+    const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
+                                 VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
+                                 VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
+    device_.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
+                                    VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &memory, 0, nullptr, 0, nullptr);
+}
+
+InjectedWork::~InjectedWork()
+{
+    if (!disturbed_ || !state_)
+        return;
+    const DeviceTable &next = device_.next;
+    if (state_->computePipeline) {
+        next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, state_->computePipeline);
+    } else if (state_->computeShader && next.CmdBindShadersEXT) {
+        const VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
+        next.CmdBindShadersEXT(commandBuffer_, 1, &stage, &*state_->computeShader);
+    }
+    for (const CommandState::PushedConstants &push : state_->pushes) {
+        next.CmdPushConstants(commandBuffer_, push.layout, push.stages, push.offset,
+                              static_cast<uint32_t>(push.bytes.size()), push.bytes.data());
+    }
+    if (state_->conditionalRendering)
+        next.CmdBeginConditionalRenderingEXT(commandBuffer_, &*state_->conditionalRendering);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,266 @@
+#include "layer/instance.h"
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <shared_mutex>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include <vulkan/vk_layer.h>
+
+#include "core/curve.h"
+#include "layer/pnext.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+std::shared_mutex instancesMutex;
+std::unordered_map<void *, std::unique_ptr<Instance>> instances;
+
+constexpr const char *kDescription = "Opacity micromaps for every device that traces rays";
+
+VkExtensionProperties ownExtension()
+{
+    VkExtensionProperties properties{};
+    std::strcpy(properties.extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    properties.specVersion = VK_EXT_OPACITY_MICROMAP_SPEC_VERSION;
+    return properties;
+}
+
+// The two-call idiom of Vulkan's enumerations.
+template <typename T>
+VkResult giveList(const std::vector<T> &list, uint32_t *count, T *out)
+{
+    if (!out) {
+        *count = static_cast<uint32_t>(list.size());
+        return VK_SUCCESS;
+    }
+    const size_t n = std::min<size_t>(*count, list.size());
+    std::copy_n(list.begin(), n, out);
+    *count = static_cast<uint32_t>(n);
+    return n < list.size() ? VK_INCOMPLETE : VK_SUCCESS;
+}
+
+std::vector<VkExtensionProperties> driverExtensions(Instance &instance, VkPhysicalDevice device)
+{
+    std::vector<VkExtensionProperties> list;
+    VkResult result = VK_INCOMPLETE;
+    while (result == VK_INCOMPLETE) {
+        uint32_t count = 0;
+        if (instance.next.EnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr) != VK_SUCCESS)
+            return {};
+        list.resize(count);
+        result = instance.next.EnumerateDeviceExtensionProperties(device, nullptr, &count, list.data());
+        list.resize(count);
+    }
+    return list;
+}
+
+bool contains(const std::vector<VkExtensionProperties> &list, const char *name)
+{
+    return std::any_of(list.begin(), list.end(),
+                       [name](const auto &e) { return std::strcmp(e.extensionName, name) == 0; });
+}
+
+Implementation implementationOf(Instance &instance, VkPhysicalDevice device,
+                                const std::vector<VkExtensionProperties> &list)
+{
+    if (contains(list, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) && !instance.settings.forceEmulation)
+        return Implementation::PassThrough;
+    if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.next.GetPhysicalDeviceFeatures2)
+        return Implementation::None;
+    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR};
+    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES, &structures};
+    VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
+    instance.next.GetPhysicalDeviceFeatures2(device, &features);
+    return structures.accelerationStructure && addresses.bufferDeviceAddress ? Implementation::Emulation
+                                                                             : Implementation::None;
+}
+
+} // namespace
+
+Instance *instanceOfKey(void *key)
+{
+    std::shared_lock lock(instancesMutex);
+    const auto it = instances.find(key);
+    return it == instances.end() ? nullptr : it->second.get();
+}
+
+Implementation implementationOn(Instance &instance, VkPhysicalDevice device)
+{
+    return implementationOf(instance, device, driverExtensions(instance, device));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
+                                              VkInstance *handle)
+try {
+    auto *link = const_cast<VkLayerInstanceCreateInfo *>(static_cast<const VkLayerInstanceCreateInfo *>(info->pNext));
+    while (link &&
+           !(link->sType == VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO && link->function == VK_LAYER_LINK_INFO))
+        link = const_cast<VkLayerInstanceCreateInfo *>(static_cast<const VkLayerInstanceCreateInfo *>(link->pNext));
+    if (!link || !link->u.pLayerInfo)
+        return VK_ERROR_INITIALIZATION_FAILED;
+    const PFN_vkGetInstanceProcAddr nextGet = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
+    // The loader's protocol: each layer moves the link on for the next one.
+    link->u.pLayerInfo = link->u.pLayerInfo->pNext;
+    const auto nextCreate = reinterpret_cast<PFN_vkCreateInstance>(nextGet(VK_NULL_HANDLE, "vkCreateInstance"));
+    if (!nextCreate)
+        return VK_ERROR_INITIALIZATION_FAILED;
+
+    auto instance = std::make_unique<Instance>();
+    instance->settings = readSettings(info->pNext);
+    instance->report.setLevel(instance->settings.report);
+    const VkResult result = nextCreate(info, allocator, handle);
+    if (result != VK_SUCCESS)
+        return result;
+    instance->handle = *handle;
+    instance->next.load(*handle, nextGet);
+    std::unique_lock lock(instancesMutex);
+    instances[dispatchKey(*handle)] = std::move(instance);
+    return VK_SUCCESS;
+} catch (const std::bad_alloc &) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance handle, const VkAllocationCallbacks *allocator)
+{
+    if (!handle)
+        return;
+    std::unique_ptr<Instance> instance;
+    {
+        std::unique_lock lock(instancesMutex);
+        const auto it = instances.find(dispatchKey(handle));
+        if (it == instances.end())
+            return;
+        instance = std::move(it->second);
+        instances.erase(it);
+    }
+    instance->next.DestroyInstance(handle, allocator);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceLayerProperties(uint32_t *count, VkLayerProperties *properties)
+{
+    VkLayerProperties own{};
+    std::strcpy(own.layerName, kLayerName);
+    std::strcpy(own.description, kDescription);
+    own.specVersion = VK_API_VERSION_1_3;
+    own.implementationVersion = 1;
+    return giveList<VkLayerProperties>({own}, count, properties);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceExtensionProperties(const char *layer, uint32_t *count,
+                                                                    VkExtensionProperties *properties)
+{
+    if (!layer || std::strcmp(layer, kLayerName) != 0)
+        return VK_ERROR_LAYER_NOT_PRESENT;
+    return giveList<VkExtensionProperties>({}, count, properties);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevice device, const char *layer,
+                                                                  uint32_t *count, VkExtensionProperties *properties)
+try {
+    if (layer && std::strcmp(layer, kLayerName) == 0)
+        return giveList<VkExtensionProperties>({ownExtension()}, count, properties);
+    Instance &instance = instanceOf(device);
+    if (layer)
+        return instance.next.EnumerateDeviceExtensionProperties(device, layer, count, properties);
+    std::vector<VkExtensionProperties> list = driverExtensions(instance, device);
+    const bool emulated = implementationOf(instance, device, list) == Implementation::Emulation;
+    if (emulated && !contains(list, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
+        list.push_back(ownExtension());
+    return giveList(list, count, properties);
+} catch (const std::bad_alloc &) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+}
+
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features)
+{
+    Instance &instance = instanceOf(device);
+    if (!findInChain(features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) ||
+        implementationOn(instance, device) != Implementation::Emulation)
+        return instance.next.GetPhysicalDeviceFeatures2(device, features);
+    const Unlinked ours(features, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    instance.next.GetPhysicalDeviceFeatures2(device, features);
+    auto *micromap = ours.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
+    micromap->micromap = VK_TRUE;
+    micromap->micromapCaptureReplay = VK_FALSE;
+    micromap->micromapHostCommands = VK_FALSE;
+}
+
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
+                                                        VkPhysicalDeviceProperties2 *properties)
+{
+    Instance &instance = instanceOf(device);
+    if (!findInChain(properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT) ||
+        implementationOn(instance, device) != Implementation::Emulation)
+        return instance.next.GetPhysicalDeviceProperties2(device, properties);
+    const Unlinked ours(properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
+    instance.next.GetPhysicalDeviceProperties2(device, properties);
+    auto *micromap = ours.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>();
+    micromap->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+    micromap->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,
+                                                               VkPhysicalDeviceToolProperties *properties)
+try {
+    Instance &instance = instanceOf(device);
+    std::vector<VkPhysicalDeviceToolProperties> tools;
+    if (instance.next.GetPhysicalDeviceToolProperties) {
+        uint32_t below = 0;
+        instance.next.GetPhysicalDeviceToolProperties(device, &below, nullptr);
+        tools.resize(below, {VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES});
+        instance.next.GetPhysicalDeviceToolProperties(device, &below, tools.data());
+        tools.resize(below);
+    }
+    VkPhysicalDeviceToolProperties own{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES};
+    const Implementation implementation = implementationOn(instance, device);
+    std::strcpy(own.name, "Vellum opacity micromap layer");
+    std::strcpy(own.version, VELLUM_VERSION);
+    own.purposes = VK_TOOL_PURPOSE_ADDITIONAL_FEATURES_BIT;
+    std::strcpy(own.description, implementation == Implementation::Emulation     ? "emulated"
+                                 : implementation == Implementation::PassThrough ? "passthrough"
+                                                                                 : "not available on this device");
+    std::strcpy(own.layer, kLayerName);
+    tools.push_back(own);
+    // pNext of the application's elements stays as it is.
+    std::vector<void *> chains;
+    for (uint32_t i = 0; properties && i < *count; ++i)
+        chains.push_back(properties[i].pNext);
+    const VkResult result = giveList(tools, count, properties);
+    for (uint32_t i = 0; properties && i < *count; ++i)
+        properties[i].pNext = chains[i];
+    return result;
+} catch (const std::bad_alloc &) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDebugUtilsMessenger(VkInstance handle,
+                                                         const VkDebugUtilsMessengerCreateInfoEXT *info,
+                                                         const VkAllocationCallbacks *allocator,
+                                                         VkDebugUtilsMessengerEXT *messenger)
+{
+    Instance &instance = instanceOf(handle);
+    const VkResult result = instance.next.CreateDebugUtilsMessengerEXT(handle, info, allocator, messenger);
+    if (result == VK_SUCCESS)
+        instance.report.addMessenger(*messenger, *info);
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyDebugUtilsMessenger(VkInstance handle, VkDebugUtilsMessengerEXT messenger,
+                                                      const VkAllocationCallbacks *allocator)
+{
+    Instance &instance = instanceOf(handle);
+    instance.report.removeMessenger(messenger);
+    instance.next.DestroyDebugUtilsMessengerEXT(handle, messenger, allocator);
+}
+
+} // namespace vellum::layer

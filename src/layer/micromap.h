@@ -1,0 +1,41 @@
+// VkMicromapEXT: the commands of VK_EXT_opacity_micromap that make and fill micromaps.
+#pragma once
+
+#include <cstdint>
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+struct Device;
+
+// Device address of a micromap's memory; 0 for null.
+VkDeviceAddress micromapAddress(const Device &device, VkMicromapEXT micromap);
+
+VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice, const VkMicromapCreateInfoEXT *, const VkAllocationCallbacks *,
+                                              VkMicromapEXT *);
+VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice, VkMicromapEXT, const VkAllocationCallbacks *);
+VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice, VkAccelerationStructureBuildTypeKHR,
+                                                 const VkMicromapBuildInfoEXT *, VkMicromapBuildSizesInfoEXT *);
+VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer, uint32_t, const VkMicromapBuildInfoEXT *);
+VKAPI_ATTR void VKAPI_CALL getDeviceMicromapCompatibility(VkDevice, const VkMicromapVersionInfoEXT *,
+                                                          VkAccelerationStructureCompatibilityKHR *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer, const VkCopyMicromapInfoEXT *);
+
+// Behind features or for uses that this version does not have; each reports so.
+VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice, VkDeferredOperationKHR, uint32_t,
+                                              const VkMicromapBuildInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL copyMicromap(VkDevice, VkDeferredOperationKHR, const VkCopyMicromapInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL copyMicromapToMemory(VkDevice, VkDeferredOperationKHR,
+                                                    const VkCopyMicromapToMemoryInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToMicromap(VkDevice, VkDeferredOperationKHR,
+                                                    const VkCopyMemoryToMicromapInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL writeMicromapsProperties(VkDevice, uint32_t, const VkMicromapEXT *, VkQueryType, size_t,
+                                                        void *, size_t);
+VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT *);
+VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
+                                                       VkQueryPool, uint32_t);
+
+} // namespace vellum::layer

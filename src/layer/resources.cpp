@@ -1,0 +1,124 @@
+#include "layer/resources.h"
+
+#include <new>
+
+#include "layer/device.h"
+#include "layer/pnext.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkFlags64 kMicromapUsages =
+    VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT;
+
+// The layer's shaders read the inputs and write the storage of micromaps and acceleration structures by address, and
+// copies of micromaps are buffer copies.
+VkFlags64 driverUsage(VkFlags64 usage)
+{
+    const VkFlags64 storage =
+        VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
+    VkFlags64 result = usage & ~kMicromapUsages;
+    if (usage & (kMicromapUsages | storage))
+        result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    if (usage & storage)
+        result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    return result;
+}
+
+// The application's create info as the driver is to see it.
+struct DriverBufferInfo {
+    explicit DriverBufferInfo(const VkBufferCreateInfo &application) : info(application), chain(application.pNext)
+    {
+        info.usage = static_cast<VkBufferUsageFlags>(driverUsage(application.usage));
+        // Where it is given, it replaces the 32-bit flags (VK_KHR_maintenance5).
+        if (findInChain(application.pNext, newer::kBufferUsageFlags2CreateInfo)) {
+            if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
+                flags2->usage = driverUsage(flags2->usage);
+        }
+        info.pNext = chain.head();
+    }
+    VkBufferCreateInfo info;
+    Chain chain;
+};
+
+} // namespace
+
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+try {
+    Device &device = deviceOf(handle);
+    const DriverBufferInfo driverInfo(*info);
+    const VkResult result = device.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
+    if (result == VK_SUCCESS)
+        device.buffers.set(*buffer, {info->size});
+    return result;
+} catch (const std::bad_alloc &) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
+{
+    Device &device = deviceOf(handle);
+    device.addresses.remove(buffer);
+    device.buffers.take(buffer);
+    device.next.DestroyBuffer(handle, buffer, allocator);
+}
+
+VKAPI_ATTR void VKAPI_CALL getDeviceBufferMemoryRequirements(VkDevice handle,
+                                                             const VkDeviceBufferMemoryRequirements *info,
+                                                             VkMemoryRequirements2 *requirements)
+{
+    Device &device = deviceOf(handle);
+    const DriverBufferInfo driverInfo(*info->pCreateInfo);
+    VkDeviceBufferMemoryRequirements driverQuery = *info;
+    driverQuery.pCreateInfo = &driverInfo.info;
+    device.next.GetDeviceBufferMemoryRequirements(handle, &driverQuery, requirements);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
+                                              const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+try {
+    Device &device = deviceOf(handle);
+    // Acceleration structure storage gets a device address (driverUsage above), which its memory must allow
+    // (VUID-vkBindBufferMemory-bufferDeviceAddress-03339). Which memory that will be is not known here.
+    VkMemoryAllocateInfo driverInfo = *info;
+    Chain chain(info->pNext);
+    VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
+    if (auto *own = chain.edit<VkMemoryAllocateFlagsInfo>(VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO)) {
+        own->flags |= VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    } else if (!findInChain(info->pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO)) {
+        flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+        chain.prepend(reinterpret_cast<VkBaseInStructure *>(&flags));
+    }
+    driverInfo.pNext = chain.head();
+    return device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
+} catch (const std::bad_alloc &) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+}
+
+VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)
+{
+    Device &device = deviceOf(handle);
+    const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
+    device.addresses.add(address, info->buffer, device.buffers.get(info->buffer).size);
+    return address;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
+{
+    // A micromap is the layer's own object: its handle means nothing below.
+    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT)
+        return VK_SUCCESS;
+    return deviceOf(handle).next.SetDebugUtilsObjectNameEXT(handle, info);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
+{
+    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT)
+        return VK_SUCCESS;
+    return deviceOf(handle).next.SetDebugUtilsObjectTagEXT(handle, info);
+}
+
+} // namespace vellum::layer

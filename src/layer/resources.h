@@ -1,0 +1,20 @@
+// Buffers, memory and render passes: usage flags that the driver does not know are taken out, addresses are kept.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *,
+                                            VkBuffer *);
+VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice, VkBuffer, const VkAllocationCallbacks *);
+VKAPI_ATTR void VKAPI_CALL getDeviceBufferMemoryRequirements(VkDevice, const VkDeviceBufferMemoryRequirements *,
+                                                             VkMemoryRequirements2 *);
+VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
+                                              VkDeviceMemory *);
+VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice, const VkBufferDeviceAddressInfo *);
+VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice, const VkDebugUtilsObjectNameInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice, const VkDebugUtilsObjectTagInfoEXT *);
+
+} // namespace vellum::layer

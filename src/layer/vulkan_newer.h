@@ -1,0 +1,79 @@
+// Declarations of Vulkan newer than the oldest headers Vellum builds with (1.3.239), under names of our own so that
+// they compile beside headers that have them. Layouts and values: vk.xml of KhronosGroup/Vulkan-Docs.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::newer
+{
+
+// VK_KHR_maintenance5 (core in 1.4)
+inline constexpr auto kBufferUsageFlags2CreateInfo = static_cast<VkStructureType>(1000470006);
+inline constexpr auto kPipelineCreateFlags2CreateInfo = static_cast<VkStructureType>(1000470005);
+struct BufferUsageFlags2CreateInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags64 usage;
+};
+struct PipelineCreateFlags2CreateInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags64 flags;
+};
+
+// VK_KHR_maintenance6 (core in 1.4)
+struct PushConstantsInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkPipelineLayout layout;
+    VkShaderStageFlags stageFlags;
+    uint32_t offset;
+    uint32_t size;
+    const void *pValues;
+};
+using PFN_CmdPushConstants2 = void(VKAPI_PTR *)(VkCommandBuffer, const PushConstantsInfo *);
+
+// VK_EXT_shader_object
+struct Shader_T;
+using ShaderEXT = Shader_T *;
+inline constexpr auto kShaderCreateInfo = static_cast<VkStructureType>(1000482002);
+struct ShaderCreateInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkShaderStageFlagBits stage;
+    VkShaderStageFlags nextStage;
+    int codeType; // VkShaderCodeTypeEXT
+    size_t codeSize;
+    const void *pCode;
+    const char *pName;
+    uint32_t setLayoutCount;
+    const VkDescriptorSetLayout *pSetLayouts;
+    uint32_t pushConstantRangeCount;
+    const VkPushConstantRange *pPushConstantRanges;
+    const VkSpecializationInfo *pSpecializationInfo;
+};
+inline constexpr int kShaderCodeTypeSpirv = 1;
+using PFN_CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, uint32_t, const ShaderCreateInfo *,
+                                                const VkAllocationCallbacks *, ShaderEXT *);
+using PFN_CmdBindShaders = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
+                                             const ShaderEXT *);
+
+// VK_EXT_layer_settings
+inline constexpr auto kLayerSettingsCreateInfo = static_cast<VkStructureType>(1000496000);
+enum LayerSettingType { kLayerSettingBool32 = 0, kLayerSettingString = 8 };
+struct LayerSetting {
+    const char *pLayerName;
+    const char *pSettingName;
+    int type; // VkLayerSettingTypeEXT
+    uint32_t valueCount;
+    const void *pValues;
+};
+struct LayerSettingsCreateInfo {
+    VkStructureType sType;
+    const void *pNext;
+    uint32_t settingCount;
+    const LayerSetting *pSettings;
+};
+
+} // namespace vellum::newer

@@ -1,0 +1,89 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Writes the records of one geometry of a bottom-level acceleration structure: one record a triangle, resolved through
+// the geometry's micromap indices, and the geometry record itself. VkAccelerationStructureTrianglesOpacityMicromapEXT.
+#include "shared.h"
+#include "records.h"
+#include "memory.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 geometryRecord;
+    uvec2 triangleRecords; // 0: the geometry has no micromap
+    uvec2 micromap;        // 0: special indices only
+    uvec2 indices;         // 0: the index is the triangle's number
+    uvec2 cell;            // where the TLAS build finds this BLAS; 0: not with this dispatch
+    uvec2 firstGeometryRecord;
+    uint geometryCount;
+    uint triangleCount;
+    uint indexBytes; // 2 or 4
+    uint indexStride;
+    uint readable; // indices that lie inside their buffer
+    uint baseTriangle;
+    uint geometryOpaque;
+} push;
+
+const uint kUnknownOpaque = ~0u; // all sixteen states
+
+uint fetchIndex(uint triangle)
+{
+    const uint value = loadBytes(elementAddress(push.indices, triangle, push.indexStride), push.indexBytes);
+    // Special indices are the unsigned cast of -1..-4 to the index type.
+    return push.indexBytes == 2u && value >= 0xfffcu ? value | 0xffff0000u : value;
+}
+
+uvec2 recordOf(uint triangle, uint micromapTriangles)
+{
+    uint index = triangle;
+    if (any(notEqual(push.indices, uvec2(0)))) {
+        if (triangle >= push.readable)
+            return uvec2(kKindInline, kUnknownOpaque);
+        index = fetchIndex(triangle);
+        if (index >= 0xfffffffcu)
+            return uvec2(kKindInline, ~index * 0x55555555u);
+    }
+    const uint target = index + push.baseTriangle;
+    if (target < index || target >= micromapTriangles)
+        return uvec2(kKindInline, kUnknownOpaque);
+    Words record = Words(elementAddress(addressPlus(push.micromap, kMicromapHeaderWords * 4u), target, kTriangleRecordWords * 4u));
+    return uvec2(record.w[0], record.w[1]);
+}
+
+void main()
+{
+    const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    const uint triangle = group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+
+    uint micromapTriangles = 0u;
+    if (any(notEqual(push.micromap, uvec2(0)))) {
+        Words header = Words(push.micromap);
+        // A micromap that was never built holds whatever its memory holds.
+        if (header.w[kMicromapHeaderMagic] == kMicromapMagic)
+            micromapTriangles = header.w[kMicromapHeaderTriangles];
+    }
+    if (triangle < push.triangleCount && any(notEqual(push.triangleRecords, uvec2(0)))) {
+        const uvec2 value = recordOf(triangle, micromapTriangles);
+        Words record = Words(elementAddress(push.triangleRecords, triangle, kTriangleRecordWords * 4u));
+        record.w[0] = value.x;
+        record.w[1] = value.y;
+    }
+    if (triangle != 0u)
+        return;
+    if (push.geometryCount > 0u) {
+        const uvec2 units = elementAddress(addressPlus(push.micromap, kMicromapHeaderWords * 4u), micromapTriangles + 1u >> 1u,
+                                           2u * kTriangleRecordWords * 4u);
+        Words geometry = Words(push.geometryRecord);
+        geometry.w[0] = push.triangleRecords.x | push.geometryOpaque;
+        geometry.w[1] = push.triangleRecords.y;
+        geometry.w[2] = units.x;
+        geometry.w[3] = units.y;
+    }
+    if (any(notEqual(push.cell, uvec2(0)))) {
+        Words cell = Words(push.cell);
+        cell.w[0] = push.firstGeometryRecord.x;
+        cell.w[1] = push.firstGeometryRecord.y;
+        cell.w[2] = push.geometryCount;
+    }
+}

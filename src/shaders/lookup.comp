@@ -1,0 +1,95 @@
+// From a slot to an opacity state: the functions that are linked into the application's shaders (src/spirv/link.h).
+// main() and everything the linked functions do not reach are left behind.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+
+#include "curve.h"
+#include "opacity.h"
+#include "records.h"
+
+layout(local_size_x = 1) in;
+
+// Address of the root table. The linker turns both into ordinary constants.
+layout(constant_id = 0) const uint kRootLow = 0u;
+layout(constant_id = 1) const uint kRootHigh = 0u;
+
+// Everything is indexed in whole records, so that no byte offset has to fit 32 bits. Data units are read word by word
+// but addressed by unit.
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { uvec2 at[]; };
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
+
+uvec4 vellumInstanceRecord(const in uint slot)
+{
+    const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
+    const uvec2 address = Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page];
+    return Quads(address).at[slot & ((1u << kSlotsPerPageLog2) - 1u)];
+}
+
+// State of the micro-triangle at barycentrics uv.
+//   records  address of the geometry's triangle records
+//   units    address of the micromap's data units
+uint vellumState(const in uvec2 records, const in uvec2 units, const in uint primitive, const in vec2 uv)
+{
+    const uvec2 record = Pairs(records).at[primitive];
+    const uint kind = record.x & kKindMask;
+    const bool far = kind == kKindFar;
+    const uint n = far ? (record.x >> kUnitShift) & kKindMask : kind - kKindData;
+    const uint level = kind == kKindInline ? kCoarseLevel : 3u + (n >> 1u);
+
+    // One curve index serves both: its leading digits are the index at the coarse level.
+    const uint index = curveIndex(uv.x, uv.y, level);
+    const uint coarse = (record.y >> (2u * (index >> (2u * (level - kCoarseLevel))))) & 3u;
+    if (kind == kKindInline || (!far && coarse < kCoarseLook))
+        return coarse;
+
+    const uint bits = 1u + (n & 1u);
+    const uint bit = index * bits;
+    const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
+    const uint word = Quads(units).at[unit][(bit >> 5u) & 3u];
+    return (word >> (bit & 31u)) & ((1u << bits) - 1u);
+}
+
+// kHit* of a triangle candidate that the driver holds for non-opaque. rayFlags are the application's.
+uint vellumResolve(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
+                   const in uint rayFlags)
+{
+    const uvec4 instance = vellumInstanceRecord(slot);
+    uint flags = instance.x >> 24u;
+    uint state = kStateNone;
+    bool opaque = false;
+    if ((instance.z | instance.w) == 0u) {
+        // The driver has seen this instance's FORCE flags and the geometry's: the candidate already is their result.
+        flags = 0u;
+    } else {
+        const uvec4 record = Quads(instance.zw).at[geometry];
+        opaque = (record.x & kGeometryRecordOpaque) != 0u;
+        const uvec2 records = uvec2(record.x & ~7u, record.y);
+        if ((records.x | records.y) != 0u && (flags & kInstanceDisableMicromaps) == 0u)
+            state = vellumState(records, record.zw, primitive, uv);
+    }
+    return resolveHit(state, opaque, flags, rayFlags);
+}
+
+// The application's instanceCustomIndex.
+uint vellumCustomIndex(const in uint slot)
+{
+    return vellumInstanceRecord(slot).x & 0xffffffu;
+}
+
+// Ray flags as the driver gets them. Opaque and CullNoOpaque would make it decide without us, and it does not know
+// ForceOpacityMicromap2State; all three travel in bits that it carries along unused.
+uint vellumDriverFlags(const in uint f)
+{
+    const uint hidden = kRayOpaque | kRayCullNoOpaque | kRayForce2State;
+    return (f & ~hidden) | ((f & kRayOpaque) << 11u) | ((f & kRayCullNoOpaque) << 5u) | ((f & kRayForce2State) << 3u);
+}
+
+// The inverse: ray flags as the application wrote them.
+uint vellumApplicationFlags(const in uint f)
+{
+    return (f & ~0x3800u) | ((f >> 11u) & kRayOpaque) | ((f >> 5u) & kRayCullNoOpaque) | ((f >> 3u) & kRayForce2State);
+}
+
+void main() {}
