@@ -58,7 +58,8 @@ VkDeviceAddress referenceOf(const Device &device, VkAccelerationStructureKHR han
 std::shared_ptr<SlotRange> slotsFor(Device &device, AccelerationStructure &structure, uint32_t count)
 {
     std::lock_guard lock(structure.mutex);
-    if (structure.slots && structure.slots->count() >= count)
+    // A copy of this structure still uses slots that it shares.
+    if (structure.slots && structure.slots->count() >= count && structure.slots.use_count() == 1)
         return structure.slots;
     const uint32_t had = structure.slots ? structure.slots->count() : 0;
     auto slots = device.root.allocateSlots(std::max(count, had + had / 2));
@@ -70,6 +71,11 @@ std::shared_ptr<SlotRange> slotsFor(Device &device, AccelerationStructure &struc
         structure.outgrownSlots.push_back(structure.slots);
     structure.slots = slots;
     return slots;
+}
+
+void refuseCommand(const Device &device, const char *what)
+{
+    device.report().error("VELLUM-not-available", std::string(what) + " is not available in this version of the layer");
 }
 
 // One vkCmdBuildAccelerationStructuresKHR: the patched copies, and the work around the driver's build.
@@ -350,6 +356,48 @@ try {
     deviceOf(commandBuffer)
         .report()
         .error("VELLUM-out-of-memory", "vkCmdBuildAccelerationStructuresKHR: out of host memory");
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandBuffer,
+                                                        const VkCopyAccelerationStructureInfoKHR *info)
+{
+    Device &device = deviceOf(commandBuffer);
+    const auto source = device.accelerationStructures.get(info->src);
+    const auto target = device.accelerationStructures.get(info->dst);
+    if (source && target && source != target) {
+        std::scoped_lock lock(source->mutex, target->mutex);
+        if (source->cell) {
+            refuseCommand(device, "vkCmdCopyAccelerationStructureKHR of a bottom-level structure with micromaps");
+            return;
+        }
+        // The copy holds the same slots as its source, which gets new ones when it is built again.
+        if (source->slots) {
+            if (target->slots)
+                target->outgrownSlots.push_back(target->slots);
+            target->slots = source->slots;
+        }
+    }
+    device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer commandBuffer, uint32_t,
+                                                                  const BuildInfo *, const VkDeviceAddress *,
+                                                                  const uint32_t *, const uint32_t *const *)
+{
+    refuseCommand(deviceOf(commandBuffer), "vkCmdBuildAccelerationStructuresIndirectKHR");
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice handle, VkDeferredOperationKHR, uint32_t,
+                                                           const BuildInfo *, const RangeInfo *const *)
+{
+    refuseCommand(deviceOf(handle), "vkBuildAccelerationStructuresKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer commandBuffer,
+                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *)
+{
+    refuseCommand(deviceOf(commandBuffer), "vkCmdCopyAccelerationStructureToMemoryKHR");
 }
 
 } // namespace vellum::layer

@@ -19,4 +19,17 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer, uint3
                                                           const VkAccelerationStructureBuildGeometryInfoKHR *,
                                                           const VkAccelerationStructureBuildRangeInfoKHR *const *);
 
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
+
+// Not there yet: each reports so and does nothing, since the driver alone would build what shaders then misread.
+VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer, uint32_t,
+                                                                  const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                                                  const VkDeviceAddress *, const uint32_t *,
+                                                                  const uint32_t *const *);
+VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice, VkDeferredOperationKHR, uint32_t,
+                                                           const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                                           const VkAccelerationStructureBuildRangeInfoKHR *const *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer,
+                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *);
+
 } // namespace vellum::layer

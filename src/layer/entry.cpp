@@ -82,6 +82,11 @@ const Row kRows[] = {
     row("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated, getAccelerationStructureBuildSizes),
     row("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated, cmdBuildAccelerationStructures),
 
+    row("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Emulated, cmdBuildAccelerationStructuresIndirect),
+    row("vkBuildAccelerationStructuresKHR", Scope::Emulated, buildAccelerationStructures),
+    row("vkCmdCopyAccelerationStructureKHR", Scope::Emulated, cmdCopyAccelerationStructure),
+    row("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Emulated, cmdCopyAccelerationStructureToMemory),
+
     row("vkAllocateCommandBuffers", Scope::Emulated, allocateCommandBuffers),
     row("vkFreeCommandBuffers", Scope::Emulated, freeCommandBuffers),
     row("vkDestroyCommandPool", Scope::Emulated, destroyCommandPool),
@@ -169,7 +174,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
 } // namespace
 } // namespace vellum::layer
 
-extern "C" VK_LAYER_EXPORT VKAPI_ATTR VkResult VKAPI_CALL vkNegotiateLoaderLayerInterfaceVersion(VkNegotiateLayerInterface *interface)
+extern "C" VK_LAYER_EXPORT VKAPI_ATTR VkResult VKAPI_CALL
+vkNegotiateLoaderLayerInterfaceVersion(VkNegotiateLayerInterface *interface)
 {
     if (interface->sType != LAYER_NEGOTIATE_INTERFACE_STRUCT || interface->loaderLayerInterfaceVersion < 2)
         return VK_ERROR_INITIALIZATION_FAILED;

@@ -48,9 +48,9 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
     data.pMessage = text.c_str();
     data.objectCount = 1;
     data.pObjects = &name;
-    const VkDebugUtilsMessageTypeFlagsEXT kind =
-        severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT ? VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT
-                                                                 : VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    const VkDebugUtilsMessageTypeFlagsEXT kind = severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT
+                                                     ? VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT
+                                                     : VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
     for (const Messenger &m : messengers) {
         if ((m.severities & VkDebugUtilsMessageSeverityFlagsEXT{severity}) != 0 && (m.types & kind) != 0)
             m.callback(severity, kind, &data, m.userData);
