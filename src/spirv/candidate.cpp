@@ -1,0 +1,203 @@
+#include "spirv/candidate.h"
+
+#include "core/opacity.h"
+#include "spirv/opcodes.h"
+
+namespace vellum::spirv
+{
+namespace
+{
+
+// A chain of chains longer than this is a cycle in a malformed module.
+constexpr int kMaxChain = 64;
+// Ray queries nested deeper than this would need functions with more parameters than SPIR-V allows (2.17).
+constexpr std::size_t kMaxIndices = 64;
+
+constexpr std::uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
+constexpr std::uint32_t kCandidateTriangle = 0;
+
+} // namespace
+
+std::optional<QueryAccess> CandidateFunctions::access(Id query) const
+{
+    QueryAccess a;
+    a.pointerType = module_.resultType(module_.definition(query));
+    std::vector<Id> indices;
+    Instruction in = module_.definition(query);
+    for (int i = 0; i < kMaxChain; ++i, in = module_.definition(module_.word(in, 3))) {
+        if (in.opcode == spv::OpCopyObject)
+            continue;
+        if (in.opcode != spv::OpAccessChain && in.opcode != spv::OpInBoundsAccessChain)
+            break;
+        const Words w = module_.words(in);
+        if (indices.size() + w.size() > kMaxIndices)
+            return {};
+        indices.insert(indices.begin(), w.begin() + 4, w.end());
+    }
+    if (in.opcode != spv::OpVariable && in.opcode != spv::OpFunctionParameter)
+        return {};
+
+    const Id base = module_.result(in);
+    if (module_.isGlobal(base)) {
+        a.base = base;
+        a.shape = {1, base};
+    } else {
+        const Id type = module_.resultType(in);
+        a.shape = {0, type};
+        a.arguments.push_back(base);
+        a.parameterTypes.push_back(type);
+    }
+    for (const Id index : indices) {
+        if (module_.isGlobal(index)) {
+            a.indices.push_back(index);
+            a.shape.insert(a.shape.end(), {1, index});
+        } else {
+            const Id type = module_.resultType(module_.definition(index));
+            if (type == 0)
+                return {};
+            a.indices.push_back(0);
+            a.shape.insert(a.shape.end(), {0, type});
+            a.arguments.push_back(index);
+            a.parameterTypes.push_back(type);
+        }
+    }
+    return a;
+}
+
+Id CandidateFunctions::begin(const QueryAccess &access, Id function, const char *name, std::vector<Id> &parameters)
+{
+    std::vector<std::uint32_t> nameOperands = stringWords(name);
+    nameOperands.insert(nameOperands.begin(), function);
+    module_.append(Section::Names, spv::OpName, nameOperands);
+
+    const Id boolean = types_.boolean();
+    code_.put(spv::OpFunction,
+              {boolean, function, spv::FunctionControlMaskNone, types_.function(boolean, access.parameterTypes)});
+    for (const Id type : access.parameterTypes)
+        parameters.push_back(code_.value(spv::OpFunctionParameter, type, {}));
+    code_.put(spv::OpLabel, {module_.newId()});
+
+    std::size_t next = 0;
+    const Id base = access.base != 0 ? access.base : parameters[next++];
+    if (access.indices.empty())
+        return base;
+    std::vector<std::uint32_t> chain{base};
+    for (const Id index : access.indices)
+        chain.push_back(index != 0 ? index : parameters[next++]);
+    return code_.value(spv::OpAccessChain, access.pointerType, std::move(chain));
+}
+
+Id CandidateFunctions::opacityFlags(Code &code, Id query)
+{
+    if (mode_.all)
+        return types_.uintConstant(*mode_.all);
+    const Id uint = types_.uint32();
+    const Id flags = code.value(spv::OpRayQueryGetRayFlagsKHR, uint, {query});
+    if (!mode_.hidden)
+        return code.value(spv::OpFunctionCall, uint, {linker_.function("vellumApplicationFlags"), flags});
+    if (*mode_.hidden == 0)
+        return flags;
+    return code.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(*mode_.hidden)});
+}
+
+Id CandidateFunctions::candidate(const QueryAccess &access)
+{
+    Id &function = candidates_[access.shape];
+    if (function != 0)
+        return function;
+    function = module_.newId();
+
+    const Id boolean = types_.boolean();
+    const Id uint = types_.uint32();
+    const Id intersection = types_.uintConstant(kCandidate);
+    const Id triangle = module_.newId(), confirm = module_.newId(), decided = module_.newId();
+    const Id aabb = module_.newId(), end = module_.newId();
+
+    std::vector<Id> parameters;
+    const Id query = begin(access, function, "vellumCandidate", parameters);
+    const auto get = [&](spv::Op opcode, Id type) { return code_.value(opcode, type, {query, intersection}); };
+
+    const Id type = get(spv::OpRayQueryGetIntersectionTypeKHR, uint);
+    const Id isTriangle = code_.value(spv::OpIEqual, boolean, {type, types_.uintConstant(kCandidateTriangle)});
+    code_.put(spv::OpSelectionMerge, {end, spv::SelectionControlMaskNone});
+    code_.put(spv::OpBranchConditional, {isTriangle, triangle, aabb});
+
+    code_.put(spv::OpLabel, {triangle});
+    const Id slot = get(spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR, uint);
+    const Id geometry = get(spv::OpRayQueryGetIntersectionGeometryIndexKHR, uint);
+    const Id primitive = get(spv::OpRayQueryGetIntersectionPrimitiveIndexKHR, uint);
+    const Id uv = get(spv::OpRayQueryGetIntersectionBarycentricsKHR, types_.float32x2());
+    const Id flags = opacityFlags(code_, query);
+    const Id hit = code_.value(spv::OpFunctionCall, uint,
+                               {linker_.function("vellumResolve"), slot, geometry, primitive, uv, flags});
+    const Id isOpaque = code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitOpaque)});
+    code_.put(spv::OpSelectionMerge, {decided, spv::SelectionControlMaskNone});
+    code_.put(spv::OpBranchConditional, {isOpaque, confirm, decided});
+    code_.put(spv::OpLabel, {confirm});
+    code_.put(spv::OpRayQueryConfirmIntersectionKHR, {query});
+    code_.put(spv::OpBranch, {decided});
+    code_.put(spv::OpLabel, {decided});
+    const Id handled = code_.value(spv::OpINotEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)});
+    code_.put(spv::OpBranch, {end});
+
+    // Boxes have no micromap: whether one is opaque, only the driver knows, and with the CullNoOpaque flag hidden from
+    // it, dropping those that are not is left to us.
+    code_.put(spv::OpLabel, {aabb});
+    Id dropped = types_.get(spv::OpConstantFalse, {boolean});
+    if (!mode_.hidden || (*mode_.hidden & shared::kRayCullNoOpaque) != 0) {
+        const Id opaque = code_.value(spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR, boolean, {query});
+        const Id notOpaque = code_.value(spv::OpLogicalNot, boolean, {opaque});
+        const Id bit = code_.value(spv::OpBitwiseAnd, uint,
+                                   {opacityFlags(code_, query), types_.uintConstant(shared::kRayCullNoOpaque)});
+        const Id cull = code_.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
+        dropped = code_.value(spv::OpLogicalAnd, boolean, {cull, notOpaque});
+    }
+    code_.put(spv::OpBranch, {end});
+
+    code_.put(spv::OpLabel, {end});
+    const Id result = code_.value(spv::OpPhi, boolean, {handled, decided, dropped, aabb});
+    code_.put(spv::OpReturnValue, {result});
+    code_.put(spv::OpFunctionEnd, {});
+    return function;
+}
+
+Id CandidateFunctions::proceed(const QueryAccess &access)
+{
+    if (const auto it = proceeds_.find(access.shape); it != proceeds_.end())
+        return it->second;
+    const Id callee = candidate(access); // may append to code_: before this function begins
+    const Id function = module_.newId();
+    proceeds_[access.shape] = function;
+
+    const Id boolean = types_.boolean();
+    const Id header = module_.newId(), check = module_.newId(), body = module_.newId();
+    const Id next = module_.newId(), end = module_.newId();
+
+    std::vector<Id> parameters;
+    const Id query = begin(access, function, "vellumProceed", parameters);
+    code_.put(spv::OpBranch, {header});
+    code_.put(spv::OpLabel, {header});
+    code_.put(spv::OpLoopMerge, {end, next, spv::LoopControlMaskNone});
+    code_.put(spv::OpBranch, {check});
+    code_.put(spv::OpLabel, {check});
+    const Id found = code_.value(spv::OpRayQueryProceedKHR, boolean, {query});
+    code_.put(spv::OpBranchConditional, {found, body, end});
+    code_.put(spv::OpLabel, {body});
+    parameters.insert(parameters.begin(), callee);
+    const Id handled = code_.value(spv::OpFunctionCall, boolean, parameters);
+    code_.put(spv::OpBranchConditional, {handled, next, end});
+    code_.put(spv::OpLabel, {next});
+    code_.put(spv::OpBranch, {header});
+    code_.put(spv::OpLabel, {end}); // with `found` false from check, true from body
+    code_.put(spv::OpReturnValue, {found});
+    code_.put(spv::OpFunctionEnd, {});
+    return function;
+}
+
+void CandidateFunctions::finish()
+{
+    auto &functions = module_.section(Section::Functions);
+    functions.insert(functions.end(), code_.out.begin(), code_.out.end());
+}
+
+} // namespace vellum::spirv

@@ -1,0 +1,69 @@
+// The functions that decide a ray query's candidate in the application's place, made for each way in which the
+// application reaches a query.
+#pragma once
+
+#include "spirv/code.h"
+#include "spirv/link.h"
+
+namespace vellum::spirv
+{
+
+// What is known at compile time of the ray flags of all queries in a module.
+struct RayFlagMode {
+    // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have;
+    // nothing if they differ or are computed, and then they travel in the driver's ray flags.
+    std::optional<std::uint32_t> hidden;
+    // All bits that matter to opacity, if all queries have the same.
+    std::optional<std::uint32_t> all;
+};
+
+// How an instruction reaches its ray query: a variable or parameter, and indices into it. Ray queries can only be used
+// through such pointers (logical addressing), but only the variable itself may be an argument of a function: the
+// functions made here take the variable and the indices, and index inside.
+struct QueryAccess {
+    std::vector<std::uint32_t> shape; // equal shapes share their functions
+    std::vector<Id> arguments;        // what the function is called with
+    std::vector<Id> parameterTypes;
+    Id base = 0;             // module-scope variable, or 0: the first argument
+    std::vector<Id> indices; // ids that are valid everywhere, or 0: the next argument
+    Id pointerType = 0;      // type of the pointer to the query
+};
+
+class CandidateFunctions
+{
+public:
+    CandidateFunctions(Module &module, Types &types, Linker &linker, RayFlagMode mode)
+        : module_(module), types_(types), linker_(linker), mode_(mode)
+    {
+    }
+
+    // Nothing if the pointer is no chain of indices into a variable or parameter.
+    std::optional<QueryAccess> access(Id query) const;
+
+    // bool vellumCandidate(query): true if the candidate was decided (ignored or committed), false if the
+    // application must see it.
+    Id candidate(const QueryAccess &access);
+    // bool vellumProceed(query): OpRayQueryProceedKHR up to a candidate that the application must see.
+    Id proceed(const QueryAccess &access);
+
+    // Ray flags as the application wrote them, or at least those that matter to opacity; 0 if the linker failed.
+    // query: a pointer to it.
+    Id opacityFlags(Code &code, Id query);
+
+    // Adds the functions to the module.
+    void finish();
+
+private:
+    // Begins a function with the access's parameters. Returns its query.
+    Id begin(const QueryAccess &access, Id function, const char *name, std::vector<Id> &parameters);
+
+    Module &module_;
+    Types &types_;
+    Linker &linker_;
+    RayFlagMode mode_;
+    std::map<std::vector<std::uint32_t>, Id> candidates_;
+    std::map<std::vector<std::uint32_t>, Id> proceeds_;
+    Code code_{module_};
+};
+
+} // namespace vellum::spirv

@@ -1,0 +1,241 @@
+#include "spirv/link.h"
+
+#include "spirv/opcodes.h"
+
+#include <algorithm>
+
+namespace vellum::spirv
+{
+namespace
+{
+
+constexpr std::uint32_t kAllIds = UINT32_MAX;
+
+// First word of an instruction that is a literal and not an id, from which on all are; 0 for opcodes that the library
+// has not needed so far. Covers what glslang makes of lookup.comp: the library is ours, and a test links all of it.
+std::uint32_t firstLiteral(std::uint32_t opcode)
+{
+    switch (opcode) {
+    case spv::OpTypeInt:
+    case spv::OpTypeFloat: return 2;
+    case spv::OpTypeVector:
+    case spv::OpConstant:
+    case spv::OpSpecConstant:
+    case spv::OpVariable: return 3;
+    case spv::OpTypePointer: return 2; // storage class; the type behind it is handled by the caller
+    case spv::OpStore: return 3;
+    case spv::OpLoad:
+    case spv::OpCompositeExtract:
+    case spv::OpBranchConditional: return 4;
+    case spv::OpVectorShuffle: return 5;
+    case spv::OpSelectionMerge: return 2;
+    case spv::OpLoopMerge: return 3;
+    case spv::OpTypeVoid:
+    case spv::OpTypeBool:
+    case spv::OpTypeArray:
+    case spv::OpTypeRuntimeArray:
+    case spv::OpTypeStruct:
+    case spv::OpTypeFunction:
+    case spv::OpConstantTrue:
+    case spv::OpConstantFalse:
+    case spv::OpConstantNull:
+    case spv::OpConstantComposite:
+    case spv::OpFunctionParameter:
+    case spv::OpFunctionCall:
+    case spv::OpFunctionEnd:
+    case spv::OpLabel:
+    case spv::OpBranch:
+    case spv::OpReturn:
+    case spv::OpReturnValue:
+    case spv::OpUnreachable:
+    case spv::OpAccessChain:
+    case spv::OpInBoundsAccessChain:
+    case spv::OpCompositeConstruct:
+    case spv::OpPhi: return kAllIds;
+    default: break;
+    }
+    const bool arithmetic = opcode >= spv::OpConvertFToU && opcode <= spv::OpFUnordGreaterThanEqual;
+    const bool bitwise = opcode >= spv::OpShiftRightLogical && opcode <= spv::OpBitCount;
+    return arithmetic || bitwise ? kAllIds : 0;
+}
+
+} // namespace
+
+Linker::Linker(Module &module, Types &types, Words library, std::map<std::uint32_t, std::uint32_t> constants)
+    : module_(module), types_(types), library_(Module::parse(library, error_)), constants_(std::move(constants))
+{
+    if (!library_)
+        return;
+    for (const Instruction in : library_->section(Section::Decorations))
+        if (in.opcode == spv::OpDecorate && library_->word(in, 2) == spv::DecorationSpecId)
+            specIds_[library_->word(in, 1)] = library_->word(in, 3);
+    const auto &code = library_->section(Section::Functions);
+    for (std::size_t i = 0; i < code.size(); ++i)
+        if (code[i].opcode == spv::OpFunction)
+            functions_[library_->result(code[i])] = i;
+}
+
+Id Linker::fail(const std::string &what)
+{
+    if (error_.empty())
+        error_ = "lookup library: " + what;
+    return 0;
+}
+
+Id Linker::function(std::string_view name)
+{
+    if (!error_.empty())
+        return 0;
+    // glslang names functions "name(parameter types;".
+    for (const Instruction in : library_->section(Section::Names)) {
+        const std::string mangled = library_->string(in, 2);
+        if (in.opcode == spv::OpName && mangled.substr(0, mangled.find('(')) == name &&
+            functions_.contains(library_->word(in, 1)))
+            return import(library_->word(in, 1));
+    }
+    return fail("no function " + std::string(name));
+}
+
+Id Linker::import(Id id)
+{
+    if (const auto it = imported_.find(id); it != imported_.end())
+        return it->second;
+    const Instruction in = library_->definition(id);
+    if (in.opcode == spv::OpFunction)
+        return importFunction(id);
+    return importGlobal(in, id);
+}
+
+Id Linker::importGlobal(Instruction in, Id id)
+{
+    std::uint32_t opcode = in.opcode;
+    if (opcode == spv::OpSpecConstantComposite)
+        opcode = spv::OpConstantComposite;
+    const std::uint32_t literals = firstLiteral(opcode);
+    if (literals == 0 || !library_->isGlobal(id))
+        return fail("cannot import opcode " + std::to_string(opcode));
+    const std::uint32_t resultWord = library_->resultType(in) != 0 ? 2 : 1;
+    std::vector<std::uint32_t> operands; // without the result
+    for (std::uint32_t i = 1; i < in.count; ++i) {
+        if (i == resultWord)
+            continue;
+        const bool isId = i < literals || (opcode == spv::OpTypePointer && i == 3);
+        const std::uint32_t operand = isId ? import(library_->word(in, i)) : library_->word(in, i);
+        if (!error_.empty())
+            return 0;
+        operands.push_back(operand);
+    }
+    if (opcode == spv::OpSpecConstant) {
+        const auto value = constants_.find(specIds_[id]);
+        if (value == constants_.end())
+            return fail("no value for a specialization constant");
+        opcode = spv::OpConstant;
+        operands[1] = value->second;
+        merged_.insert(id);
+    }
+    if (Types::isUnique(opcode)) {
+        const Id mine = types_.get(opcode, std::move(operands));
+        merged_.insert(id);
+        return imported_[id] = mine;
+    }
+    const Id mine = module_.newId();
+    operands.insert(operands.begin() + (resultWord - 1), mine);
+    module_.append(Section::Globals, opcode, operands);
+    return imported_[id] = mine;
+}
+
+Id Linker::importFunction(Id id)
+{
+    const auto &code = library_->section(Section::Functions);
+    const std::size_t begin = functions_[id];
+    std::size_t end = begin;
+    // Results first: phis and branches refer forward.
+    do {
+        if (const Id result = library_->result(code[end]))
+            imported_[result] = module_.newId();
+    } while (code[end++].opcode != spv::OpFunctionEnd);
+    return importBody(begin, end) ? imported_[id] : 0;
+}
+
+bool Linker::importBody(std::size_t begin, std::size_t end)
+{
+    std::vector<Instruction> body;
+    for (std::size_t k = begin; k < end; ++k) {
+        const Instruction in = library_->section(Section::Functions)[k];
+        if (in.opcode == spv::OpLine || in.opcode == spv::OpNoLine)
+            continue;
+        const bool isFunction = in.opcode == spv::OpFunction;
+        const std::uint32_t literals = isFunction ? 3 : firstLiteral(in.opcode);
+        if (literals == 0) {
+            fail("cannot import opcode " + std::to_string(in.opcode));
+            return false;
+        }
+        std::vector<std::uint32_t> operands;
+        for (std::uint32_t i = 1; i < in.count; ++i) {
+            const bool isId = i < literals || (isFunction && i == 4);
+            const std::uint32_t operand = library_->word(in, i);
+            operands.push_back(isId ? import(operand) : operand);
+            if (!error_.empty())
+                return false;
+        }
+        body.push_back(module_.make(in.opcode, operands));
+    }
+    code_.insert(code_.end(), body.begin(), body.end());
+    return true;
+}
+
+bool Linker::finish()
+{
+    if (!error_.empty())
+        return false;
+    auto &functions = module_.section(Section::Functions);
+    functions.insert(functions.end(), code_.begin(), code_.end());
+    if (imported_.empty())
+        return true;
+    importDecorations();
+    return declareAddressing();
+}
+
+void Linker::importDecorations()
+{
+    const auto copy = [&](Section section, Instruction in) {
+        const auto target = imported_.find(library_->word(in, 1));
+        if (target == imported_.end() || merged_.contains(target->first))
+            return;
+        const Words w = library_->words(in);
+        std::vector<std::uint32_t> operands(w.begin() + 1, w.end());
+        operands[0] = target->second;
+        module_.append(section, in.opcode, operands);
+    };
+    for (const Instruction in : library_->section(Section::Names))
+        if (in.opcode == spv::OpName && library_->definition(library_->word(in, 1)).opcode == spv::OpFunction)
+            copy(Section::Names, in);
+    for (const Instruction in : library_->section(Section::Decorations))
+        if (in.opcode == spv::OpDecorate || in.opcode == spv::OpMemberDecorate)
+            copy(Section::Decorations, in);
+}
+
+bool Linker::declareAddressing()
+{
+    auto &models = module_.section(Section::MemoryModel);
+    const auto model = std::ranges::find(models, spv::OpMemoryModel, &Instruction::opcode);
+    switch (module_.word(*model, 1)) {
+    case spv::AddressingModelLogical:
+        *model = module_.with(*model, 1, spv::AddressingModelPhysicalStorageBuffer64);
+        break;
+    case spv::AddressingModelPhysicalStorageBuffer64: break;
+    default: error_ = "addressing model is neither Logical nor PhysicalStorageBuffer64"; return false;
+    }
+    if (!module_.hasCapability(spv::CapabilityPhysicalStorageBufferAddresses))
+        module_.append(Section::Capabilities, spv::OpCapability, {spv::CapabilityPhysicalStorageBufferAddresses});
+    if (module_.version() >= kVersion15)
+        return true;
+    const char *name = "SPV_KHR_physical_storage_buffer";
+    for (const Instruction in : module_.section(Section::Extensions))
+        if (in.opcode == spv::OpExtension && module_.string(in, 1) == name)
+            return true;
+    module_.append(Section::Extensions, spv::OpExtension, stringWords(name));
+    return true;
+}
+
+} // namespace vellum::spirv

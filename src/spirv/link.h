@@ -1,0 +1,52 @@
+// Links functions of our GLSL library (src/shaders/lookup.comp) into an application's module.
+#pragma once
+
+#include "spirv/module.h"
+#include "spirv/types.h"
+
+#include <map>
+#include <set>
+#include <string_view>
+
+namespace vellum::spirv
+{
+
+class Linker
+{
+public:
+    // constants: values for the library's specialization constants, by SpecId. They become ordinary constants, since
+    // the ids of the application's own belong to the application.
+    Linker(Module &module, Types &types, Words library, std::map<std::uint32_t, std::uint32_t> constants);
+
+    // The module's id of a library function, named as in GLSL. Its definition is imported on first use, with all that
+    // it needs. 0 on failure, see error().
+    Id function(std::string_view name);
+
+    // Call when everything is imported: adds the imported functions, their names and decorations, and what the
+    // module must declare to use physical addresses. False on failure.
+    bool finish();
+
+    const std::string &error() const { return error_; }
+
+private:
+    Id import(Id id);
+    Id importGlobal(Instruction in, Id id);
+    Id importFunction(Id id);
+    bool importBody(std::size_t begin, std::size_t end);
+    void importDecorations();
+    bool declareAddressing();
+    Id fail(const std::string &what);
+
+    Module &module_;
+    Types &types_;
+    std::string error_; // before library_, whose parsing may set it
+    std::optional<Module> library_;
+    std::map<std::uint32_t, std::uint32_t> constants_;
+    std::map<Id, std::uint32_t> specIds_;
+    std::map<Id, std::size_t> functions_; // where they begin in the library
+    std::map<Id, Id> imported_;
+    std::set<Id> merged_; // library ids that became ids the module had: their names and decorations stay behind
+    std::vector<Instruction> code_;
+};
+
+} // namespace vellum::spirv

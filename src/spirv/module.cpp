@@ -1,0 +1,301 @@
+#include "spirv/module.h"
+
+#include "spirv/opcodes.h"
+
+#include <algorithm>
+
+namespace vellum::spirv
+{
+namespace
+{
+
+constexpr std::uint32_t kHeaderWords = 5;
+// Universal limit of ids (SPIR-V specification, 2.17). It also bounds what a hostile header makes us allocate.
+constexpr std::uint32_t kMaxBound = 4'194'303;
+
+// The section an opcode belongs to; nothing for those that can stand in several (OpLine, OpExtInst, OpUndef...) and
+// those we do not know.
+std::optional<Section> sectionOf(std::uint32_t opcode)
+{
+    switch (opcode) {
+    case spv::OpCapability: return Section::Capabilities;
+    case spv::OpExtension: return Section::Extensions;
+    case spv::OpExtInstImport: return Section::Imports;
+    case spv::OpMemoryModel: return Section::MemoryModel;
+    case spv::OpEntryPoint: return Section::EntryPoints;
+    case spv::OpExecutionMode:
+    case spv::OpExecutionModeId: return Section::ExecutionModes;
+    case spv::OpString:
+    case spv::OpSource:
+    case spv::OpSourceContinued:
+    case spv::OpSourceExtension: return Section::Sources;
+    case spv::OpName:
+    case spv::OpMemberName: return Section::Names;
+    case spv::OpModuleProcessed: return Section::Processed;
+    case spv::OpDecorate:
+    case spv::OpDecorateId:
+    case spv::OpDecorateString:
+    case spv::OpMemberDecorate:
+    case spv::OpMemberDecorateString:
+    case spv::OpDecorationGroup:
+    case spv::OpGroupDecorate:
+    case spv::OpGroupMemberDecorate: return Section::Decorations;
+    case spv::OpFunction: return Section::Functions;
+    default: break;
+    }
+    // Types (also those of extensions) and constants. OpExtInst may carry debug information about other sections.
+    bool hasResult = false, hasType = false;
+    spv::HasResultAndType(static_cast<spv::Op>(opcode), &hasResult, &hasType);
+    if (opcode == spv::OpTypeForwardPointer || (hasResult && opcode != spv::OpExtInst))
+        return Section::Globals;
+    return {};
+}
+
+// Words that an instruction must have for our code to make sense of it.
+std::uint32_t minimumWords(std::uint32_t opcode)
+{
+    switch (opcode) {
+    case spv::OpCapability:
+    case spv::OpExtension:
+    case spv::OpTypeVoid:
+    case spv::OpTypeBool:
+    case spv::OpLabel:
+    case spv::OpBranch:
+    case spv::OpReturnValue:
+    case spv::OpRayQueryConfirmIntersectionKHR: return 2;
+    case spv::OpExtInstImport:
+    case spv::OpMemoryModel:
+    case spv::OpName:
+    case spv::OpExecutionMode:
+    case spv::OpExecutionModeId:
+    case spv::OpTypeFloat:
+    case spv::OpTypeFunction:
+    case spv::OpFunctionParameter:
+    case spv::OpPhi:
+    case spv::OpDecorate:
+    case spv::OpSelectionMerge:
+    case spv::OpSwitch:
+    case spv::OpConstantNull: return 3;
+    case spv::OpEntryPoint:
+    case spv::OpTypeInt:
+    case spv::OpTypeVector:
+    case spv::OpTypePointer:
+    case spv::OpConstant:
+    case spv::OpVariable:
+    case spv::OpLoad:
+    case spv::OpAccessChain:
+    case spv::OpInBoundsAccessChain:
+    case spv::OpCopyObject:
+    case spv::OpFunctionCall:
+    case spv::OpLoopMerge:
+    case spv::OpBranchConditional:
+    case spv::OpRayQueryProceedKHR:
+    case spv::OpRayQueryGetRayFlagsKHR:
+    case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return 4;
+    case spv::OpFunction:
+    case spv::OpExtInst:
+    case spv::OpRayQueryGetIntersectionTypeKHR:
+    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: return 5;
+    case spv::OpRayQueryInitializeKHR: return 9;
+    default: return 1;
+    }
+}
+
+} // namespace
+
+std::optional<Module> Module::parse(Words words, std::string &error)
+{
+    Module m;
+    if (words.size() < kHeaderWords || words[0] != spv::MagicNumber) {
+        error = "not a SPIR-V module of this machine's byte order";
+        return {};
+    }
+    m.version_ = words[1];
+    m.generator_ = words[2];
+    m.bound_ = words[3];
+    if (m.bound_ == 0 || m.bound_ > kMaxBound) {
+        error = "id bound " + std::to_string(m.bound_) + " is outside SPIR-V's universal limits";
+        return {};
+    }
+    if (words.size() > UINT32_MAX / 2) {
+        error = "module is too large";
+        return {};
+    }
+    m.definitions_.resize(m.bound_);
+    m.global_.resize(m.bound_);
+    m.arena_.assign(words.begin(), words.end());
+    if (!m.split(words, error) || !m.checkReferences(error))
+        return {};
+    return m;
+}
+
+bool Module::split(Words words, std::string &error)
+{
+    Section current = Section::Capabilities;
+    bool inFunction = false;
+    for (std::size_t at = kHeaderWords; at < words.size();) {
+        const Instruction in{static_cast<std::uint32_t>(at), static_cast<std::uint16_t>(words[at] >> 16),
+                             static_cast<std::uint16_t>(words[at] & 0xffff)};
+        const auto fail = [&](const char *what) {
+            error = "word " + std::to_string(at) + ", opcode " + std::to_string(in.opcode) + ": " + what;
+            return false;
+        };
+        if (in.count == 0 || in.count > words.size() - at)
+            return fail("instruction runs past the end of the module");
+        if (in.count < minimumWords(in.opcode))
+            return fail("instruction has too few operands");
+        if (!inFunction) {
+            // Never backwards: whatever the order is, serialize() must not change it.
+            if (const auto s = sectionOf(in.opcode))
+                current = std::max(current, *s);
+        }
+        if (in.opcode == spv::OpFunction) {
+            if (inFunction)
+                return fail("function inside a function");
+            inFunction = true;
+        } else if (in.opcode == spv::OpFunctionEnd) {
+            if (!inFunction)
+                return fail("end of a function that did not begin");
+            inFunction = false;
+        } else if (current == Section::Functions && !inFunction && in.opcode == spv::OpLabel) {
+            return fail("block outside of a function");
+        }
+        if (!define(in, current != Section::Functions, error))
+            return fail(error.c_str());
+        section(current).push_back(in);
+        at += in.count;
+    }
+    if (inFunction)
+        error = "module ends inside a function";
+    else if (section(Section::MemoryModel).empty() || section(Section::Functions).empty())
+        error = "module ends before its functions";
+    return error.empty();
+}
+
+bool Module::define(Instruction in, bool global, std::string &error)
+{
+    const Id id = result(in);
+    if (id == 0) {
+        bool hasResult = false, hasType = false;
+        spv::HasResultAndType(static_cast<spv::Op>(in.opcode), &hasResult, &hasType);
+        if (hasResult)
+            error = "instruction lacks its result id";
+        return !hasResult;
+    }
+    if (id >= bound_)
+        error = "result id is not below the bound";
+    else if (definitions_[id].count != 0)
+        error = "result id is already defined";
+    if (!error.empty())
+        return false;
+    definitions_[id] = in;
+    global_[id] = global;
+    return true;
+}
+
+// A module that was cut short between two functions is well formed but for this.
+bool Module::checkReferences(std::string &error) const
+{
+    for (const Instruction in : section(Section::EntryPoints))
+        if (in.opcode == spv::OpEntryPoint && definition(word(in, 2)).opcode != spv::OpFunction)
+            error = "entry point without its function";
+    for (const Instruction in : section(Section::Functions))
+        if (in.opcode == spv::OpFunctionCall && definition(word(in, 3)).opcode != spv::OpFunction)
+            error = "call of a function that does not exist";
+    return error.empty();
+}
+
+std::vector<std::uint32_t> Module::serialize() const
+{
+    std::vector<std::uint32_t> out{spv::MagicNumber, version_, generator_, bound_, 0};
+    out.reserve(arena_.size() + kHeaderWords);
+    for (const auto &s : sections_)
+        for (const Instruction in : s) {
+            const Words w = words(in);
+            out.insert(out.end(), w.begin(), w.end());
+        }
+    return out;
+}
+
+std::string Module::string(Instruction in, std::uint32_t i) const
+{
+    std::string text;
+    for (; i < in.count; ++i)
+        for (std::uint32_t shift = 0; shift < 32; shift += 8) {
+            const char c = static_cast<char>((word(in, i) >> shift) & 0xff);
+            if (c == 0)
+                return text;
+            text += c;
+        }
+    return text;
+}
+
+Id Module::result(Instruction in) const
+{
+    bool hasResult = false, hasType = false;
+    spv::HasResultAndType(static_cast<spv::Op>(in.opcode), &hasResult, &hasType);
+    return hasResult ? word(in, hasType ? 2 : 1) : 0;
+}
+
+Id Module::resultType(Instruction in) const
+{
+    bool hasResult = false, hasType = false;
+    spv::HasResultAndType(static_cast<spv::Op>(in.opcode), &hasResult, &hasType);
+    return hasType ? word(in, 1) : 0;
+}
+
+Instruction Module::make(std::uint32_t opcode, Words operands)
+{
+    const Instruction in{static_cast<std::uint32_t>(arena_.size()), static_cast<std::uint16_t>(operands.size() + 1),
+                         static_cast<std::uint16_t>(opcode)};
+    arena_.push_back(std::uint32_t{in.count} << 16 | in.opcode);
+    arena_.insert(arena_.end(), operands.begin(), operands.end());
+    return in;
+}
+
+void Module::append(Section s, std::uint32_t opcode, Words operands)
+{
+    const Instruction in = make(opcode, operands);
+    section(s).push_back(in);
+    const Id id = result(in);
+    if (id == 0)
+        return;
+    if (id >= definitions_.size()) {
+        definitions_.resize(id + 1);
+        global_.resize(id + 1);
+    }
+    definitions_[id] = in;
+    global_[id] = true;
+}
+
+Instruction Module::with(Instruction in, std::uint32_t i, std::uint32_t value)
+{
+    const Words w = words(in);
+    std::vector<std::uint32_t> copy(w.begin() + 1, w.end());
+    copy[i - 1] = value;
+    return make(in.opcode, copy);
+}
+
+bool Module::hasCapability(std::uint32_t capability) const
+{
+    return std::ranges::any_of(section(Section::Capabilities), [&](Instruction in) {
+        return in.opcode == spv::OpCapability && word(in, 1) == capability;
+    });
+}
+
+std::vector<std::uint32_t> stringWords(const char *text)
+{
+    std::vector<std::uint32_t> out(1);
+    std::uint32_t shift = 0;
+    for (; *text != 0; ++text) {
+        out.back() |= std::uint32_t{static_cast<unsigned char>(*text)} << shift;
+        shift += 8;
+        if (shift == 32) {
+            out.push_back(0);
+            shift = 0;
+        }
+    }
+    return out;
+}
+
+} // namespace vellum::spirv

@@ -1,0 +1,109 @@
+// A SPIR-V module taken apart into sections of instructions, to be edited and put together again. Opcodes that are not
+// known here pass through where they stand.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vellum::spirv
+{
+
+using Id = std::uint32_t;
+using Words = std::span<const std::uint32_t>;
+
+// The sections of the logical layout (SPIR-V specification, 2.4) that we tell apart.
+enum class Section : std::uint8_t {
+    Capabilities,
+    Extensions,
+    Imports,
+    MemoryModel,
+    EntryPoints,
+    ExecutionModes,
+    Sources, // OpString, OpSource...
+    Names,
+    Processed, // OpModuleProcessed
+    Decorations,
+    Globals, // types, constants, module-scope variables
+    Functions,
+    Count
+};
+
+// An instruction: where its words lie in the module that made it. Cheap to copy, and stays valid as the module grows.
+struct Instruction {
+    std::uint32_t first = 0;
+    std::uint16_t count = 0; // words, with the opcode's
+    std::uint16_t opcode = 0;
+};
+
+class Module
+{
+public:
+    // Checks what the rest of this library relies on: the layout of instructions in words, a sane id bound, result
+    // ids that are in bounds and defined once, enough operands in every instruction we interpret, functions that
+    // begin and end. On failure returns nothing and sets `error`.
+    static std::optional<Module> parse(Words words, std::string &error);
+
+    std::vector<std::uint32_t> serialize() const;
+
+    std::uint32_t version() const { return version_; }
+    std::vector<Instruction> &section(Section s) { return sections_[static_cast<std::size_t>(s)]; }
+    const std::vector<Instruction> &section(Section s) const { return sections_[static_cast<std::size_t>(s)]; }
+
+    // Word i of an instruction; word 0 holds the opcode. 0 beyond its end.
+    std::uint32_t word(Instruction in, std::uint32_t i) const { return i < in.count ? arena_[in.first + i] : 0; }
+    // All of its words. Valid until the next make().
+    Words words(Instruction in) const { return {arena_.data() + in.first, in.count}; }
+    // The literal string that starts at word i.
+    std::string string(Instruction in, std::uint32_t i) const;
+
+    // Result id of an instruction, and the id of its type; 0 where it has none.
+    Id result(Instruction in) const;
+    Id resultType(Instruction in) const;
+
+    // The instruction that defines an id. One with opcode 0 (OpNop) for ids that nothing we know defines.
+    Instruction definition(Id id) const { return id < definitions_.size() ? definitions_[id] : Instruction{}; }
+    // The id is defined outside of functions, in the module as it was parsed or by append().
+    bool isGlobal(Id id) const { return id < global_.size() && global_[id]; }
+
+    Id newId() { return bound_++; }
+    // Makes an instruction that belongs to no section yet.
+    Instruction make(std::uint32_t opcode, Words operands);
+    Instruction make(std::uint32_t opcode, std::initializer_list<std::uint32_t> operands)
+    {
+        return make(opcode, Words(operands.begin(), operands.size()));
+    }
+    // Makes an instruction at the end of a section before Functions.
+    void append(Section s, std::uint32_t opcode, Words operands);
+    void append(Section s, std::uint32_t opcode, std::initializer_list<std::uint32_t> operands)
+    {
+        append(s, opcode, Words(operands.begin(), operands.size()));
+    }
+    // A copy of an instruction with one word replaced.
+    Instruction with(Instruction in, std::uint32_t i, std::uint32_t value);
+
+    bool hasCapability(std::uint32_t capability) const;
+
+private:
+    bool split(Words words, std::string &error);
+    bool define(Instruction in, bool global, std::string &error);
+    bool checkReferences(std::string &error) const;
+
+    std::vector<std::uint32_t> arena_; // the parsed words, then those of new instructions
+    std::array<std::vector<Instruction>, static_cast<std::size_t>(Section::Count)> sections_;
+    std::vector<Instruction> definitions_;
+    std::vector<bool> global_;
+    std::uint32_t version_ = 0;
+    std::uint32_t generator_ = 0;
+    std::uint32_t bound_ = 0;
+};
+
+// Operand words of a literal string.
+std::vector<std::uint32_t> stringWords(const char *text);
+
+} // namespace vellum::spirv

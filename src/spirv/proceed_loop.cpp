@@ -1,0 +1,256 @@
+#include "spirv/proceed_loop.h"
+
+#include "spirv/opcodes.h"
+
+#include <algorithm>
+
+namespace vellum::spirv
+{
+namespace
+{
+
+constexpr std::uint32_t kFirstPair = 3; // word of OpPhi's first value; its block follows
+
+// Phis of a header, and edges into a continue target: more of them are not worth the time it takes.
+constexpr std::size_t kMaxEdges = 1000;
+
+// Adds the labels a terminator branches to. False if we do not know it.
+bool successors(const Module &module, Instruction in, std::vector<Id> &out)
+{
+    switch (in.opcode) {
+    case spv::OpBranch: out.push_back(module.word(in, 1)); return true;
+    case spv::OpBranchConditional:
+        out.push_back(module.word(in, 2));
+        out.push_back(module.word(in, 3));
+        return true;
+    case spv::OpSwitch: {
+        const Instruction selector = module.definition(module.word(in, 1));
+        const Instruction type = module.definition(module.resultType(selector));
+        if (type.opcode != spv::OpTypeInt)
+            return false;
+        out.push_back(module.word(in, 2));
+        const std::uint32_t literal = module.word(type, 2) > 32 ? 2 : 1;
+        for (std::uint32_t i = 3 + literal; i < in.count; i += literal + 1)
+            out.push_back(module.word(in, i));
+        return true;
+    }
+    case spv::OpReturn:
+    case spv::OpReturnValue:
+    case spv::OpKill:
+    case spv::OpUnreachable:
+    case spv::OpTerminateInvocation:
+    case spv::OpIgnoreIntersectionKHR:
+    case spv::OpTerminateRayKHR: return true;
+    default: return false;
+    }
+}
+
+bool isDebug(const Module &module, Instruction in)
+{
+    if (in.opcode == spv::OpLine || in.opcode == spv::OpNoLine)
+        return true;
+    if (in.opcode != spv::OpExtInst)
+        return false;
+    const std::string set = module.string(module.definition(module.word(in, 3)), 2);
+    return set.starts_with("NonSemantic.Shader.DebugInfo") || set == "OpenCL.DebugInfo.100" || set == "DebugInfo";
+}
+
+// Doing it again without the application's code in between changes nothing and is not seen.
+bool isRepeatable(const Module &module, Instruction in)
+{
+    switch (in.opcode) {
+    case spv::OpLoad: return (module.word(in, 4) & spv::MemoryAccessVolatileMask) == 0;
+    case spv::OpUndef:
+    case spv::OpPhi:
+    case spv::OpSelect:
+    case spv::OpAccessChain:
+    case spv::OpInBoundsAccessChain:
+    case spv::OpCopyObject:
+    case spv::OpCopyLogical: return true;
+    default: break;
+    }
+    const auto within = [&](spv::Op first, spv::Op last) { return in.opcode >= first && in.opcode <= last; };
+    return isDebug(module, in) || within(spv::OpVectorExtractDynamic, spv::OpTranspose) ||
+           within(spv::OpConvertFToU, spv::OpFUnordGreaterThanEqual) ||
+           within(spv::OpShiftRightLogical, spv::OpBitCount);
+}
+
+// All of a block but the label, up to `end`.
+bool allRepeatable(const Module &module, const Block &block, std::size_t end)
+{
+    return std::all_of(block.code.begin() + 1, block.code.begin() + static_cast<std::ptrdiff_t>(end),
+                       [&](Instruction in) { return isRepeatable(module, in); });
+}
+
+// The value that a phi has on the edge from a block; 0 if it has none.
+Id valueFrom(const Module &module, Instruction phi, Id label)
+{
+    for (std::uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
+        if (module.word(phi, i + 1) == label)
+            return module.word(phi, i);
+    return 0;
+}
+
+// Every candidate that we decide takes the new edge into the continue target, and there the header's phis must keep
+// their values. See insertDecision().
+bool phisAllowEdge(const Module &module, const Block &header, const Block &next, bool bodyIsNext)
+{
+    std::vector<Id> carried;
+    for (const Instruction in : header.code) {
+        if (in.opcode != spv::OpPhi)
+            continue;
+        const Id value = valueFrom(module, in, next.label);
+        // Without a body there is nothing on the way that could tell the two edges apart.
+        if (value == 0 || (bodyIsNext && value != module.result(in)))
+            return false;
+        carried.push_back(value);
+        if (carried.size() > kMaxEdges)
+            return false;
+    }
+    for (const Instruction in : next.code)
+        if (in.opcode == spv::OpPhi &&
+            (bodyIsNext || in.count > 2 * kMaxEdges || std::ranges::count(carried, module.result(in)) != 1))
+            return false;
+    return true;
+}
+
+} // namespace
+
+Function splitFunction(const Module &module, std::span<const Instruction> code)
+{
+    Function f;
+    for (const Instruction in : code) {
+        if (in.opcode == spv::OpLabel) {
+            f.indices[module.word(in, 1)] = f.blocks.size();
+            f.blocks.push_back({.label = module.word(in, 1), .code = {in}, .behind = {}});
+        } else if (in.opcode == spv::OpFunctionEnd)
+            f.tail.push_back(in);
+        else
+            (f.blocks.empty() ? f.head : f.blocks.back().code).push_back(in);
+    }
+    for (const Block &block : f.blocks) {
+        std::vector<Id> to;
+        f.flowKnown = successors(module, block.code.back(), to) && f.flowKnown;
+        std::ranges::sort(to);
+        to.erase(std::unique(to.begin(), to.end()), to.end());
+        for (const Id label : to)
+            f.predecessors[label].push_back(block.label);
+    }
+    return f;
+}
+
+std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function &function, std::size_t checkIndex,
+                                           std::size_t call)
+{
+    const auto indexOf = [&](Id label) {
+        const auto it = function.indices.find(label);
+        return it == function.indices.end() ? function.blocks.size() : it->second;
+    };
+    const Block &check = function.blocks[checkIndex];
+    const Instruction branch = check.code.back();
+    if (!function.flowKnown || branch.opcode != spv::OpBranchConditional ||
+        module.word(branch, 1) != module.result(check.code[call]))
+        return {};
+
+    ProceedLoop loop{.check = checkIndex};
+    const bool merged = check.code[check.code.size() - 2].opcode == spv::OpLoopMerge;
+    if (merged) {
+        loop.header = checkIndex;
+    } else {
+        const auto before = function.predecessors.find(check.label);
+        if (before == function.predecessors.end() || before->second.size() != 1)
+            return {};
+        loop.header = indexOf(before->second[0]);
+    }
+    const Block &header = function.blocks[loop.header];
+    if (header.code.size() < 3 || (!merged && header.code.back().opcode != spv::OpBranch))
+        return {};
+    const Instruction merge = header.code[header.code.size() - 2];
+    if (merge.opcode != spv::OpLoopMerge)
+        return {};
+    // The rest of the loop controls are promises about the number of iterations, or of what lies between them.
+    const std::uint32_t harmless = spv::LoopControlUnrollMask | spv::LoopControlDontUnrollMask;
+    if ((module.word(merge, 3) & ~harmless) != 0)
+        return {};
+
+    loop.body = module.word(branch, 2);
+    loop.next = indexOf(module.word(merge, 2));
+    if (module.word(branch, 3) != module.word(merge, 1) || loop.body == module.word(merge, 1) ||
+        loop.body == header.label || indexOf(loop.body) == function.blocks.size() ||
+        loop.next == function.blocks.size() || loop.next == loop.header || loop.next == loop.check)
+        return {};
+
+    const Block &next = function.blocks[loop.next];
+    if (next.code.back().opcode != spv::OpBranch || module.word(next.code.back(), 1) != header.label)
+        return {};
+    const bool trivial = std::all_of(next.code.begin() + 1, next.code.end() - 1,
+                                     [&](Instruction in) { return in.opcode == spv::OpPhi || isDebug(module, in); });
+    const auto edges = function.predecessors.find(next.label);
+    const bool few = edges == function.predecessors.end() || edges->second.size() < kMaxEdges;
+    if (!trivial || !few || !phisAllowEdge(module, header, next, loop.body == next.label))
+        return {};
+
+    // Between the call and the branch, only the merge instruction may stand.
+    const std::size_t end = check.code.size() - (merged ? 2 : 1);
+    if (!std::all_of(check.code.begin() + static_cast<std::ptrdiff_t>(call) + 1,
+                     check.code.begin() + static_cast<std::ptrdiff_t>(end),
+                     [&](Instruction in) { return isDebug(module, in); }))
+        return {};
+    if (!allRepeatable(module, check, call) || (!merged && !allRepeatable(module, header, header.code.size() - 2)))
+        return {};
+    return loop;
+}
+
+void insertDecision(Module &module, Function &function, const ProceedLoop &loop, const Code &decision, Id handled)
+{
+    Block &header = function.blocks[loop.header];
+    Block &check = function.blocks[loop.check];
+    Block &next = function.blocks[loop.next];
+    const Id label = module.newId();
+
+    // On the new edge, nothing has happened: the header's phis get the values they have.
+    for (Instruction &phi : header.code) {
+        if (phi.opcode != spv::OpPhi)
+            continue;
+        const Id result = module.result(phi);
+        const Id value = valueFrom(module, phi, next.label);
+        if (value == result)
+            continue;
+        const auto own = std::ranges::find_if(
+            next.code, [&](Instruction in) { return in.opcode == spv::OpPhi && module.result(in) == value; });
+        if (own != next.code.end()) {
+            const Words w = module.words(*own);
+            std::vector<std::uint32_t> operands(w.begin() + 1, w.end());
+            operands.insert(operands.end(), {result, label});
+            *own = module.make(spv::OpPhi, operands);
+            continue;
+        }
+        const Id merged = module.newId();
+        std::vector<std::uint32_t> operands{module.resultType(phi), merged};
+        for (const Id from : function.predecessors[next.label])
+            operands.insert(operands.end(), {value, from});
+        operands.insert(operands.end(), {result, label});
+        next.code.insert(next.code.begin() + 1, module.make(spv::OpPhi, operands));
+        for (std::uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
+            if (module.word(phi, i + 1) == next.label)
+                phi = module.with(phi, i, merged);
+    }
+
+    check.code.back() = module.with(check.code.back(), 2, label);
+    check.behind.push_back(module.make(spv::OpLabel, {label}));
+    check.behind.insert(check.behind.end(), decision.out.begin(), decision.out.end());
+    if (loop.body == next.label)
+        check.behind.push_back(module.make(spv::OpBranch, {next.label}));
+    else
+        check.behind.push_back(module.make(spv::OpBranchConditional, {handled, next.label, loop.body}));
+
+    for (Instruction &phi : function.blocks[function.indices[loop.body]].code)
+        for (std::uint32_t i = kFirstPair; phi.opcode == spv::OpPhi && i + 1 < phi.count; i += 2)
+            if (module.word(phi, i + 1) == check.label)
+                phi = module.with(phi, i + 1, label);
+    std::ranges::replace(function.predecessors[loop.body], check.label, label);
+    if (loop.body != next.label)
+        function.predecessors[next.label].push_back(label);
+}
+
+} // namespace vellum::spirv

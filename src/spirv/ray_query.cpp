@@ -1,0 +1,221 @@
+#include "spirv/ray_query.h"
+
+#include "core/opacity.h"
+#include "spirv/opcodes.h"
+
+#include <algorithm>
+
+namespace vellum::spirv
+{
+namespace
+{
+
+constexpr std::uint32_t kHiddenFlags = shared::kRayOpaque | shared::kRayCullNoOpaque | shared::kRayForce2State;
+constexpr std::uint32_t kOpacityFlags = kHiddenFlags | shared::kRayNoOpaque | shared::kRayCullOpaque;
+
+} // namespace
+
+// Most modules pass literal flags, the same everywhere. Then nothing has to travel in the driver's flags, and the
+// resolution of a hit shrinks to what those flags leave of it.
+RayFlagMode RayQueries::findMode(const Module &module, const Types &types)
+{
+    RayFlagMode mode;
+    bool first = true;
+    for (const Instruction in : module.section(Section::Functions)) {
+        if (in.opcode != spv::OpRayQueryInitializeKHR)
+            continue;
+        const auto flags = types.valueOf(module.word(in, 3));
+        if (!flags)
+            return {};
+        if (first)
+            mode = {.hidden = *flags & kHiddenFlags, .all = *flags & kOpacityFlags};
+        else if (mode.hidden != (*flags & kHiddenFlags))
+            return {};
+        else if (mode.all != (*flags & kOpacityFlags))
+            mode.all.reset();
+        first = false;
+    }
+    return mode;
+}
+
+RayQueries::RayQueries(Module &module, Types &types, Linker &linker)
+    : module_(module), types_(types), linker_(linker), mode_(findMode(module, types)),
+      candidates_(module, types, linker, mode_)
+{
+    for (const Instruction in : module.section(Section::Decorations))
+        if (in.opcode == spv::OpDecorate && module.word(in, 2) == spv::DecorationBuiltIn &&
+            module.word(in, 3) == spv::BuiltInInstanceCustomIndexKHR)
+            customIndexVariables_.insert(module.word(in, 1));
+}
+
+bool RayQueries::rewrite()
+{
+    const std::vector<Instruction> code = module_.section(Section::Functions);
+    std::vector<Instruction> out;
+    out.reserve(code.size());
+    bool changed = false;
+    for (std::size_t begin = 0; begin < code.size();) {
+        std::size_t end = begin;
+        while (end < code.size() && code[end++].opcode != spv::OpFunctionEnd) {
+        }
+        changed = rewriteFunction(std::span(code).subspan(begin, end - begin), out) || changed;
+        begin = end;
+    }
+    if (!error_.empty())
+        return false;
+    module_.section(Section::Functions) = std::move(out);
+    candidates_.finish();
+    return changed;
+}
+
+bool RayQueries::rewriteFunction(std::span<const Instruction> code, std::vector<Instruction> &out)
+{
+    Function function = splitFunction(module_, code);
+    bool changed = false;
+    for (std::size_t b = 0; b < function.blocks.size(); ++b)
+        for (std::size_t i = 0; i < function.blocks[b].code.size(); ++i)
+            if (function.blocks[b].code[i].opcode == spv::OpRayQueryProceedKHR)
+                changed = decideInLoop(function, b, i) || changed;
+
+    Code rewritten(module_);
+    const auto append = [&](const std::vector<Instruction> &part) {
+        rewritten.out.insert(rewritten.out.end(), part.begin(), part.end());
+    };
+    append(function.head);
+    for (const Block &block : function.blocks) {
+        for (const Instruction in : block.code) {
+            if (replace(in, rewritten))
+                changed = true;
+            else
+                rewritten.out.push_back(in);
+        }
+        append(block.behind);
+    }
+    append(function.tail);
+    out.insert(out.end(), rewritten.out.begin(), rewritten.out.end());
+    return changed;
+}
+
+bool RayQueries::decideInLoop(Function &function, std::size_t block, std::size_t call)
+{
+    const auto loop = findProceedLoop(module_, function, block, call);
+    const Instruction in = function.blocks[block].code[call];
+    const auto access = candidates_.access(module_.word(in, 3));
+    if (!loop || !access)
+        return false;
+    Code decision(module_);
+    std::vector<std::uint32_t> operands = access->arguments;
+    operands.insert(operands.begin(), candidates_.candidate(*access));
+    const Id handled = decision.value(spv::OpFunctionCall, types_.boolean(), operands);
+    insertDecision(module_, function, *loop, decision, handled);
+    decidedInLoops_.insert(module_.result(in));
+    return true;
+}
+
+bool RayQueries::replace(Instruction in, Code &out)
+{
+    switch (in.opcode) {
+    case spv::OpRayQueryInitializeKHR: return initialize(in, out);
+    case spv::OpRayQueryProceedKHR: return proceed(in, out);
+    case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
+    case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
+    case spv::OpLoad:
+        if (!customIndexVariables_.contains(module_.word(in, 3)))
+            return false;
+        [[fallthrough]];
+    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: restoreCustomIndex(in, out); return true;
+    default: return false;
+    }
+}
+
+bool RayQueries::initialize(Instruction in, Code &out)
+{
+    const Id flags = module_.word(in, 3);
+    if (mode_.hidden) {
+        if (*mode_.hidden == 0)
+            return false;
+        const Id type = module_.resultType(module_.definition(flags));
+        const std::uint32_t value = types_.valueOf(flags).value_or(0) & ~kHiddenFlags;
+        out.out.push_back(module_.with(in, 3, types_.get(spv::OpConstant, {type, value})));
+        return true;
+    }
+    const Id uint = types_.uint32();
+    // The type of what an unknown instruction made is unknown too; a cast to the same type does no harm.
+    const bool isUint = module_.resultType(module_.definition(flags)) == uint;
+    const Id asUint = isUint ? flags : out.value(spv::OpBitcast, uint, {flags});
+    const Id driverFlags = out.value(spv::OpFunctionCall, uint, {linker_.function("vellumDriverFlags"), asUint});
+    out.out.push_back(module_.with(in, 3, driverFlags));
+    return true;
+}
+
+bool RayQueries::proceed(Instruction in, Code &out)
+{
+    if (decidedInLoops_.contains(module_.result(in)))
+        return false;
+    const auto access = candidates_.access(module_.word(in, 3));
+    if (!access) {
+        error_ = "OpRayQueryProceedKHR on a ray query that is not reached through a variable or parameter";
+        return false;
+    }
+    std::vector<std::uint32_t> operands{module_.resultType(in), module_.result(in), candidates_.proceed(*access)};
+    operands.insert(operands.end(), access->arguments.begin(), access->arguments.end());
+    out.put(spv::OpFunctionCall, operands);
+    return true;
+}
+
+bool RayQueries::getRayFlags(Instruction in, Code &out)
+{
+    const Id type = module_.resultType(in);
+    if (mode_.hidden && *mode_.hidden == 0)
+        return false;
+    if (mode_.hidden) {
+        const Id flags = out.value(spv::OpRayQueryGetRayFlagsKHR, type, {module_.word(in, 3)});
+        out.put(spv::OpBitwiseOr,
+                {type, module_.result(in), flags, types_.get(spv::OpConstant, {type, *mode_.hidden})});
+        return true;
+    }
+    const Id uint = types_.uint32();
+    const Id function = linker_.function("vellumApplicationFlags");
+    const Id flags = out.value(spv::OpRayQueryGetRayFlagsKHR, uint, {module_.word(in, 3)});
+    if (type == uint)
+        out.put(spv::OpFunctionCall, {type, module_.result(in), function, flags});
+    else
+        out.put(spv::OpBitcast, {type, module_.result(in), out.value(spv::OpFunctionCall, uint, {function, flags})});
+    return true;
+}
+
+// With the Opaque flag, which the driver does not see, every box is opaque.
+bool RayQueries::getAabbOpaque(Instruction in, Code &out)
+{
+    if (mode_.hidden && (*mode_.hidden & shared::kRayOpaque) == 0)
+        return false;
+    const Id boolean = types_.boolean();
+    const Id query = module_.word(in, 3);
+    const Id byDriver = out.value(in.opcode, boolean, {query});
+    Id byFlags = types_.constantTrue();
+    if (!mode_.hidden) {
+        const Id uint = types_.uint32();
+        const Id bit = out.value(spv::OpBitwiseAnd, uint,
+                                 {candidates_.opacityFlags(out, query), types_.uintConstant(shared::kRayOpaque)});
+        byFlags = out.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
+    }
+    out.put(spv::OpLogicalOr, {boolean, module_.result(in), byDriver, byFlags});
+    return true;
+}
+
+// What the driver returns is the slot.
+void RayQueries::restoreCustomIndex(Instruction in, Code &out)
+{
+    const Id uint = types_.uint32();
+    const Id type = module_.resultType(in);
+    const Id slot = module_.newId();
+    const Id function = linker_.function("vellumCustomIndex");
+    out.out.push_back(module_.with(in, 2, slot));
+    const Id asUint = type == uint ? slot : out.value(spv::OpBitcast, uint, {slot});
+    if (type == uint)
+        out.put(spv::OpFunctionCall, {type, module_.result(in), function, asUint});
+    else
+        out.put(spv::OpBitcast, {type, module_.result(in), out.value(spv::OpFunctionCall, uint, {function, asUint})});
+}
+
+} // namespace vellum::spirv

@@ -1,0 +1,46 @@
+// Rewrites an application's SPIR-V so that it resolves opacity micromaps itself, on a driver that has none.
+//
+// What the rewritten module relies on (the layer's side of it):
+//   - hits on geometry with a micromap reach the shader as non-opaque triangle candidates;
+//   - the driver's instanceCustomIndex is a slot of the root table (core/records.h), for every instance;
+//   - ray flag bits 11..13 come back unchanged from OpRayQueryGetRayFlagsKHR;
+//   - instances without geometry records keep their flags; of the others, the instance record holds the true ones.
+//
+// What changes for the driver: the module needs physical storage buffer addresses (bufferDeviceAddress); opacity
+// micromap extensions, capabilities and execution modes are gone.
+//
+// Semantics are VK_EXT_opacity_micromap's: every ray query consumes micromaps. An OpacityMicromapIdKHR execution mode
+// is removed without regard to its operand.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vellum::spirv
+{
+
+struct RewriteOptions {
+    std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
+};
+
+struct RewriteResult {
+    enum class Status {
+        Unchanged, // nothing to do: give the driver the words it was going to get
+        Rewritten, // `words` replaces the module
+        Failed     // malformed, or of a shape that cannot be rewritten: `error` says why, for a person
+    };
+    Status status = Status::Unchanged;
+    std::vector<std::uint32_t> words; // only when Rewritten
+    std::string error;                // only when Failed
+};
+
+// True if the module declares a capability to trace rays. Looks at the capabilities only; false for what is no SPIR-V.
+bool tracesRays(std::span<const std::uint32_t> words);
+
+// Modules for which tracesRays() is false are Unchanged, whatever they hold. Reads nothing outside `words` and throws
+// nothing but std::bad_alloc.
+RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options);
+
+} // namespace vellum::spirv

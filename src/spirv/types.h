@@ -1,0 +1,41 @@
+// Finds types and constants in a module, or adds them.
+#pragma once
+
+#include "spirv/module.h"
+
+#include <map>
+
+namespace vellum::spirv
+{
+
+class Types
+{
+public:
+    explicit Types(Module &module);
+
+    // The id of the type or constant with this opcode and these operands (without the result id; for constants the type
+    // comes first). Two equal non-aggregate types are not allowed in a module (SPIR-V specification, 2.8), so what the
+    // application has must be found. Not for aggregates.
+    Id get(std::uint32_t opcode, std::vector<std::uint32_t> operands);
+
+    Id boolean();
+    Id uint32();
+    Id float32();
+    Id float32x2();
+    Id function(Id returnType, const std::vector<Id> &parameters);
+    Id uintConstant(std::uint32_t value);
+    Id constantTrue();
+
+    // The value of a 32-bit OpConstant of integer type or OpConstantNull; nothing for all else. Specialization
+    // constants are all else: the application may still change them.
+    std::optional<std::uint32_t> valueOf(Id id) const;
+
+    // What `get` can look up.
+    static bool isUnique(std::uint32_t opcode);
+
+private:
+    Module &module_;
+    std::map<std::vector<std::uint32_t>, Id> known_;
+};
+
+} // namespace vellum::spirv
