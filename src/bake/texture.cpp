@@ -1,0 +1,58 @@
+#include "bake/texture.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vellum
+{
+
+AlphaTexture AlphaTexture::fromUnorm8(std::uint32_t width, std::uint32_t height, const std::uint8_t *first,
+                                      std::size_t stride, float scale)
+{
+    AlphaTexture texture;
+    texture.width = width;
+    texture.height = height;
+    texture.alpha.resize(std::size_t{width} * height);
+    for (std::size_t i = 0; i < texture.alpha.size(); ++i)
+        texture.alpha[i] = static_cast<float>(first[i * stride]) / 255.0f * scale;
+    return texture;
+}
+
+std::int64_t wrapTexel(std::int64_t i, std::int64_t size, Wrap wrap)
+{
+    const auto modulo = [](std::int64_t a, std::int64_t b) { return ((a % b) + b) % b; };
+    switch (wrap) {
+    case Wrap::Repeat: return modulo(i, size);
+    case Wrap::Mirror: {
+        const std::int64_t m = modulo(i, 2 * size);
+        return m < size ? m : 2 * size - 1 - m;
+    }
+    case Wrap::Clamp: break;
+    }
+    return std::clamp<std::int64_t>(i, 0, size - 1);
+}
+
+float AlphaTexture::texel(std::int64_t x, std::int64_t y) const
+{
+    const std::int64_t column = wrapTexel(x, width, wrapU);
+    const std::int64_t row = wrapTexel(y, height, wrapV);
+    return alpha[static_cast<std::size_t>(row * width + column)];
+}
+
+double AlphaTexture::sample(double u, double v) const
+{
+    const double x = u * width;
+    const double y = v * height;
+    if (filter == Filter::Nearest)
+        return texel(static_cast<std::int64_t>(std::floor(x)), static_cast<std::int64_t>(std::floor(y)));
+    const double left = std::floor(x - 0.5);
+    const double top = std::floor(y - 0.5);
+    const double a = x - 0.5 - left;
+    const double b = y - 0.5 - top;
+    const auto i = static_cast<std::int64_t>(left);
+    const auto j = static_cast<std::int64_t>(top);
+    const auto at = [this](std::int64_t column, std::int64_t row) { return static_cast<double>(texel(column, row)); };
+    return (at(i, j) * (1 - a) + at(i + 1, j) * a) * (1 - b) + (at(i, j + 1) * (1 - a) + at(i + 1, j + 1) * a) * b;
+}
+
+} // namespace vellum

@@ -1,0 +1,42 @@
+// The alpha channel of a texture with the sampler that reads it: what the baker proves its states against.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace vellum
+{
+
+// VkSamplerAddressMode, of the modes that glTF knows.
+enum class Wrap : std::uint8_t { Repeat, Mirror, Clamp };
+
+// VkFilter of mip level 0, the one that alpha tests for ray tracing read.
+enum class Filter : std::uint8_t { Nearest, Bilinear };
+
+struct AlphaTexture {
+    std::uint32_t width = 0;  // in texels, at least 1
+    std::uint32_t height = 0; // in texels, at least 1
+    std::vector<float> alpha; // width * height values, row 0 is at v = 0; NaN is allowed and proves nothing
+    Wrap wrapU = Wrap::Repeat;
+    Wrap wrapV = Wrap::Repeat;
+    Filter filter = Filter::Bilinear;
+
+    // Takes every `stride`-th byte as an 8-bit normalised value.
+    //   first   the alpha of texel (0, 0): 3 bytes after the pixels of an RGBA image
+    //   stride  bytes from one texel to the next, 4 for RGBA
+    //   scale   what the shader multiplies the filtered alpha with: glTF's baseColorFactor[3]
+    static AlphaTexture fromUnorm8(std::uint32_t width, std::uint32_t height, const std::uint8_t *first,
+                                   std::size_t stride, float scale = 1.0f);
+
+    // The texel at any integer position, wrapped.
+    [[nodiscard]] float texel(std::int64_t x, std::int64_t y) const;
+    // The filtered value at (u, v), in double precision: exactly what Vulkan's "Texel Filtering" defines, with none of
+    // a GPU's rounding. u and v must be finite and below 2^31 texels.
+    [[nodiscard]] double sample(double u, double v) const;
+};
+
+// The texel that position `i` means on an axis of `size` texels.
+std::int64_t wrapTexel(std::int64_t i, std::int64_t size, Wrap wrap);
+
+} // namespace vellum

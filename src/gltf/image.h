@@ -1,0 +1,18 @@
+// PNG and JPEG decoding.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "gltf/scene.h"
+
+namespace vellum
+{
+
+// Decodes to RGBA. Throws GltfError, its message beginning with `what`, for anything but a whole PNG or JPEG of at most
+// 16,384 texels in each direction.
+Image decodeImage(std::span<const std::uint8_t> encoded, const std::string &what);
+
+} // namespace vellum

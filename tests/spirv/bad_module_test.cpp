@@ -1,0 +1,105 @@
+// Modules that are cut short or damaged: refused or passed through, never a crash (the build with sanitizers checks
+// that nothing is read out of bounds).
+#include "support.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace vellum::test
+{
+namespace
+{
+
+using Status = spirv::RewriteResult::Status;
+
+const char *const kShaders[] = {"nested.comp", "array.comp", "parameter.comp", "flags.comp", "hit.rchit"};
+
+std::vector<Module> modules()
+{
+    std::vector<Module> out;
+    for (const char *shader : kShaders) {
+        out.push_back(loadShader(shader, "debug"));
+        out.push_back(loadShader(shader, "v15"));
+        out.push_back(optimize(out.back()));
+    }
+    return out;
+}
+
+TEST(BadModules, CutShortAtEveryWord)
+{
+    for (const Module &words : modules())
+        for (std::size_t n = 0; n < words.size(); ++n) {
+            const std::span<const std::uint32_t> part(words.data(), n);
+            const auto result = spirv::rewrite(part, {});
+            ASSERT_EQ(result.status, spirv::tracesRays(part) ? Status::Failed : Status::Unchanged) << n;
+            ASSERT_EQ(result.error.empty(), result.status != Status::Failed);
+        }
+}
+
+TEST(BadModules, RandomWords)
+{
+    std::mt19937 random(7);
+    const auto below = [&](std::size_t n) { return static_cast<std::uint32_t>(random() % n); };
+    int rewritten = 0, failed = 0;
+    for (const Module &original : modules()) {
+        for (int round = 0; round < 1500; ++round) {
+            Module words = original;
+            for (std::uint32_t n = 1 + below(3); n > 0; --n) {
+                std::uint32_t &word = words[below(words.size())];
+                switch (below(5)) {
+                case 0: word = static_cast<std::uint32_t>(random()); break;
+                case 1: word ^= 1u << below(32); break;
+                case 2: word = words[below(words.size())]; break; // often another id, or another opcode
+                case 3: word = below(original[3] + 2); break;
+                default: word += below(2) == 0 ? 0x10000 : 0xffff0000; break; // a word count off by one
+                }
+            }
+            const auto result = spirv::rewrite(words, {.rootAddress = 1});
+            rewritten += result.status == Status::Rewritten;
+            failed += result.status == Status::Failed;
+            ASSERT_EQ(result.error.empty(), result.status != Status::Failed);
+        }
+    }
+    // Both ways are taken often.
+    EXPECT_GT(rewritten, 1000);
+    EXPECT_GT(failed, 1000);
+}
+
+// Damage that leaves a module valid must leave the rewritten one valid.
+TEST(BadModules, WhatWasValidStaysValid)
+{
+    std::mt19937 random(11);
+    int checked = 0;
+    for (const Module &original : modules())
+        for (int round = 0; round < 60; ++round) {
+            Module words = original;
+            words[5 + random() % static_cast<std::uint32_t>(words.size() - 5)] =
+                static_cast<std::uint32_t>(random() % original[3]);
+            if (words == original || !validate(words).empty())
+                continue;
+            const auto result = spirv::rewrite(words, {});
+            if (result.status != Status::Rewritten)
+                continue;
+            EXPECT_EQ(validate(result.words), "");
+            ++checked;
+        }
+    EXPECT_GT(checked, 20);
+}
+
+TEST(BadModules, OtherByteOrderAndNoSpirv)
+{
+    EXPECT_EQ(spirv::rewrite({}, {}).status, Status::Unchanged);
+    const Module swapped{0x03022307, 0x00050100, 0, 0x01000000, 0};
+    EXPECT_EQ(spirv::rewrite(swapped, {}).status, Status::Unchanged);
+}
+
+TEST(BadModules, HugeIdBound)
+{
+    Module words = loadShader("nested.comp", "v15");
+    words[3] = 0xffffffff;
+    EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Failed);
+}
+
+} // namespace
+} // namespace vellum::test

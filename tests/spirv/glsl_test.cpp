@@ -1,0 +1,137 @@
+// Shaders as compilers make them.
+#include "support.h"
+
+#include <gtest/gtest.h>
+
+namespace vellum::test
+{
+namespace
+{
+
+using Status = spirv::RewriteResult::Status;
+
+struct Case {
+    const char *shader;
+    std::size_t flat, inner; // proceed calls as glslang compiles them
+    std::size_t optimizedFlat, optimizedInner;
+};
+
+const Case kCases[] = {
+    {"while_loop.comp", 1, 0, 1, 0},     {"empty_loop.comp", 1, 0, 0, 1},   {"nested.comp", 2, 0, 2, 0},
+    {"once.comp", 0, 1, 0, 1},           {"in_if.comp", 0, 1, 0, 1},        {"for_loop.comp", 0, 1, 0, 1},
+    {"do_while.comp", 0, 1, 0, 1},       {"break_out.comp", 0, 1, 0, 1},    {"with_condition.comp", 0, 1, 0, 1},
+    {"array.comp", 2, 2, 2, 2},          {"parameter.comp", 1, 1, 1, 1},    {"flags.comp", 1, 0, 1, 0},
+    {"constant_flags.comp", 1, 1, 1, 1}, {"opaque_boxes.comp", 1, 0, 1, 0}, {"specialized.comp", 1, 0, 1, 0},
+    {"addresses.comp", 1, 0, 1, 0},      {"alpha.frag", 1, 0, 1, 0},
+};
+
+class Glsl : public testing::TestWithParam<std::tuple<Case, const char *>>
+{
+};
+
+TEST_P(Glsl, IsRewrittenInTheExpectedForm)
+{
+    const auto &[c, variant] = GetParam();
+    const Module words = loadShader(c.shader, variant);
+    const Forms plain = formsOf(rewriteValid(words));
+    EXPECT_EQ(plain.flatCalls, c.flat);
+    EXPECT_EQ(plain.innerCalls, c.inner);
+}
+
+TEST_P(Glsl, IsRewrittenAfterOptimization)
+{
+    const auto &[c, variant] = GetParam();
+    if (std::string(variant) == "debug")
+        GTEST_SKIP() << "spirv-opt of 2023 refuses debug information of glslang 12";
+    const Module words = optimize(loadShader(c.shader, variant));
+    const Forms forms = formsOf(rewriteValid(words));
+    EXPECT_EQ(forms.flatCalls, c.optimizedFlat) << disassemble(words);
+    EXPECT_EQ(forms.innerCalls, c.optimizedInner) << disassemble(words);
+}
+
+TEST_P(Glsl, StaysValidWhenTheDriverOptimizes)
+{
+    const auto &[c, variant] = GetParam();
+    if (std::string(variant) == "debug")
+        GTEST_SKIP() << "spirv-opt of 2023 refuses debug information of glslang 12";
+    EXPECT_EQ(validate(optimize(rewriteValid(loadShader(c.shader, variant)))), "");
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Glsl,
+                         testing::Combine(testing::ValuesIn(kCases), testing::Values("v15", "v14", "v16", "debug")),
+                         [](const auto &test) {
+                             std::string name = std::get<0>(test.param).shader;
+                             name[name.find('.')] = '_';
+                             return name + "_" + std::get<1>(test.param);
+                         });
+
+TEST(Modules, ThatDoNotTraceAreUnchanged)
+{
+    const Module words = loadShader("plain.comp", "v15");
+    EXPECT_FALSE(spirv::tracesRays(words));
+    const auto result = spirv::rewrite(words, {});
+    EXPECT_EQ(result.status, Status::Unchanged);
+    EXPECT_TRUE(result.words.empty());
+}
+
+TEST(Modules, ThatTraceButNeedNothingAreUnchanged)
+{
+    const Module words = loadShader("miss.rmiss", "v15");
+    EXPECT_TRUE(spirv::tracesRays(words));
+    EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Unchanged);
+}
+
+TEST(Modules, OfRayTracingStagesGetTheirCustomIndexBack)
+{
+    for (const char *variant : {"v15", "v14", "v16", "debug"}) {
+        const std::string text = disassemble(rewriteValid(loadShader("hit.rchit", variant)));
+        EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
+        EXPECT_EQ(count(text, "vellumResolve"), 0u); // nothing that is not needed
+    }
+}
+
+TEST(Modules, CarryTheRootAddress)
+{
+    const std::string text = disassemble(rewriteValid(loadShader("while_loop.comp", "v15")));
+    EXPECT_EQ(count(text, "OpConstant %uint 1985229328"), 1u); // 0x76543210
+    EXPECT_EQ(count(text, "OpConstant %uint 4275878552"), 1u); // 0xfedcba98
+    EXPECT_EQ(count(text, "OpSpecConstant"), 0u);
+    EXPECT_EQ(count(text, "PhysicalStorageBuffer64"), 1u);
+    EXPECT_EQ(count(text, "SPV_KHR_physical_storage_buffer"), 0u);
+    const std::string old = disassemble(rewriteValid(loadShader("while_loop.comp", "v14")));
+    EXPECT_EQ(count(old, "\"SPV_KHR_physical_storage_buffer\""), 1u);
+}
+
+TEST(Flags, TravelInTheDriversFlagsOnlyWhereTheyDiffer)
+{
+    for (const char *shader : {"flags.comp", "specialized.comp"}) {
+        const std::string text = disassemble(rewriteValid(loadShader(shader, "v15")));
+        EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumDriverFlags"), 1u);
+        // One for the triangles and one for the boxes of vellumCandidate, and the application's own.
+        EXPECT_GE(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 3u);
+    }
+    for (const char *shader : {"while_loop.comp", "constant_flags.comp", "opaque_boxes.comp"}) {
+        const std::string text = disassemble(rewriteValid(loadShader(shader, "v15")));
+        EXPECT_EQ(count(text, "vellumDriverFlags"), 0u) << shader;
+        EXPECT_EQ(count(text, "vellumApplicationFlags"), 0u) << shader;
+    }
+}
+
+TEST(Flags, ThatAreConstantAreTakenOutAndPutBack)
+{
+    const std::string text = disassemble(rewriteValid(loadShader("constant_flags.comp", "v15")));
+    EXPECT_EQ(count(text, " %uint_4 %uint_255"), 1u) << text;
+    EXPECT_EQ(count(text, " %uint_16 %uint_255"), 1u) << text;
+    EXPECT_GE(count(text, "OpBitwiseOr %uint %"), 1u);
+    EXPECT_GE(count(text, "%uint_1152"), 2u);
+}
+
+TEST(Flags, OpaqueMakesBoxesOpaque)
+{
+    const std::string text = disassemble(rewriteValid(loadShader("opaque_boxes.comp", "v15")));
+    EXPECT_EQ(count(text, "OpLogicalOr %bool"), 1u);
+    EXPECT_EQ(count(text, "%true\n"), 1u) << text;
+}
+
+} // namespace
+} // namespace vellum::test

@@ -1,0 +1,174 @@
+#include "machine.h"
+
+#include "spirv/opcodes.h"
+
+#include <stdexcept>
+
+namespace vellum::test
+{
+namespace
+{
+
+using spirv::Id;
+using spirv::Instruction;
+using spirv::Section;
+
+constexpr int kMaxSteps = 10000;
+
+spirv::Module parse(const std::vector<std::uint32_t> &words)
+{
+    std::string error;
+    auto module = spirv::Module::parse(words, error);
+    if (!module)
+        throw std::runtime_error(error);
+    return *module;
+}
+
+} // namespace
+
+Machine::Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script)
+    : module_(parse(words)), script_(std::move(script))
+{
+    for (const Instruction in : module_.section(Section::Names))
+        if (in.opcode == spv::OpName)
+            names_[module_.word(in, 1)] = module_.string(in, 2);
+    const auto &code = module_.section(Section::Functions);
+    for (std::size_t i = 0; i < code.size(); ++i) {
+        if (code[i].opcode == spv::OpLabel)
+            labels_[module_.word(code[i], 1)] = i;
+        if (code[i].opcode == spv::OpFunction)
+            functions_[module_.word(code[i], 2)] = i;
+    }
+}
+
+std::vector<std::uint32_t> Machine::run()
+{
+    for (const auto &[function, at] : functions_)
+        if (names_[function] == "main")
+            call(function, {});
+    if (steps_ >= kMaxSteps)
+        seen_.push_back(~0u);
+    return seen_;
+}
+
+std::uint32_t Machine::value(Id id) const
+{
+    const Instruction in = module_.definition(id);
+    if (in.opcode == spv::OpConstant)
+        return module_.word(in, 3);
+    if (in.opcode == spv::OpConstantTrue)
+        return 1;
+    const auto it = values_.find(id);
+    return it == values_.end() ? 0 : it->second;
+}
+
+void Machine::branch(Id to)
+{
+    // All phis of a block read before any of them is written.
+    const auto &code = module_.section(Section::Functions);
+    at_ = labels_.at(to);
+    std::map<Id, std::uint32_t> next;
+    while (code[++at_].opcode == spv::OpPhi) {
+        const Instruction in = code[at_];
+        bool found = false;
+        for (std::uint32_t i = 3; i < in.count; i += 2)
+            if (module_.word(in, i + 1) == block_) {
+                next[module_.word(in, 2)] = value(module_.word(in, i));
+                found = true;
+            }
+        if (!found)
+            throw std::runtime_error("phi without an entry for where control came from");
+    }
+    for (const auto &[id, v] : next)
+        values_[id] = v;
+    block_ = to;
+}
+
+std::uint32_t Machine::call(Id function, const std::vector<std::uint32_t> &arguments)
+{
+    if (names_[function] == "vellumCandidate")
+        return script_.at(position_ - 1).decided;
+
+    const auto &code = module_.section(Section::Functions);
+    at_ = functions_.at(function);
+    std::size_t argument = 0;
+    while (code[++at_].opcode == spv::OpFunctionParameter)
+        values_[module_.word(code[at_], 2)] = arguments.at(argument++);
+    block_ = module_.word(code[at_], 1);
+    for (++at_; ++steps_ < kMaxSteps;) {
+        const Instruction in = code[at_];
+        switch (in.opcode) {
+        case spv::OpBranch: branch(module_.word(in, 1)); break;
+        case spv::OpBranchConditional: branch(module_.word(in, value(module_.word(in, 1)) != 0 ? 2 : 3)); break;
+        case spv::OpSwitch: {
+            Id to = module_.word(in, 2);
+            for (std::uint32_t i = 3; i < in.count; i += 2)
+                if (module_.word(in, i) == value(module_.word(in, 1)))
+                    to = module_.word(in, i + 1);
+            branch(to);
+            break;
+        }
+        case spv::OpReturn: return 0;
+        case spv::OpReturnValue: return value(module_.word(in, 1));
+        case spv::OpFunctionCall: {
+            std::vector<std::uint32_t> values;
+            for (std::uint32_t i = 4; i < in.count; ++i)
+                values.push_back(value(module_.word(in, i)));
+            const std::size_t back = at_ + 1;
+            const Id block = block_;
+            values_[module_.word(in, 2)] = call(module_.word(in, 3), values);
+            at_ = back;
+            block_ = block;
+            break;
+        }
+        default: {
+            const std::uint32_t v = evaluate(in);
+            if (const Id id = module_.result(in))
+                values_[id] = v;
+            ++at_;
+        }
+        }
+    }
+    return 0;
+}
+
+std::uint32_t Machine::evaluate(Instruction in)
+{
+    const auto a = value(module_.word(in, 3)), b = value(module_.word(in, 4)), c = value(module_.word(in, 5));
+    switch (in.opcode) {
+    case spv::OpIAdd: return a + b;
+    case spv::OpIMul: return a * b;
+    case spv::OpBitwiseAnd: return a & b;
+    case spv::OpBitwiseXor: return a ^ b;
+    case spv::OpIEqual: return a == b;
+    case spv::OpULessThan: return a < b;
+    case spv::OpLogicalNot: return a == 0;
+    case spv::OpLogicalOr: return (a | b) != 0;
+    case spv::OpCopyObject: return a;
+    case spv::OpSelect: return a != 0 ? b : c;
+    case spv::OpLoad: return variables_[module_.word(in, 3)];
+    case spv::OpStore:
+        variables_[module_.word(in, 1)] = value(module_.word(in, 2));
+        if (module_.definition(module_.word(in, 1)).opcode == spv::OpAccessChain)
+            seen_.push_back(value(module_.word(in, 2)));
+        return 0;
+    case spv::OpRayQueryProceedKHR:
+        if (position_ < script_.size())
+            return ++position_, 1;
+        return 0;
+    case spv::OpRayQueryGetIntersectionPrimitiveIndexKHR: return script_.at(position_ - 1).name;
+    case spv::OpRayQueryConfirmIntersectionKHR: seen_.push_back(script_.at(position_ - 1).name | 0x1000); return 0;
+    case spv::OpUndef:
+    case spv::OpVariable:
+    case spv::OpAccessChain:
+    case spv::OpInBoundsAccessChain:
+    case spv::OpLoopMerge:
+    case spv::OpSelectionMerge:
+    case spv::OpLine:
+    case spv::OpNoLine:
+    case spv::OpRayQueryInitializeKHR: return 0;
+    default: throw std::runtime_error("opcode " + std::to_string(in.opcode));
+    }
+}
+
+} // namespace vellum::test

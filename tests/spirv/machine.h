@@ -1,0 +1,46 @@
+// Runs the assembly of the tests, to compare a module with its rewritten self: enough of SPIR-V for loops around one
+// ray query. The ray meets the candidates of a script.
+#pragma once
+
+#include "spirv/module.h"
+
+#include <map>
+
+namespace vellum::test
+{
+
+// A candidate as it is resolved: the application sees it, or the rewritten module decides it.
+struct Candidate {
+    std::uint32_t name;
+    bool decided;
+};
+
+class Machine
+{
+public:
+    Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script);
+
+    // Runs main. What the application does that can be seen from outside: values stored to memory, and candidates
+    // confirmed. Ends with ~0 if the steps run out.
+    std::vector<std::uint32_t> run();
+
+private:
+    std::uint32_t call(spirv::Id function, const std::vector<std::uint32_t> &arguments);
+    void branch(spirv::Id to);
+    std::uint32_t evaluate(spirv::Instruction in);
+    std::uint32_t value(spirv::Id id) const;
+
+    spirv::Module module_;
+    std::vector<Candidate> script_;
+    std::size_t position_ = 0; // of the current candidate, counted from 1
+    std::map<spirv::Id, std::uint32_t> values_;
+    std::map<spirv::Id, std::uint32_t> variables_;
+    std::map<spirv::Id, std::string> names_;
+    std::map<spirv::Id, std::size_t> labels_, functions_;
+    std::size_t at_ = 0;
+    spirv::Id block_ = 0;
+    int steps_ = 0;
+    std::vector<std::uint32_t> seen_;
+};
+
+} // namespace vellum::test

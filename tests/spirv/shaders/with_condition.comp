@@ -1,0 +1,17 @@
+// More in the condition than the call.
+#version 460
+#extension GL_EXT_ray_query : require
+layout(local_size_x = 8) in;
+layout(binding = 0) uniform accelerationStructureEXT scene;
+layout(binding = 1) buffer Out { uint result[]; };
+layout(push_constant) uniform Push { uint flags; uint mode; };
+
+void main()
+{
+    rayQueryEXT q;
+    uint n = 0;
+    rayQueryInitializeEXT(q, scene, gl_RayFlagsNoneEXT, 0xff, vec3(gl_GlobalInvocationID), 0.0, vec3(0, 0, 1), 9.0);
+    while (n < 4 && rayQueryProceedEXT(q))
+        ++n;
+    result[0] = n;
+}

@@ -1,0 +1,167 @@
+#include "support.h"
+
+#include <gtest/gtest.h>
+#include <spirv-tools/optimizer.hpp>
+
+#include <cstring>
+#include <fstream>
+#include <iterator>
+
+namespace vellum::test
+{
+namespace
+{
+
+spv_target_env environmentOf(const Module &words)
+{
+    return words.size() > 1 && words[1] >= 0x10600 ? SPV_ENV_VULKAN_1_3 : SPV_ENV_VULKAN_1_2;
+}
+
+} // namespace
+
+Module loadShader(const std::string &name, const std::string &variant)
+{
+    std::ifstream file(std::string(SHADER_DIRECTORY) + "/" + name + "." + variant + ".spv", std::ios::binary);
+    EXPECT_TRUE(file) << name << " " << variant;
+    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+    Module words(bytes.size() / 4);
+    std::memcpy(words.data(), bytes.data(), words.size() * 4);
+    return words;
+}
+
+Module optimize(const Module &words)
+{
+    spvtools::Optimizer optimizer(environmentOf(words));
+    optimizer.RegisterPerformancePasses();
+    Module out;
+    spvtools::OptimizerOptions options;
+    options.set_run_validator(false);
+    EXPECT_TRUE(optimizer.Run(words.data(), words.size(), &out, options));
+    return out;
+}
+
+Module assemble(const std::string &text)
+{
+    spvtools::SpirvTools tools(SPV_ENV_VULKAN_1_2);
+    std::string messages;
+    tools.SetMessageConsumer([&](spv_message_level_t, const char *, const spv_position_t &at, const char *message) {
+        messages += "line " + std::to_string(at.line) + ": " + message + "\n";
+    });
+    Module words;
+    EXPECT_TRUE(tools.Assemble(text, &words, SPV_TEXT_TO_BINARY_OPTION_PRESERVE_NUMERIC_IDS)) << messages << text;
+    return words;
+}
+
+std::string disassemble(const Module &words)
+{
+    std::string text;
+    spvtools::SpirvTools(SPV_ENV_VULKAN_1_3).Disassemble(words, &text);
+    return text;
+}
+
+std::string validate(const Module &words)
+{
+    spvtools::SpirvTools tools(environmentOf(words));
+    std::string messages;
+    tools.SetMessageConsumer([&](spv_message_level_t, const char *, const spv_position_t &, const char *message) {
+        messages += std::string(message) + "\n";
+    });
+    spvtools::ValidatorOptions options;
+    options.SetScalarBlockLayout(true);
+    if (tools.Validate(words.data(), words.size(), options))
+        return "";
+    return messages.empty() ? "invalid" : messages;
+}
+
+Module rewriteValid(const Module &words)
+{
+    EXPECT_EQ(validate(words), "") << disassemble(words);
+    // Both halves differ, so that a mix-up shows.
+    const auto result = spirv::rewrite(words, {.rootAddress = 0xfedcba9876543210});
+    EXPECT_EQ(result.status, spirv::RewriteResult::Status::Rewritten) << result.error;
+    EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+    return result.words;
+}
+
+std::size_t count(const std::string &text, const std::string &part)
+{
+    std::size_t n = 0;
+    for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
+        ++n;
+    return n;
+}
+
+Forms formsOf(const Module &rewritten)
+{
+    const std::string text = disassemble(rewritten);
+    Forms f;
+    f.proceedFunctions = count(text, "\"vellumProceed\"");
+    f.candidateFunctions = count(text, "\"vellumCandidate\"");
+    f.innerCalls = count(text, "OpFunctionCall %bool %vellumProceed");
+    f.flatCalls = count(text, "OpRayQueryProceedKHR") - f.proceedFunctions;
+    return f;
+}
+
+std::string moduleText(const std::string &body, const std::string &globals, const std::string &functions)
+{
+    return R"(
+               OpCapability Shader
+               OpCapability RayQueryKHR
+               OpExtension "SPV_KHR_ray_query"
+               OpMemoryModel Logical GLSL450
+               OpEntryPoint GLCompute %main "main" %scene %out %private
+               OpExecutionMode %main LocalSize 8 1 1
+               OpName %main "main"
+               OpDecorate %scene DescriptorSet 0
+               OpDecorate %scene Binding 0
+               OpDecorate %out DescriptorSet 0
+               OpDecorate %out Binding 1
+               OpDecorate %Out Block
+               OpMemberDecorate %Out 0 Offset 0
+       %void = OpTypeVoid
+       %bool = OpTypeBool
+       %uint = OpTypeInt 32 0
+        %int = OpTypeInt 32 1
+      %float = OpTypeFloat 32
+         %v3 = OpTypeVector %float 3
+    %voidfun = OpTypeFunction %void
+      %Query = OpTypeRayQueryKHR
+      %Scene = OpTypeAccelerationStructureKHR
+        %Out = OpTypeStruct %uint
+  %ptr_query = OpTypePointer Function %Query
+%ptr_private = OpTypePointer Private %Query
+  %ptr_scene = OpTypePointer UniformConstant %Scene
+    %ptr_out = OpTypePointer StorageBuffer %Out
+   %ptr_uint = OpTypePointer StorageBuffer %uint
+   %var_uint = OpTypePointer Function %uint
+         %u0 = OpConstant %uint 0
+         %u1 = OpConstant %uint 1
+         %u2 = OpConstant %uint 2
+       %mask = OpConstant %uint 255
+         %i0 = OpConstant %int 0
+         %f0 = OpConstant %float 0
+         %f1 = OpConstant %float 1
+       %zero = OpConstantComposite %v3 %f0 %f0 %f0
+        %one = OpConstantComposite %v3 %f1 %f1 %f1
+       %true = OpConstantTrue %bool
+      %false = OpConstantFalse %bool
+      %scene = OpVariable %ptr_scene UniformConstant
+        %out = OpVariable %ptr_out StorageBuffer
+    %private = OpVariable %ptr_private Private
+)" + globals +
+           R"(
+       %main = OpFunction %void None %voidfun
+      %entry = OpLabel
+          %q = OpVariable %ptr_query Function
+        %var = OpVariable %var_uint Function
+         %as = OpLoad %Scene %scene
+     %result = OpAccessChain %ptr_uint %out %i0
+               OpRayQueryInitializeKHR %q %as %u0 %mask %zero %f0 %one %f1
+)" + body +
+           R"(
+               OpReturn
+               OpFunctionEnd
+)" + functions;
+}
+
+} // namespace vellum::test

@@ -1,0 +1,47 @@
+// What the tests of the rewriter share: shaders, SPIR-V Tools, and a view of what came out.
+#pragma once
+
+#include "spirv/rewrite.h"
+
+#include <spirv-tools/libspirv.hpp>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace vellum::test
+{
+
+using Module = std::vector<std::uint32_t>;
+
+// A shader of shaders/ as CMakeLists.txt compiled it: "while_loop.comp", "v15".
+Module loadShader(const std::string &name, const std::string &variant);
+
+// spirv-opt -O.
+Module optimize(const Module &words);
+
+Module assemble(const std::string &text);
+std::string disassemble(const Module &words);
+
+// Empty if valid, else what spirv-val says. Picks the environment by the module's version.
+std::string validate(const Module &words);
+
+// Rewrites, and fails the test unless the result is a valid Rewritten module.
+Module rewriteValid(const Module &words);
+
+std::size_t count(const std::string &text, const std::string &part);
+
+// How the proceed calls of a rewritten module were handled.
+struct Forms {
+    std::size_t proceedFunctions = 0;   // vellumProceed functions, one for each way to reach a query
+    std::size_t candidateFunctions = 0; // vellumCandidate functions
+    std::size_t innerCalls = 0;         // proceed calls that became a call of vellumProceed
+    std::size_t flatCalls = 0;          // proceed calls that stayed
+};
+Forms formsOf(const Module &rewritten);
+
+// A compute module around assembly: %main's body after its first label, with a Function variable %q and an initialized
+// query. `globals` and `functions` are added at their places. See support.cpp for the names in reach.
+std::string moduleText(const std::string &body, const std::string &globals = "", const std::string &functions = "");
+
+} // namespace vellum::test
