@@ -395,9 +395,23 @@ VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice handle, VkDe
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer commandBuffer,
-                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *)
+                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *info)
 {
-    refuseCommand(deviceOf(commandBuffer), "vkCmdCopyAccelerationStructureToMemoryKHR");
+    Device &device = deviceOf(commandBuffer);
+    if (const auto source = device.accelerationStructures.get(info->src)) {
+        std::lock_guard lock(source->mutex);
+        if (source->cell) {
+            refuseCommand(device,
+                          "vkCmdCopyAccelerationStructureToMemoryKHR of a bottom-level structure with micromaps");
+            return;
+        }
+        if (source->slots)
+            device.report().warning(
+                "VELLUM-serialized-slots",
+                "a deserialized top-level structure has the right custom indices and micromaps only "
+                "while the one it was made from exists and is not built again");
+    }
+    device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
 }
 
 } // namespace vellum::layer

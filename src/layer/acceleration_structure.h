@@ -20,6 +20,8 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer, uint3
                                                           const VkAccelerationStructureBuildRangeInfoKHR *const *);
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer,
+                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *);
 
 // Not there yet: each reports so and does nothing, since the driver alone would build what shaders then misread.
 VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer, uint32_t,
@@ -29,7 +31,5 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffe
 VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice, VkDeferredOperationKHR, uint32_t,
                                                            const VkAccelerationStructureBuildGeometryInfoKHR *,
                                                            const VkAccelerationStructureBuildRangeInfoKHR *const *);
-VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer,
-                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *);
 
 } // namespace vellum::layer

@@ -45,6 +45,7 @@ namespace vellum::layer
     X(GetAccelerationStructureBuildSizesKHR, GetAccelerationStructureBuildSizesKHR)                                    \
     X(GetAccelerationStructureDeviceAddressKHR, GetAccelerationStructureDeviceAddressKHR)                              \
     X(CmdBuildAccelerationStructuresKHR, CmdBuildAccelerationStructuresKHR)                                            \
+    X(CmdCopyAccelerationStructureToMemoryKHR, CmdCopyAccelerationStructureToMemoryKHR)                                \
     X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
     X(AllocateCommandBuffers, AllocateCommandBuffers)                                                                  \
     X(FreeCommandBuffers, FreeCommandBuffers)                                                                          \

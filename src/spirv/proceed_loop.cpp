@@ -91,27 +91,36 @@ Id valueFrom(const Module &module, Instruction phi, Id label)
     return 0;
 }
 
-// Every candidate that we decide takes the new edge into the continue target, and there the header's phis must keep
-// their values. See insertDecision().
+// The header's phis and those of the continue target are such that insertDecision() can give the new edge its values.
 bool phisAllowEdge(const Module &module, const Block &header, const Block &next, bool bodyIsNext)
 {
     std::vector<Id> carried;
     for (const Instruction in : header.code) {
         if (in.opcode != spv::OpPhi)
             continue;
-        const Id value = valueFrom(module, in, next.label);
-        // Without a body there is nothing on the way that could tell the two edges apart.
-        if (value == 0 || (bodyIsNext && value != module.result(in)))
-            return false;
-        carried.push_back(value);
-        if (carried.size() > kMaxEdges)
+        carried.push_back(valueFrom(module, in, next.label));
+        if (carried.back() == 0 || carried.size() > kMaxEdges)
             return false;
     }
-    for (const Instruction in : next.code)
-        if (in.opcode == spv::OpPhi &&
-            (bodyIsNext || in.count > 2 * kMaxEdges || std::ranges::count(carried, module.result(in)) != 1))
-            return false;
-    return true;
+    // A phi of the continue target gets one value more: two of the header's phis cannot both have theirs in it.
+    return bodyIsNext || std::ranges::all_of(next.code, [&](Instruction in) {
+               return in.opcode != spv::OpPhi ||
+                      (in.count < 2 * kMaxEdges && std::ranges::count(carried, module.result(in)) == 1);
+           });
+}
+
+// What a decided candidate must not run: anything in the continue target but the way back to the header. Where the
+// loop's body is the continue target (optimizers merge them), a new continue target will be put behind it.
+bool nextAllowsEdge(const Module &module, const Function &function, const ProceedLoop &loop)
+{
+    const Block &next = function.blocks[loop.next];
+    const auto edges = function.predecessors.find(next.label);
+    const std::size_t edgeCount = edges == function.predecessors.end() ? 0 : edges->second.size();
+    if (loop.body == next.label)
+        return edgeCount == 1;
+    return edgeCount < kMaxEdges && std::all_of(next.code.begin() + 1, next.code.end() - 1, [&](Instruction in) {
+               return in.opcode == spv::OpPhi || isDebug(module, in);
+           });
 }
 
 } // namespace
@@ -183,11 +192,7 @@ std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function 
     const Block &next = function.blocks[loop.next];
     if (next.code.back().opcode != spv::OpBranch || module.word(next.code.back(), 1) != header.label)
         return {};
-    const bool trivial = std::all_of(next.code.begin() + 1, next.code.end() - 1,
-                                     [&](Instruction in) { return in.opcode == spv::OpPhi || isDebug(module, in); });
-    const auto edges = function.predecessors.find(next.label);
-    const bool few = edges == function.predecessors.end() || edges->second.size() < kMaxEdges;
-    if (!trivial || !few || !phisAllowEdge(module, header, next, loop.body == next.label))
+    if (!nextAllowsEdge(module, function, loop) || !phisAllowEdge(module, header, next, loop.body == next.label))
         return {};
 
     // Between the call and the branch, only the merge instruction may stand.
@@ -207,50 +212,65 @@ void insertDecision(Module &module, Function &function, const ProceedLoop &loop,
     Block &check = function.blocks[loop.check];
     Block &next = function.blocks[loop.next];
     const Id label = module.newId();
+    const bool bodyIsNext = loop.body == next.label;
+    const Id target = bodyIsNext ? module.newId() : next.label; // the continue target from now on
 
-    // On the new edge, nothing has happened: the header's phis get the values they have.
+    // On the new edge nothing has happened: the header's phis get the values they have.
+    std::vector<Id> edges{next.label};
+    if (!bodyIsNext)
+        edges = function.predecessors[next.label];
+    std::vector<Instruction> phis;
     for (Instruction &phi : header.code) {
         if (phi.opcode != spv::OpPhi)
             continue;
         const Id result = module.result(phi);
-        const Id value = valueFrom(module, phi, next.label);
-        if (value == result)
-            continue;
-        const auto own = std::ranges::find_if(
-            next.code, [&](Instruction in) { return in.opcode == spv::OpPhi && module.result(in) == value; });
+        Id value = valueFrom(module, phi, next.label);
+        const auto own = std::ranges::find_if(next.code, [&](Instruction in) {
+            return !bodyIsNext && in.opcode == spv::OpPhi && module.result(in) == value;
+        });
         if (own != next.code.end()) {
             const Words w = module.words(*own);
             std::vector<std::uint32_t> operands(w.begin() + 1, w.end());
             operands.insert(operands.end(), {result, label});
             *own = module.make(spv::OpPhi, operands);
-            continue;
+        } else if (value != result) {
+            std::vector<std::uint32_t> operands{module.resultType(phi), module.newId()};
+            for (const Id from : edges)
+                operands.insert(operands.end(), {value, from});
+            operands.insert(operands.end(), {result, label});
+            phis.push_back(module.make(spv::OpPhi, operands));
+            value = operands[1];
         }
-        const Id merged = module.newId();
-        std::vector<std::uint32_t> operands{module.resultType(phi), merged};
-        for (const Id from : function.predecessors[next.label])
-            operands.insert(operands.end(), {value, from});
-        operands.insert(operands.end(), {result, label});
-        next.code.insert(next.code.begin() + 1, module.make(spv::OpPhi, operands));
         for (std::uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
             if (module.word(phi, i + 1) == next.label)
-                phi = module.with(phi, i, merged);
+                phi = module.with(module.with(phi, i, value), i + 1, target);
+    }
+    if (bodyIsNext) {
+        Instruction &merge = header.code[header.code.size() - 2];
+        merge = module.with(merge, 2, target);
+        next.behind.push_back(module.make(spv::OpLabel, {target}));
+        next.behind.insert(next.behind.end(), phis.begin(), phis.end());
+        next.behind.push_back(next.code.back());
+        next.code.back() = module.make(spv::OpBranch, {target});
+    } else {
+        next.code.insert(next.code.begin() + 1, phis.begin(), phis.end());
     }
 
     check.code.back() = module.with(check.code.back(), 2, label);
     check.behind.push_back(module.make(spv::OpLabel, {label}));
     check.behind.insert(check.behind.end(), decision.out.begin(), decision.out.end());
-    if (loop.body == next.label)
-        check.behind.push_back(module.make(spv::OpBranch, {next.label}));
-    else
-        check.behind.push_back(module.make(spv::OpBranchConditional, {handled, next.label, loop.body}));
+    check.behind.push_back(module.make(spv::OpBranchConditional, {handled, target, loop.body}));
 
     for (Instruction &phi : function.blocks[function.indices[loop.body]].code)
         for (std::uint32_t i = kFirstPair; phi.opcode == spv::OpPhi && i + 1 < phi.count; i += 2)
             if (module.word(phi, i + 1) == check.label)
                 phi = module.with(phi, i + 1, label);
     std::ranges::replace(function.predecessors[loop.body], check.label, label);
-    if (loop.body != next.label)
-        function.predecessors[next.label].push_back(label);
+    function.predecessors[target].push_back(label);
+    if (bodyIsNext) {
+        function.predecessors[target].push_back(next.label);
+        std::ranges::replace(function.predecessors[header.label], next.label, target);
+    }
 }
 
 } // namespace vellum::spirv

@@ -31,7 +31,7 @@ Function splitFunction(const Module &module, std::span<const Instruction> code);
 struct ProceedLoop {
     std::size_t header = 0;
     std::size_t check = 0; // ends with the call and the branch on it; may be the header
-    std::size_t next = 0;  // continue target, does nothing but branch back
+    std::size_t next = 0;  // continue target: does nothing but branch back, unless it is the body
     Id body = 0;           // label of the branch target that sees a candidate
 };
 

