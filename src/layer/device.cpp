@@ -9,6 +9,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "layer/pnext.h"
+#include "layer/ray_flag_probe.h"
 
 namespace vellum::layer
 {
@@ -58,12 +59,23 @@ struct DriverDeviceInfo {
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
 
+const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
+{
+    const auto *link = static_cast<const VkLayerDeviceCreateInfo *>(info.pNext);
+    while (link && !(link->sType == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO && link->function == function))
+        link = static_cast<const VkLayerDeviceCreateInfo *>(link->pNext);
+    return link;
+}
+
+PFN_vkSetDeviceLoaderData loaderDataCallback(const VkDeviceCreateInfo &info)
+{
+    const VkLayerDeviceCreateInfo *link = loaderInfo(info, VK_LOADER_DATA_CALLBACK);
+    return link ? link->u.pfnSetDeviceLoaderData : nullptr;
+}
+
 VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
 {
-    auto *link = const_cast<VkLayerDeviceCreateInfo *>(static_cast<const VkLayerDeviceCreateInfo *>(info.pNext));
-    while (link &&
-           !(link->sType == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO && link->function == VK_LAYER_LINK_INFO))
-        link = const_cast<VkLayerDeviceCreateInfo *>(static_cast<const VkLayerDeviceCreateInfo *>(link->pNext));
+    auto *link = const_cast<VkLayerDeviceCreateInfo *>(loaderInfo(info, VK_LAYER_LINK_INFO));
     return link && link->u.pLayerInfo ? link : nullptr;
 }
 
@@ -176,6 +188,7 @@ try {
             *handle = VK_NULL_HANDLE;
             return result;
         }
+        device->carriesRayFlagBits = carriesRayFlagBits(*device, *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "VK_EXT_opacity_micromap is emulated on this device");
     }
     std::unique_lock lock(devicesMutex);

@@ -68,6 +68,8 @@ struct Device {
     DeviceTable next;
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
 
+    bool carriesRayFlagBits = true; // see ray_flag_probe.h
+
     GpuContext gpu;
     RootTable root;
     InjectedPipelines injected;

@@ -14,6 +14,7 @@ namespace vellum::layer
     X(EnumerateDeviceExtensionProperties, EnumerateDeviceExtensionProperties)                                          \
     X(GetPhysicalDeviceProperties, GetPhysicalDeviceProperties)                                                        \
     X(GetPhysicalDeviceMemoryProperties, GetPhysicalDeviceMemoryProperties)                                            \
+    X(GetPhysicalDeviceQueueFamilyProperties, GetPhysicalDeviceQueueFamilyProperties)                                  \
     X(GetPhysicalDeviceFeatures2, GetPhysicalDeviceFeatures2KHR)                                                       \
     X(GetPhysicalDeviceProperties2, GetPhysicalDeviceProperties2KHR)                                                   \
     X(GetPhysicalDeviceToolProperties, GetPhysicalDeviceToolPropertiesEXT)                                             \
@@ -22,6 +23,11 @@ namespace vellum::layer
 
 #define VELLUM_DEVICE_COMMANDS(X)                                                                                      \
     X(DestroyDevice, DestroyDevice)                                                                                    \
+    X(GetDeviceQueue2, GetDeviceQueue2)                                                                                \
+    X(QueueSubmit, QueueSubmit)                                                                                        \
+    X(QueueWaitIdle, QueueWaitIdle)                                                                                    \
+    X(CreateCommandPool, CreateCommandPool)                                                                            \
+    X(EndCommandBuffer, EndCommandBuffer)                                                                              \
     X(CreateBuffer, CreateBuffer)                                                                                      \
     X(DestroyBuffer, DestroyBuffer)                                                                                    \
     X(GetBufferMemoryRequirements, GetBufferMemoryRequirements)                                                        \

@@ -36,14 +36,14 @@ GpuBuffer &GpuBuffer::operator=(GpuBuffer &&other) noexcept
     return *this;
 }
 
-VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes)
+VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage)
 {
     reset();
     context_ = context;
     const DeviceTable &next = *context.next;
     VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
     bufferInfo.size = bytes;
-    bufferInfo.usage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    bufferInfo.usage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | extraUsage;
     VkResult result = next.CreateBuffer(context.device, &bufferInfo, nullptr, &buffer_);
     if (result != VK_SUCCESS)
         return result;

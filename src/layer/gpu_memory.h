@@ -25,9 +25,10 @@ public:
     GpuBuffer &operator=(const GpuBuffer &) = delete;
 
     // Zero-filled. On failure nothing is left behind.
-    VkResult create(const GpuContext &context, VkDeviceSize bytes);
+    VkResult create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0);
     void reset();
 
+    [[nodiscard]] VkBuffer buffer() const { return buffer_; }
     [[nodiscard]] VkDeviceAddress address() const { return address_; }
     [[nodiscard]] uint32_t *words() const { return mapped_; }
 

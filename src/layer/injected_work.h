@@ -16,7 +16,7 @@ namespace vellum::layer
 
 struct Device;
 
-enum class InjectedShader { MicromapPlace, MicromapPack, BlasRecords, TlasInstances, Count };
+enum class InjectedShader { MicromapPlace, MicromapPack, BlasRecords, TlasInstances, RayFlagProbe, Count };
 
 // Push constants of the shaders: the structures match the `Push` blocks in src/shaders.
 struct MicromapPush {
@@ -30,6 +30,10 @@ struct BlasRecordsPush {
 struct TlasInstancesPush {
     VkDeviceAddress source, target, root;
     uint32_t count, firstSlot, arrayOfPointers;
+};
+struct RayFlagProbePush {
+    VkDeviceAddress scene, result;
+    uint32_t rayFlags, padding;
 };
 inline constexpr uint32_t kPushBytes = 128; // the least that every device has
 

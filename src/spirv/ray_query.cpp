@@ -38,9 +38,9 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types)
     return mode;
 }
 
-RayQueries::RayQueries(Module &module, Types &types, Linker &linker)
+RayQueries::RayQueries(Module &module, Types &types, Linker &linker, bool carriesFlagBits)
     : module_(module), types_(types), linker_(linker), mode_(findMode(module, types)),
-      candidates_(module, types, linker, mode_)
+      carriesFlagBits_(carriesFlagBits), candidates_(module, types, linker, mode_)
 {
     for (const Instruction in : module.section(Section::Decorations))
         if (in.opcode == spv::OpDecorate && module.word(in, 2) == spv::DecorationBuiltIn &&
@@ -138,6 +138,11 @@ bool RayQueries::initialize(Instruction in, Code &out)
         const std::uint32_t value = types_.valueOf(flags).value_or(0) & ~kHiddenFlags;
         out.out.push_back(module_.with(in, 3, types_.get(spv::OpConstant, {type, value})));
         return true;
+    }
+    if (!carriesFlagBits_) {
+        error_ = "the ray flags of its ray queries are not constant or not alike, and the driver does not carry unused "
+                 "flag bits";
+        return false;
     }
     const Id uint = types_.uint32();
     // The type of what an unknown instruction made is unknown too; a cast to the same type does no harm.

@@ -12,7 +12,7 @@ namespace vellum::spirv
 class RayQueries
 {
 public:
-    RayQueries(Module &module, Types &types, Linker &linker);
+    RayQueries(Module &module, Types &types, Linker &linker, bool carriesFlagBits);
 
     // Rewrites all functions of the module. Returns whether anything changed; false with error() set on failure.
     bool rewrite();
@@ -34,6 +34,7 @@ private:
     Types &types_;
     Linker &linker_;
     RayFlagMode mode_;
+    bool carriesFlagBits_;
     CandidateFunctions candidates_;
     std::set<Id> customIndexVariables_;
     std::set<Id> decidedInLoops_; // results of proceed calls that stay

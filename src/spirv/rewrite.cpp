@@ -80,7 +80,7 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     Linker linker(*module, types, lookup,
                   {{0, static_cast<std::uint32_t>(options.rootAddress)},
                    {1, static_cast<std::uint32_t>(options.rootAddress >> 32)}});
-    RayQueries queries(*module, types, linker);
+    RayQueries queries(*module, types, linker, options.carriesFlagBits);
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
         return failed(queries.error());

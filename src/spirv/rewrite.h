@@ -23,6 +23,9 @@ namespace vellum::spirv
 
 struct RewriteOptions {
     std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
+    // Whether the driver gives ray flag bits 11..13 back. Without them, a module whose ray queries do not all pass
+    // constant flags with the same hidden bits is Failed.
+    bool carriesFlagBits = true;
 };
 
 struct RewriteResult {

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <ostream>
+
 namespace vellum::test
 {
 namespace
@@ -15,6 +17,11 @@ struct Case {
     std::size_t flat, inner; // proceed calls as glslang compiles them
     std::size_t optimizedFlat, optimizedInner;
 };
+
+void PrintTo(const Case &c, std::ostream *out)
+{
+    *out << c.shader;
+}
 
 const Case kCases[] = {
     {"while_loop.comp", 1, 0, 1, 0},     {"empty_loop.comp", 1, 0, 1, 0},   {"nested.comp", 2, 0, 2, 0},
@@ -135,6 +142,16 @@ TEST(Flags, OpaqueMakesBoxesOpaque)
     const std::string text = disassemble(rewriteValid(loadShader("opaque_boxes.comp", "v15")));
     EXPECT_EQ(count(text, "OpLogicalOr %bool"), 1u);
     EXPECT_EQ(count(text, "%true\n"), 1u) << text;
+}
+
+// constant_flags.comp passes the same constants everywhere, flags.comp what it was given.
+TEST(GlslFlags, NeedCarriedBitsOnlyWhenTheyAreNotConstant)
+{
+    const spirv::RewriteOptions options{.rootAddress = 0, .carriesFlagBits = false};
+    EXPECT_EQ(spirv::rewrite(loadShader("while_loop.comp", "v15"), options).status, Status::Rewritten);
+    const auto result = spirv::rewrite(loadShader("flags.comp", "v15"), options);
+    EXPECT_EQ(result.status, Status::Failed);
+    EXPECT_NE(result.error.find("flag bits"), std::string::npos) << result.error;
 }
 
 } // namespace

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <ostream>
 #include <random>
 
 namespace vellum::test
@@ -17,6 +18,11 @@ struct Loop {
     bool flat;
     const char *body;
 };
+
+void PrintTo(const Loop &loop, std::ostream *out)
+{
+    *out << loop.name;
+}
 
 #define PROCEED "%r = OpRayQueryProceedKHR %bool %q\n"
 #define NAME "%n = OpRayQueryGetIntersectionPrimitiveIndexKHR %uint %q %i0\n"

@@ -1,0 +1,191 @@
+// A small Vulkan for the tests: an application's instance with Vellum's layer on top and the validation layer below it
+// (nearer to the driver), a device, buffers, command submission, and every message that either layer sent.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace vt
+{
+
+struct Message {
+    VkDebugUtilsMessageSeverityFlagBitsEXT severity;
+    std::string id;
+    std::string text;
+
+    [[nodiscard]] bool fromVellum() const { return id.starts_with("VELLUM-"); }
+};
+
+struct Options {
+    bool vellum = true;
+    bool validation = true;
+    bool micromaps = true;    // enable VK_EXT_opacity_micromap on the device
+    bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
+};
+
+#define VT_INSTANCE_COMMANDS(X)                                                                                        \
+    X(CreateDebugUtilsMessengerEXT)                                                                                    \
+    X(DestroyDebugUtilsMessengerEXT)
+
+#define VT_DEVICE_COMMANDS(X)                                                                                          \
+    X(CreateMicromapEXT)                                                                                               \
+    X(DestroyMicromapEXT)                                                                                              \
+    X(GetMicromapBuildSizesEXT)                                                                                        \
+    X(CmdBuildMicromapsEXT)                                                                                            \
+    X(GetDeviceMicromapCompatibilityEXT)                                                                               \
+    X(CreateAccelerationStructureKHR)                                                                                  \
+    X(DestroyAccelerationStructureKHR)                                                                                 \
+    X(GetAccelerationStructureBuildSizesKHR)                                                                           \
+    X(GetAccelerationStructureDeviceAddressKHR)                                                                        \
+    X(CmdBuildAccelerationStructuresKHR)                                                                               \
+    X(CreateRayTracingPipelinesKHR)                                                                                    \
+    X(GetRayTracingShaderGroupHandlesKHR)                                                                              \
+    X(CmdTraceRaysKHR)                                                                                                 \
+    X(CmdPushDescriptorSetKHR)                                                                                         \
+    X(CmdBeginConditionalRenderingEXT)                                                                                 \
+    X(CmdEndConditionalRenderingEXT)
+
+struct Commands {
+#define VT_MEMBER(name) PFN_vk##name name = nullptr;
+    VT_INSTANCE_COMMANDS(VT_MEMBER)
+    VT_DEVICE_COMMANDS(VT_MEMBER)
+#undef VT_MEMBER
+};
+
+class Gpu;
+
+// A buffer with memory of its own, mapped.
+class Buffer
+{
+public:
+    Buffer() = default;
+    Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage);
+    Buffer(Buffer &&other) noexcept { swap(other); }
+    Buffer &operator=(Buffer &&other) noexcept
+    {
+        swap(other);
+        return *this;
+    }
+    ~Buffer();
+
+    [[nodiscard]] VkBuffer handle() const { return buffer_; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    // Only where the usage holds VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
+    [[nodiscard]] VkDeviceAddress address() const { return address_; }
+    [[nodiscard]] std::uint8_t *bytes() const { return bytes_; }
+    template <class T> [[nodiscard]] std::span<T> as() const
+    {
+        return {reinterpret_cast<T *>(bytes_), static_cast<std::size_t>(size_) / sizeof(T)};
+    }
+
+private:
+    void swap(Buffer &other) noexcept;
+
+    Gpu *gpu_ = nullptr;
+    VkBuffer buffer_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkDeviceSize size_ = 0;
+    VkDeviceAddress address_ = 0;
+    std::uint8_t *bytes_ = nullptr;
+};
+
+class Gpu
+{
+public:
+    explicit Gpu(const Options &options = {});
+    Gpu(const Gpu &) = delete;
+    Gpu &operator=(const Gpu &) = delete;
+    ~Gpu();
+
+    [[nodiscard]] const Options &options() const { return options_; }
+    [[nodiscard]] VkInstance instance() const { return instance_; }
+    [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
+    [[nodiscard]] VkDevice device() const { return device_; }
+    [[nodiscard]] VkQueue queue() const { return queue_; }
+    [[nodiscard]] VkCommandPool pool() const { return pool_; }
+    [[nodiscard]] bool has(const char *deviceExtension) const;
+    [[nodiscard]] const Commands &vk() const { return commands_; }
+    [[nodiscard]] std::uint32_t scratchAlignment() const { return scratchAlignment_; }
+    [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
+    {
+        return pipelineProperties_;
+    }
+
+    [[nodiscard]] std::uint32_t memoryType(std::uint32_t allowed, VkMemoryPropertyFlags wanted) const;
+    // A buffer with device address and the content, readable by everything that needs an address.
+    template <class T> Buffer upload(std::span<const T> content, VkBufferUsageFlags usage)
+    {
+        Buffer buffer(*this, std::max<VkDeviceSize>(content.size_bytes(), 16),
+                      usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        if (!content.empty())
+            std::memcpy(buffer.bytes(), content.data(), content.size_bytes());
+        return buffer;
+    }
+
+    VkCommandBuffer begin(VkCommandBufferUsageFlags usage = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT);
+    void end(VkCommandBuffer commands);
+    // Submits and waits.
+    void execute(VkCommandBuffer commands);
+    // begin, record, end, execute.
+    void submit(const std::function<void(VkCommandBuffer)> &record);
+    VkShaderModule shader(std::span<const std::uint32_t> words) const;
+
+    // All messages since the last call.
+    std::vector<Message> takeMessages();
+    // The messages that no test expects: those not on the short list of false alarms in harness.cpp.
+    std::vector<Message> takeUnexpectedMessages();
+    void addMessage(Message message) { messages_.push_back(std::move(message)); }
+
+private:
+    void createInstance();
+    void createDevice();
+
+    Options options_;
+    VkInstance instance_ = VK_NULL_HANDLE;
+    VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
+    VkPhysicalDevice physical_ = VK_NULL_HANDLE;
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkQueue queue_ = VK_NULL_HANDLE;
+    VkCommandPool pool_ = VK_NULL_HANDLE;
+    Commands commands_;
+    std::vector<std::string> extensions_;
+    std::uint32_t scratchAlignment_ = 0;
+    VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
+    std::vector<Message> messages_;
+};
+
+// A test with a device; at its end nobody may have complained.
+class GpuTest : public testing::Test
+{
+protected:
+    explicit GpuTest(const Options &options = {}) : gpu_(std::make_unique<Gpu>(options)) {}
+    void TearDown() override { expectNoMessages(); }
+
+    void expectNoMessages()
+    {
+        for (const Message &m : gpu_->takeUnexpectedMessages())
+            ADD_FAILURE() << m.id << ": " << m.text;
+    }
+    Gpu &gpu() { return *gpu_; }
+
+private:
+    std::unique_ptr<Gpu> gpu_;
+};
+
+// Throws what the test then reports.
+void check(VkResult result, const char *what);
+#define VT_CHECK(call) ::vt::check((call), #call)
+
+// Everything before it happens before everything after it.
+void barrier(VkCommandBuffer commands);
+
+} // namespace vt
