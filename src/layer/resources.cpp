@@ -22,6 +22,11 @@ VkFlags64 driverUsage(VkFlags64 usage)
     VkFlags64 result = usage & ~kMicromapUsages;
     if (usage & (kMicromapUsages | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
+    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03674 and -geometry-03673).
+    const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    if ((usage & scratch) == scratch)
+        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
     if (usage & storage)
         result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     return result;
