@@ -169,12 +169,19 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
                                               (corner & 4) != 0 ? box.high[2] : box.low[2]}));
     result.ground = makeGround(result.bounds, height);
 
+    std::vector<std::int32_t> textureOf;
+    for (std::size_t i = 0; i < result.scene.materials.size(); ++i) {
+        const bool textured = result.scene.materials[i].image >= 0;
+        textureOf.push_back(textured ? static_cast<std::int32_t>(result.texturedMaterials.size()) : -1);
+        if (textured)
+            result.texturedMaterials.push_back(static_cast<std::uint32_t>(i));
+    }
     const Density density(result.scene);
     for (const Geometry &g : result.scene.geometries) {
         const Material &m = result.scene.materials[g.material];
         const Kind kind = m.masked ? Kind::Leaves : Kind::Solid;
         addGeometry(result, g,
-                    {0, m.image, m.alphaCutoff, static_cast<std::uint32_t>(kind),
+                    {0, textureOf[g.material], m.alphaCutoff, static_cast<std::uint32_t>(kind),
                      {m.baseColor[0], m.baseColor[1], m.baseColor[2], m.baseColor[3]}},
                     density);
     }

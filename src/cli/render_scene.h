@@ -27,6 +27,8 @@ struct RenderScene {
     std::vector<Placement> copies;
     Box bounds; // of all copies, without the ground
 
+    std::vector<std::uint32_t> texturedMaterials; // the material that each texture of the shader is for
+
     std::vector<GeometryRecord> records; // of the scene's geometries, then the ground's
     std::vector<float> uvs;              // three (u, v) per triangle
     std::vector<std::uint32_t> normals;  // three per triangle: octahedral normal (12 + 12 bits), sky visibility (8 bits)

@@ -35,7 +35,7 @@ std::vector<std::uint8_t> packIndices(const Attachment &attachment, VkDeviceSize
     const bool wide = attachment.indexType == VK_INDEX_TYPE_UINT32;
     const VkDeviceSize last = wide ? 4 : 2;
     std::vector<std::uint8_t> packed(attachment.indexOffset + stride * (attachment.indices.size() - 1) + last, 0x5a);
-    for (std::size_t i = 0; i < attachment.indices.size(); ++i) {
+    for (std::size_t i = 0; i < (stride == 0 ? 1 : attachment.indices.size()); ++i) {
         const auto value = static_cast<std::uint32_t>(attachment.indices[i]);
         std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, wide ? 4 : 2);
     }
@@ -300,7 +300,9 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
                     used.push_back(static_cast<std::int32_t>(p));
             } else {
                 const std::uint32_t size = attachment.indexType == VK_INDEX_TYPE_UINT32 ? 4 : 2;
-                out.indexStride = attachment.stride != 0 ? attachment.stride : size;
+                out.indexStride = attachment.stride.value_or(size);
+                if (out.indexStride == 0)
+                    used.assign(used.size(), used.at(0));
                 const std::vector<std::uint8_t> packed = packIndices(attachment, out.indexStride);
                 out.indexBuffer.deviceAddress = upload(packed.data(), packed.size()) + attachment.indexOffset;
             }

@@ -80,7 +80,7 @@ struct Attachment {
     const Micromap *micromap = nullptr;
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
     std::vector<std::int32_t> indices; // the values the index buffer holds
-    std::uint32_t stride = 0;          // 0: tightly packed
+    std::optional<std::uint32_t> stride; // tightly packed unless given; 0: every triangle reads the first index
     std::uint32_t base = 0;
     std::uint32_t indexOffset = 0; // bytes before the first index
 };

@@ -1,0 +1,109 @@
+// Vulkan instances and devices.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+#include <vulkan/vulkan.h>
+
+#include "cli/error.h"
+
+namespace vellum::cli
+{
+
+// Throws Error, saying what failed and how, for everything but VK_SUCCESS.
+void check(VkResult result, const char *what);
+
+class Instance
+{
+  public:
+    // Enables the layer where `wantLayer` and the loader finds it.
+    explicit Instance(bool wantLayer);
+    ~Instance();
+    Instance(const Instance &) = delete;
+    Instance &operator=(const Instance &) = delete;
+
+    [[nodiscard]] VkInstance handle() const { return m_instance; }
+    [[nodiscard]] bool layerEnabled() const { return m_layerEnabled; }
+
+  private:
+    VkInstance m_instance = VK_NULL_HANDLE;
+    bool m_layerEnabled = false;
+};
+
+struct DeviceInfo {
+    VkPhysicalDevice handle = VK_NULL_HANDLE;
+    std::string name;
+    VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
+    bool rayQuery = false;  // and what else the renderer needs
+    bool micromaps = false; // VK_EXT_opacity_micromap, from whomever
+    std::string implementation; // of the extension, in words
+};
+
+std::vector<DeviceInfo> listDevices(const Instance &instance);
+
+// The device that `wish` names by its number in the list or by a part of its name; without a wish, the most powerful
+// kind that has ray queries. Throws Error where there is none.
+DeviceInfo chooseDevice(const Instance &instance, const std::optional<std::string> &wish);
+
+// Functions of extensions, which the loader does not export.
+struct DeviceFunctions {
+    PFN_vkCreateAccelerationStructureKHR createAccelerationStructure;
+    PFN_vkDestroyAccelerationStructureKHR destroyAccelerationStructure;
+    PFN_vkGetAccelerationStructureBuildSizesKHR getAccelerationStructureBuildSizes;
+    PFN_vkGetAccelerationStructureDeviceAddressKHR getAccelerationStructureDeviceAddress;
+    PFN_vkCmdBuildAccelerationStructuresKHR cmdBuildAccelerationStructures;
+    // Null without VK_EXT_opacity_micromap.
+    PFN_vkCreateMicromapEXT createMicromap;
+    PFN_vkDestroyMicromapEXT destroyMicromap;
+    PFN_vkGetMicromapBuildSizesEXT getMicromapBuildSizes;
+    PFN_vkCmdBuildMicromapsEXT cmdBuildMicromaps;
+};
+
+class Device
+{
+  public:
+    // With `micromaps`, VK_EXT_opacity_micromap is enabled. Throws Error where the device cannot do what is needed.
+    Device(const DeviceInfo &info, bool micromaps);
+    ~Device();
+    Device(const Device &) = delete;
+    Device &operator=(const Device &) = delete;
+
+    [[nodiscard]] VkDevice handle() const { return m_device; }
+    [[nodiscard]] const DeviceInfo &info() const { return m_info; }
+    [[nodiscard]] const DeviceFunctions &functions() const { return m_functions; }
+    [[nodiscard]] VkDeviceSize scratchAlignment() const { return m_scratchAlignment; }
+    [[nodiscard]] const VkPhysicalDeviceLimits &limits() const { return m_limits; }
+    // Timestamps are worth more than the host's clock: a processor that is not the host's, with a timer.
+    [[nodiscard]] bool hasTimestamps() const { return m_timestamps; }
+
+    // A memory type of `allowed` with all `needed` properties, best with `preferred` too; nothing where there is none.
+    [[nodiscard]] std::optional<std::uint32_t> memoryType(std::uint32_t allowed, VkMemoryPropertyFlags needed,
+                                                          VkMemoryPropertyFlags preferred) const;
+    // Records commands, submits them and waits until they are done.
+    void run(const std::function<void(VkCommandBuffer)> &record);
+    // For work that is recorded once and submitted often.
+    [[nodiscard]] VkCommandBuffer allocateCommands();
+    void submitAndWait(VkCommandBuffer commands);
+
+  private:
+    explicit Device(const DeviceInfo &info) : m_info(info) {}
+    void create(bool micromaps);
+    void loadFunctions(bool micromaps);
+    void readProperties();
+
+    DeviceInfo m_info;
+    VkDevice m_device = VK_NULL_HANDLE;
+    VkQueue m_queue = VK_NULL_HANDLE;
+    std::uint32_t m_family = 0;
+    bool m_timestamps = false;
+    VkCommandPool m_pool = VK_NULL_HANDLE;
+    VkFence m_fence = VK_NULL_HANDLE;
+    DeviceFunctions m_functions{};
+    VkPhysicalDeviceMemoryProperties m_memory{};
+    VkPhysicalDeviceLimits m_limits{};
+    VkDeviceSize m_scratchAlignment = 0;
+};
+
+} // namespace vellum::cli

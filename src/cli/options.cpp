@@ -1,0 +1,144 @@
+#include "cli/options.h"
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "cli/render_command.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr const char *kExamples = R"(
+Examples:
+  vellum render
+      draws the built-in grove to vellum.png
+  vellum render ash.glb --mode compare --output ash.png
+      draws a tree with and without micromaps, and prints what they save
+  vellum render ash.glb --mode compare --instances 9 --heavy --level 5
+      nine copies, a costly alpha test, coarser and smaller micromaps
+  vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
+      a smooth picture from another side
+
+It needs a Vulkan 1.3 device with ray queries; Mesa's lavapipe is one that runs on any processor.)";
+
+constexpr const char *kRenderAbout =
+    R"(Renders a glTF file with alpha-masked foliage, or a built-in grove, by ray queries in a compute shader.
+
+An ordinary Vulkan program: where the driver lacks VK_EXT_opacity_micromap, the layer VK_LAYER_VELLUM_opacity_micromap,
+which is turned on by default, brings it. Which device and which implementation of the extension were used is printed.)";
+
+std::uint32_t parseLevel(const std::string &text)
+{
+    try {
+        std::size_t used = 0;
+        const unsigned long level = std::stoul(text, &used);
+        if (used == text.size() && level <= 12)
+            return static_cast<std::uint32_t>(level);
+    } catch (const std::exception &) {
+        // Neither: said below.
+    }
+    throw Error("--level: " + text + " is neither a subdivision level (0 to 12) nor auto");
+}
+
+// What CLI11 stores as text.
+struct RawOptions {
+    std::string size;
+    std::string level = "7";
+    unsigned format = 4;
+};
+
+void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
+{
+    const std::map<std::string, Mode> modes = {
+        {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
+    command.footer(kExamples);
+    command.add_option("file", options.input, "A .glb or .gltf file; the built-in grove without");
+    command
+        .add_option("-m,--mode", options.mode,
+                    "alpha: no micromaps, the shader samples the texture for every candidate.\n"
+                    "omm: micromaps, it samples only where they are unknown.\n"
+                    "compare: both, with a table of times, candidates per ray and differing pixels [omm]")
+        ->transform(CLI::Transformer(modes).description(""))
+        ->type_name("MODE");
+    command.add_option("-o,--output", options.output,
+                       "The PNG to write; compare writes <name>-alpha.png too, and\n"
+                       "<name>-difference.png if there is any [vellum.png]");
+    command.add_option("-s,--size", raw.size, "Width and height in pixels [1280x720]")->type_name("WxH");
+    command.add_option("--samples", options.settings.samples, "Rays per pixel, averaged: 1 to 256 [1]")
+        ->check(CLI::Range(1, 256).description(""));
+    command.add_option("-l,--level", raw.level,
+                       "Subdivision level of the micromaps, 0 to 12, or auto: by the texture's\n"
+                       "density [7]");
+    command.add_option("-f,--format", raw.format, "4: four states, exact. 2: two states, an approximation [4]")
+        ->check(CLI::IsMember({2, 4}).description(""));
+    command.add_option("-n,--instances", options.instances, "Copies of the scene on a square grid: 1 to 1000 [1]")
+        ->check(CLI::Range(1, 1000).description(""));
+    command.add_option("--frames", options.frames, "Frames to time; the median is printed [5]")
+        ->check(CLI::Range(1, 10000).description(""));
+    command.add_flag("--heavy", options.settings.heavy, "16 more texture reads per candidate, like a costly material");
+    command.add_option("--yaw", options.settings.view.yaw, "Turn of the camera around the scene in degrees [25]");
+    command.add_option("--pitch", options.settings.view.pitch, "Tilt of the camera in degrees, -85 to 85 [6]")
+        ->check(CLI::Range(-85, 85).description(""));
+    command.add_option("--zoom", options.settings.view.zoom, "Above 1 closer than to see everything [1]")
+        ->check(CLI::Range(0.05, 20.0).description(""));
+    command.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
+    command.add_flag("!--no-layer", options.layer, "Do not turn the layer on");
+    command.add_option("--layer-path", options.layerFolder,
+                       "Folder of the layer's manifest, instead of the one beside this program");
+}
+
+void finishRender(RenderOptions &options, const RawOptions &raw)
+{
+    if (!raw.size.empty())
+        parseSize(raw.size, options.settings);
+    if (raw.level != "auto")
+        options.bake.level = parseLevel(raw.level);
+    options.bake.format = raw.format == 2 ? Format::TwoState : Format::FourState;
+}
+
+// CLI11's messages can have several lines.
+std::string oneLine(std::string text)
+{
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    return text;
+}
+
+} // namespace
+
+void parseSize(const std::string &text, RenderSettings &settings)
+{
+    unsigned width = 0;
+    unsigned height = 0;
+    char rest = 0;
+    const bool read = text.find('-') == std::string::npos &&
+                      std::sscanf(text.c_str(), "%5ux%5u%c", &width, &height, &rest) == 2;
+    if (!read || width == 0 || height == 0 || width > 16384 || height > 16384)
+        throw Error("--size: " + text + " is not a size like 1280x720, of 1 to 16384 pixels each way");
+    settings.width = width;
+    settings.height = height;
+}
+
+int runCommandLine(int argc, char **argv)
+{
+    CLI::App app("Opacity micromaps for every device that traces rays.", "vellum");
+    app.set_version_flag("--version", std::string("vellum ") + VELLUM_VERSION);
+    app.require_subcommand(1);
+    app.footer("vellum render --help has examples.");
+    RenderOptions options;
+    RawOptions raw;
+    CLI::App &render = *app.add_subcommand("render", kRenderAbout);
+    declareRender(render, options, raw);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::Success &asked) { // --help and --version
+        return app.exit(asked);
+    } catch (const CLI::ParseError &error) {
+        throw Error(oneLine(error.what()) + " (vellum --help tells more)");
+    }
+    finishRender(options, raw);
+    return renderCommand(options);
+}
+
+} // namespace vellum::cli

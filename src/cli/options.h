@@ -1,0 +1,36 @@
+// The command line.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "bake/bake.h"
+#include "cli/renderer.h"
+
+namespace vellum::cli
+{
+
+enum class Mode { Alpha, Micromaps, Compare };
+
+struct RenderOptions {
+    std::optional<std::filesystem::path> input; // the built-in grove without
+    std::filesystem::path output = "vellum.png";
+    Mode mode = Mode::Micromaps;
+    RenderSettings settings;
+    BakeOptions bake;
+    std::uint32_t instances = 1;
+    std::uint32_t frames = 5;
+    std::optional<std::string> device;
+    bool layer = true;
+    std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program
+};
+
+// "1280x720". Throws Error.
+void parseSize(const std::string &text, RenderSettings &settings);
+
+// Parses the command line and runs the command it names. Prints what --help and --version ask for. Returns the
+// process's exit code; throws Error, GltfError or BakeError.
+int runCommandLine(int argc, char **argv);
+
+} // namespace vellum::cli

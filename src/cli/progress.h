@@ -1,0 +1,28 @@
+// Says on a terminal what is being done; silent elsewhere.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace vellum::cli
+{
+
+class Progress
+{
+  public:
+    // Shows `what` on stderr, if that is a terminal and `enabled`.
+    explicit Progress(std::string what, bool enabled = true);
+    // Clears the line.
+    ~Progress();
+    Progress(const Progress &) = delete;
+    Progress &operator=(const Progress &) = delete;
+
+    void update(std::size_t done, std::size_t total);
+
+  private:
+    std::string m_what;
+    bool m_enabled;
+    int m_shown = -1; // percent
+};
+
+} // namespace vellum::cli

@@ -1,0 +1,22 @@
+// `vellum render`
+#pragma once
+
+#include "cli/options.h"
+
+namespace vellum::cli
+{
+
+// Renders, writes the pictures and prints what was done on stdout. Returns the exit code.
+int renderCommand(const RenderOptions &options);
+
+// The scene of a file, or the grove.
+Scene loadScene(const std::optional<std::filesystem::path> &file);
+
+// Lets the Vulkan loader find the layer. Before the first Vulkan call. Does nothing where there is no manifest, the
+// layer may be installed.
+void offerLayer(const std::optional<std::filesystem::path> &folder);
+
+// The one in the middle, or the mean of the two. `values` must not be empty.
+double median(std::vector<double> values);
+
+} // namespace vellum::cli

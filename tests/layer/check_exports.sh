@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# check_exports.sh LIBRARY [sanitized]: the layer exports the loader's entry points and nothing else, and depends on the C
+# and C++ run-time libraries only.
+set -euo pipefail
+library=$1
+exports=$(nm --dynamic --defined-only --format=posix "$library" | awk '{ print $1 }')
+bad=$(grep -vxE 'vkNegotiateLoaderLayerInterfaceVersion|vkGetInstanceProcAddr|vkGetDeviceProcAddr' <<<"$exports" || true)
+if [ -n "$bad" ]; then
+    printf 'exported, but no business of the loader:\n%s\n' "$bad"
+    exit 1
+fi
+grep -qx vkNegotiateLoaderLayerInterfaceVersion <<<"$exports" || {
+    echo "vkNegotiateLoaderLayerInterfaceVersion is not exported"
+    exit 1
+}
+allowed='libc|libm|libgcc_s|libstdc\+\+|ld-linux-[a-z0-9_-]+'
+if [ "${2:-}" = sanitized ]; then
+    allowed="$allowed|libasan|libubsan"
+fi
+needed=$(readelf --dynamic --wide "$library" | sed -n 's/.*(NEEDED).*\[\(.*\)\]/\1/p')
+bad=$(grep -vE "^($allowed)\.so" <<<"$needed" || true)
+if [ -n "$bad" ]; then
+    printf 'depends on:\n%s\n' "$bad"
+    exit 1
+fi
+echo "exports: $exports"

@@ -1,0 +1,160 @@
+// What an application sees of the extension with Vellum's layer and without.
+#include <array>
+
+#include "harness.h"
+
+namespace
+{
+
+using vt::Gpu;
+
+bool advertises(VkPhysicalDevice physical)
+{
+    std::uint32_t count = 0;
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
+    std::vector<VkExtensionProperties> all(count);
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, all.data());
+    int found = 0;
+    for (const VkExtensionProperties &p : all) {
+        if (std::strcmp(p.extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0) {
+            EXPECT_EQ(p.specVersion, 2u);
+            ++found;
+        }
+    }
+    EXPECT_LE(found, 1) << "listed twice";
+    return found > 0;
+}
+
+VkPhysicalDeviceOpacityMicromapFeaturesEXT featuresOf(VkPhysicalDevice physical)
+{
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{};
+    micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
+    VkPhysicalDeviceFeatures2 features{};
+    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    features.pNext = &micromap;
+    vkGetPhysicalDeviceFeatures2(physical, &features);
+    return micromap;
+}
+
+VkResult createDevice(VkPhysicalDevice physical, std::span<const char *const> extensions, const void *chain,
+                      VkDevice *device)
+{
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{};
+    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    VkDeviceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    info.pNext = chain;
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    info.ppEnabledExtensionNames = extensions.data();
+    return vkCreateDevice(physical, &info, nullptr, device);
+}
+
+class Properties : public vt::GpuTest
+{
+};
+
+class WithoutLayer : public vt::GpuTest
+{
+protected:
+    WithoutLayer() : GpuTest({.vellum = false, .micromaps = false}) {}
+};
+
+TEST_F(Properties, ExtensionIsListedOnce)
+{
+    EXPECT_TRUE(advertises(gpu().physical()));
+}
+
+TEST_F(Properties, ListingInPiecesWorks)
+{
+    std::uint32_t total = 0;
+    ASSERT_EQ(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &total, nullptr), VK_SUCCESS);
+    std::vector<VkExtensionProperties> some(total - 1);
+    std::uint32_t count = total - 1;
+    EXPECT_EQ(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, some.data()), VK_INCOMPLETE);
+    EXPECT_EQ(count, total - 1);
+}
+
+TEST_F(Properties, FeaturesAndLimits)
+{
+    const auto features = featuresOf(gpu().physical());
+    EXPECT_TRUE(features.micromap);
+    EXPECT_FALSE(features.micromapCaptureReplay);
+    EXPECT_FALSE(features.micromapHostCommands);
+
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT micromap{};
+    micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &micromap;
+    vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
+    EXPECT_EQ(micromap.maxOpacity2StateSubdivisionLevel, 12u);
+    EXPECT_EQ(micromap.maxOpacity4StateSubdivisionLevel, 12u);
+}
+
+TEST_F(Properties, EveryEntryPointResolves)
+{
+    for (const char *name :
+         {"vkCreateMicromapEXT", "vkDestroyMicromapEXT", "vkCmdBuildMicromapsEXT", "vkBuildMicromapsEXT",
+          "vkCopyMicromapEXT", "vkCopyMicromapToMemoryEXT", "vkCopyMemoryToMicromapEXT", "vkWriteMicromapsPropertiesEXT",
+          "vkCmdCopyMicromapEXT", "vkCmdCopyMicromapToMemoryEXT", "vkCmdCopyMemoryToMicromapEXT",
+          "vkCmdWriteMicromapsPropertiesEXT", "vkGetDeviceMicromapCompatibilityEXT", "vkGetMicromapBuildSizesEXT"}) {
+        EXPECT_NE(vkGetDeviceProcAddr(gpu().device(), name), nullptr) << name;
+        EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), name), nullptr) << name;
+    }
+}
+
+TEST_F(Properties, UnknownEntryPointsDoNotResolve)
+{
+    EXPECT_EQ(vkGetDeviceProcAddr(gpu().device(), "vkCmdNoSuchThingEXT"), nullptr);
+}
+
+TEST_F(Properties, EntryPointsStayHiddenWhereTheExtensionIsNotEnabled)
+{
+    Gpu plain({.micromaps = false});
+    EXPECT_EQ(vkGetDeviceProcAddr(plain.device(), "vkCreateMicromapEXT"), nullptr);
+    EXPECT_NE(vkGetDeviceProcAddr(plain.device(), "vkCmdDispatch"), nullptr);
+}
+
+TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
+{
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT wanted{};
+    wanted.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
+    wanted.micromap = VK_TRUE;
+    wanted.micromapCaptureReplay = VK_TRUE;
+    const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                           VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(createDevice(gpu().physical(), names, &wanted, &device), VK_ERROR_FEATURE_NOT_PRESENT);
+    vkDestroyDevice(device, nullptr);
+    gpu().takeMessages(); // whoever complains about it is right
+}
+
+TEST_F(Properties, CompatibilityOfVersionData)
+{
+    const std::array<std::uint8_t, 2 * VK_UUID_SIZE> foreign{1, 2, 3};
+    VkMicromapVersionInfoEXT version{};
+    version.sType = VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT;
+    version.pVersionData = foreign.data();
+    auto compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
+    gpu().vk().GetDeviceMicromapCompatibilityEXT(gpu().device(), &version, &compatibility);
+    EXPECT_EQ(compatibility, VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR);
+}
+
+TEST_F(WithoutLayer, TheDriverHasNoMicromaps)
+{
+    if (advertises(gpu().physical()))
+        GTEST_SKIP() << "this driver has micromaps of its own";
+    EXPECT_FALSE(featuresOf(gpu().physical()).micromap);
+    const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                           VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(createDevice(gpu().physical(), names, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
+    gpu().takeMessages();
+}
+
+} // namespace

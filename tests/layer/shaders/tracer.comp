@@ -1,0 +1,158 @@
+#version 460
+#extension GL_EXT_ray_query : require
+#extension GL_EXT_ray_tracing : enable
+// Traces one ray a thread and writes down everything a shader can see of it. Variants by definitions:
+//   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
+//   SPEC_FLAGS    they are a specialization constant
+//   BY_ADDRESS    the acceleration structure comes as a device address
+#ifdef BY_ADDRESS
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#endif
+
+layout(local_size_x = 64) in;
+
+struct Ray {
+    float origin[3];
+    float tMin;
+    float direction[3];
+    float tMax;
+    uint flags;
+    uint cullMask;
+    uint rule;      // kNever, kAlways or kHash: confirm a candidate?
+    float generate; // AABB candidates: generate a hit at this t, if it is above 0
+};
+
+struct Candidate {
+    uint customIndex;
+    uint instance;
+    uint geometry;
+    uint primitive;
+    uint bits; // 1: AABB, 2: candidateAABBOpaque, 4: front face, 8: confirmed or generated
+    float t;
+    float u;
+    float v;
+};
+
+struct Result {
+    uint candidates;
+    uint flags; // rayQueryGetRayFlagsEXT
+    uint committed;
+    uint customIndex;
+    uint instance;
+    uint geometry;
+    uint primitive;
+    float t;
+    float u;
+    float v;
+    float tMin;
+    uint frontFace;
+};
+
+layout(binding = 0) uniform accelerationStructureEXT scene;
+layout(binding = 1, std430) readonly buffer Rays { Ray rays[]; };
+layout(binding = 2, std430) writeonly buffer Results { Result results[]; };
+layout(binding = 3, std430) writeonly buffer Candidates { Candidate list[]; };
+layout(push_constant) uniform Push
+{
+    uint rayCount;
+    uint capacity; // candidates kept for each ray
+    uvec2 sceneAddress;
+} push;
+
+#ifdef SPEC_FLAGS
+layout(constant_id = 0) const uint kFlags = 0u;
+#define FLAGS(ray) kFlags
+#elif defined(RAY_FLAGS)
+#define FLAGS(ray) RAY_FLAGS
+#else
+#define FLAGS(ray) ray.flags
+#endif
+
+const uint kNever = 0u;
+const uint kAlways = 1u;
+const uint kHash = 2u;
+
+bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint primitive)
+{
+    const uint h = (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^
+                   (primitive * 0x27d4eb2fu);
+    return rule == kAlways || (rule == kHash && ((h ^ (h >> 15u)) & 0x40u) != 0u);
+}
+
+void main()
+{
+    const uint id = gl_GlobalInvocationID.x;
+    if (id >= push.rayCount)
+        return;
+    const Ray ray = rays[id];
+    rayQueryEXT query;
+#ifdef BY_ADDRESS
+    rayQueryInitializeEXT(query, accelerationStructureEXT(push.sceneAddress), FLAGS(ray), ray.cullMask,
+#else
+    rayQueryInitializeEXT(query, scene, FLAGS(ray), ray.cullMask,
+#endif
+                          vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,
+                          vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax);
+    uint count = 0u;
+    while (rayQueryProceedEXT(query)) {
+        Candidate c;
+        c.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false));
+        c.instance = uint(rayQueryGetIntersectionInstanceIdEXT(query, false));
+        c.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(query, false));
+        c.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
+        c.t = 0.0;
+        c.u = 0.0;
+        c.v = 0.0;
+        if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionAABBEXT) {
+            c.bits = 1u | (rayQueryGetIntersectionCandidateAABBOpaqueEXT(query) ? 2u : 0u);
+            const float limit =
+                rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionNoneEXT
+                    ? ray.tMax
+                    : rayQueryGetIntersectionTEXT(query, true);
+            if (ray.generate > 0.0 && ray.generate < limit) {
+                rayQueryGenerateIntersectionEXT(query, ray.generate);
+                c.bits |= 8u;
+            }
+        } else {
+            c.bits = rayQueryGetIntersectionFrontFaceEXT(query, false) ? 4u : 0u;
+            c.t = rayQueryGetIntersectionTEXT(query, false);
+            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
+            c.u = uv.x;
+            c.v = uv.y;
+            if (confirms(ray.rule, c.customIndex, c.instance, c.geometry, c.primitive)) {
+                rayQueryConfirmIntersectionEXT(query);
+                c.bits |= 8u;
+            }
+        }
+        if (count < push.capacity)
+            list[id * push.capacity + count] = c;
+        ++count;
+    }
+    Result r;
+    r.candidates = count;
+    r.flags = rayQueryGetRayFlagsEXT(query);
+    r.tMin = rayQueryGetRayTMinEXT(query);
+    r.committed = rayQueryGetIntersectionTypeEXT(query, true);
+    r.customIndex = 0u;
+    r.instance = 0u;
+    r.geometry = 0u;
+    r.primitive = 0u;
+    r.t = 0.0;
+    r.u = 0.0;
+    r.v = 0.0;
+    r.frontFace = 0u;
+    if (r.committed != gl_RayQueryCommittedIntersectionNoneEXT) {
+        r.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true));
+        r.instance = uint(rayQueryGetIntersectionInstanceIdEXT(query, true));
+        r.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(query, true));
+        r.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true));
+        r.t = rayQueryGetIntersectionTEXT(query, true);
+        if (r.committed == gl_RayQueryCommittedIntersectionTriangleEXT) {
+            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, true);
+            r.u = uv.x;
+            r.v = uv.y;
+            r.frontFace = rayQueryGetIntersectionFrontFaceEXT(query, true) ? 1u : 0u;
+        }
+    }
+    results[id] = r;
+}
