@@ -1,5 +1,7 @@
-// A pinhole camera that sees a whole box.
+// A pinhole camera that sees all of a scene.
 #pragma once
+
+#include <span>
 
 #include "cli/math.h"
 
@@ -8,7 +10,7 @@ namespace vellum::cli
 
 struct View {
     float yaw = 25;   // degrees about the vertical axis; 0 looks along -z
-    float pitch = 6;  // degrees down
+    float pitch = 3;  // degrees down
     float zoom = 1;   // above 1: closer
     float fieldOfView = 32; // degrees, vertical
 };
@@ -21,8 +23,8 @@ struct Camera {
     Vec3 forward{};
 };
 
-// The camera that looks at the middle of `box` from just so far that all of it is in a picture of `aspect` (width by
-// height), for a zoom of 1.
-Camera fitCamera(const Box &box, const View &view, float aspect);
+// The camera that looks from just so far that all `points` are in a picture of `aspect` (width by height), in the middle
+// of it, for a zoom of 1.
+Camera fitCamera(std::span<const Vec3> points, const View &view, float aspect);
 
 } // namespace vellum::cli

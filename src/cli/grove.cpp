@@ -180,35 +180,40 @@ Scene makeGrove()
 {
     Scene scene;
     LeafStyle beech;
+    beech.leaves = 7;
+    beech.length = 0.36f;
+    beech.width = 0.22f;
     LeafStyle birch;
     birch.seed = 7;
-    birch.leaves = 13;
-    birch.length = 0.23f;
-    birch.width = 0.17f;
+    birch.leaves = 9;
+    birch.length = 0.27f;
+    birch.width = 0.21f;
     birch.widest = 0.30f;
     birch.teeth = 0.16f;
     birch.veins = 6;
-    birch.young = {0.55f, 0.68f, 0.20f};
-    birch.old = {0.32f, 0.50f, 0.14f};
+    birch.young = {0.47f, 0.60f, 0.20f};
+    birch.old = {0.28f, 0.45f, 0.14f};
     scene.images = {paintTwig(beech, 512), paintTwig(birch, 512)};
     Material wood;
     wood.name = "branches";
-    wood.baseColor = {0.20f, 0.145f, 0.10f, 1};
+    wood.baseColor = {0.36f, 0.29f, 0.22f, 1};
     scene.materials = {wood, leafMaterial("beech leaves", 0), leafMaterial("birch leaves", 1)};
     for (std::uint32_t i = 0; i < 3; ++i)
         scene.geometries.push_back({i, {}, {}, {}});
 
-    const Habit beechTree = {4.6f, 0.26f, 2, {11, 6, 0}, 0.62f, 1.0f, 0.30f, 0.30f, 0.85f, 8, 0.15f, kBeechLeaves};
+    const Habit beechTree = {4.6f, 0.26f, 2, {11, 6, 0}, 0.62f, 1.0f, 0.30f, 0.30f, 0.80f, 8, 0.15f, kBeechLeaves};
     const Habit birchTree = {7.2f, 0.15f, 2, {16, 4, 0}, 0.30f, 0.95f, 0.25f, 0.28f, 0.75f, 7, 0.45f, kBirchLeaves};
-    const Habit bush = {0.7f, 0.06f, 2, {9, 4, 0}, 0.85f, 0.95f, 0.35f, 0.15f, 0.62f, 6, 0.0f, kBeechLeaves};
+    const Habit bush = {0.7f, 0.06f, 2, {9, 4, 0}, 0.85f, 0.95f, 0.35f, 0.15f, 0.66f, 6, 0.0f, kBeechLeaves};
     Grower grower(scene, 11);
-    grower.grow(beechTree, {-2.6f, 0, -0.6f}, 1.15f);
-    grower.grow(birchTree, {2.7f, 0, -1.2f}, 1.0f);
-    grower.grow(birchTree, {4.6f, 0, 0.9f}, 0.82f);
-    grower.grow(beechTree, {0.6f, 0, -5.2f}, 1.0f);
-    grower.grow(bush, {0.6f, 0, 1.7f}, 1.1f);
-    grower.grow(bush, {-4.9f, 0, 2.2f}, 0.9f);
-    grower.grow(bush, {2.4f, 0, 2.9f}, 0.7f);
+    grower.grow(beechTree, {-2.2f, 0, -0.8f}, 1.0f);
+    grower.grow(birchTree, {2.2f, 0, -2.2f}, 0.95f);
+    grower.grow(birchTree, {4.2f, 0, -0.6f}, 0.8f);
+    grower.grow(beechTree, {0.2f, 0, -5.0f}, 0.95f);
+    grower.grow(bush, {0.9f, 0, 1.0f}, 1.0f);
+    grower.grow(bush, {-2.7f, 0, 3.4f}, 0.9f);
+    // Close to the camera, to show single leaves.
+    grower.grow(bush, {4.6f, 0, 5.4f}, 1.25f);
+    grower.grow(bush, {2.9f, 0, 7.0f}, 0.8f);
     return scene;
 }
 

@@ -79,7 +79,7 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
         ->check(CLI::Range(1, 10000).description(""));
     command.add_flag("--heavy", options.settings.heavy, "16 more texture reads per candidate, like a costly material");
     command.add_option("--yaw", options.settings.view.yaw, "Turn of the camera around the scene in degrees [25]");
-    command.add_option("--pitch", options.settings.view.pitch, "Tilt of the camera in degrees, -85 to 85 [6]")
+    command.add_option("--pitch", options.settings.view.pitch, "Tilt of the camera in degrees, -85 to 85 [3]")
         ->check(CLI::Range(-85, 85).description(""));
     command.add_option("--zoom", options.settings.view.zoom, "Above 1 closer than to see everything [1]")
         ->check(CLI::Range(0.05, 20.0).description(""));

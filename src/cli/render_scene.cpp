@@ -132,6 +132,26 @@ Geometry makeGround(const Box &bounds, float height)
     return ground;
 }
 
+// Enough points to see how the scene looks from any side.
+std::vector<Vec3> findOutline(const RenderScene &scene, float height)
+{
+    constexpr std::size_t kEnough = 60000;
+    std::size_t total = 0;
+    for (const Geometry &g : scene.scene.geometries)
+        total += g.positions.size() * scene.copies.size();
+    const std::size_t step = total / kEnough + 1;
+    std::vector<Vec3> points;
+    for (const Placement &copy : scene.copies) {
+        for (const Geometry &g : scene.scene.geometries) {
+            for (std::size_t i = 0; i < g.positions.size(); i += step) {
+                points.push_back(copy.apply(g.positions[i]));
+                points.back()[1] = std::max(points.back()[1], height);
+            }
+        }
+    }
+    return points;
+}
+
 } // namespace
 
 std::size_t RenderScene::maskedTriangles() const
@@ -168,6 +188,7 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
                                               (corner & 2) != 0 ? box.high[1] : std::max(box.low[1], height),
                                               (corner & 4) != 0 ? box.high[2] : box.low[2]}));
     result.ground = makeGround(result.bounds, height);
+    result.outline = findOutline(result, height);
 
     std::vector<std::int32_t> textureOf;
     for (std::size_t i = 0; i < result.scene.materials.size(); ++i) {

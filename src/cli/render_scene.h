@@ -26,6 +26,7 @@ struct RenderScene {
     Geometry ground; // a grid around the copies
     std::vector<Placement> copies;
     Box bounds; // of all copies, without the ground
+    std::vector<Vec3> outline; // some of their points above the ground, for the camera
 
     std::vector<std::uint32_t> texturedMaterials; // the material that each texture of the shader is for
 

@@ -46,13 +46,13 @@ Renderer::~Renderer()
 Renderer::Frame Renderer::makeFrame(const RenderScene &scene, const RenderSettings &settings)
 {
     const float aspect = static_cast<float>(settings.width) / static_cast<float>(settings.height);
-    Camera camera = fitCamera(scene.bounds, settings.view, aspect);
+    Camera camera = fitCamera(scene.outline, settings.view, aspect);
     const Vec3 size = scene.bounds.size();
     const float scale = std::max({size[0], size[1], size[2], 1e-6f});
     // Not below the ground, however the view is turned.
     camera.origin[1] = std::max(camera.origin[1], scene.ground.positions.front()[1] + 0.02f * scale);
     // From behind the viewer's left shoulder, a summer afternoon.
-    const float azimuth = (settings.view.yaw - 58) * kPi / 180;
+    const float azimuth = (settings.view.yaw - 62) * kPi / 180;
     const Vec3 sun = normalize({std::sin(azimuth), 0.95f, std::cos(azimuth)});
     Frame frame{};
     const auto set = [](float *to, const Vec3 &v, float w) {

@@ -20,17 +20,35 @@ layout(constant_id = 1) const uint kRootHigh = 0u;
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { uvec2 at[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
 
-uvec4 vellumInstanceRecord(const in uint slot)
+// Records by their members (core/records.h): drivers for the CPU pay for each word that is loaded.
+struct InstanceRecord {
+    uint customIndexAndFlags;
+    uint geometryCount;
+    uvec2 geometries;
+};
+struct GeometryRecord {
+    uvec2 triangles;
+    uvec2 units;
+};
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instances { InstanceRecord at[]; };
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometries { GeometryRecord at[]; };
+
+uvec2 vellumPage(const in uint slot)
 {
     const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
-    const uvec2 address = Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page];
-    return Quads(address).at[slot & ((1u << kSlotsPerPageLog2) - 1u)];
+    return Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page];
+}
+
+uint vellumInPage(const in uint slot)
+{
+    return slot & ((1u << kSlotsPerPageLog2) - 1u);
 }
 
 // State of the micro-triangle at barycentrics uv.
-//   records  address of the geometry's triangle records
-//   units    address of the micromap's data units
-uint vellumState(const in uvec2 records, const in uvec2 units, const in uint primitive, const in vec2 uv)
+//   records   address of the geometry's triangle records
+//   geometry  index of the geometry record in `geometries`
+uint vellumState(const in uvec2 records, const in uvec2 geometries, const in uint geometry, const in uint primitive,
+                 const in vec2 uv)
 {
     const uvec2 record = Pairs(records).at[primitive];
     const uint kind = record.x & kKindMask;
@@ -47,6 +65,7 @@ uint vellumState(const in uvec2 records, const in uvec2 units, const in uint pri
     const uint bits = 1u + (n & 1u);
     const uint bit = index * bits;
     const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
+    const uvec2 units = Geometries(geometries).at[geometry].units;
     const uint word = Quads(units).at[unit][(bit >> 5u) & 3u];
     return (word >> (bit & 31u)) & ((1u << bits) - 1u);
 }
@@ -55,19 +74,21 @@ uint vellumState(const in uvec2 records, const in uvec2 units, const in uint pri
 uint vellumResolve(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
                    const in uint rayFlags)
 {
-    const uvec4 instance = vellumInstanceRecord(slot);
-    uint flags = instance.x >> 24u;
+    Instances page = Instances(vellumPage(slot));
+    const uint inPage = vellumInPage(slot);
+    const uvec2 geometries = page.at[inPage].geometries;
+    uint flags = page.at[inPage].customIndexAndFlags >> 24u;
     uint state = kStateNone;
     bool opaque = false;
-    if ((instance.z | instance.w) == 0u) {
+    if ((geometries.x | geometries.y) == 0u) {
         // The driver has seen this instance's FORCE flags and the geometry's: the candidate already is their result.
         flags = 0u;
     } else {
-        const uvec4 record = Quads(instance.zw).at[geometry];
-        opaque = (record.x & kGeometryRecordOpaque) != 0u;
-        const uvec2 records = uvec2(record.x & ~7u, record.y);
+        const uvec2 triangles = Geometries(geometries).at[geometry].triangles;
+        opaque = (triangles.x & kGeometryRecordOpaque) != 0u;
+        const uvec2 records = uvec2(triangles.x & ~7u, triangles.y);
         if ((records.x | records.y) != 0u && (flags & kInstanceDisableMicromaps) == 0u)
-            state = vellumState(records, record.zw, primitive, uv);
+            state = vellumState(records, geometries, geometry, primitive, uv);
     }
     return resolveHit(state, opaque, flags, rayFlags);
 }
@@ -75,7 +96,7 @@ uint vellumResolve(const in uint slot, const in uint geometry, const in uint pri
 // The application's instanceCustomIndex.
 uint vellumCustomIndex(const in uint slot)
 {
-    return vellumInstanceRecord(slot).x & 0xffffffu;
+    return Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndexAndFlags & 0xffffffu;
 }
 
 // Ray flags as the driver gets them. Opaque and CullNoOpaque would make it decide without us, and it does not know

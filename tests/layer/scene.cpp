@@ -159,6 +159,12 @@ void Micromap::build()
     gpu_.submit([this](VkCommandBuffer commands) { record(commands); });
 }
 
+void Micromap::scribble()
+{
+    for (const Guarded *buffer : {&data_, &triangles_, &scratch_})
+        std::memset(buffer->bytes(), 0x99, static_cast<std::size_t>(buffer->size()));
+}
+
 std::uint32_t Geometry::primitives() const
 {
     if (!boxes.empty())

@@ -65,6 +65,8 @@ public:
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
     void record(VkCommandBuffer commands);
     void build();
+    // Overwrites everything a build has read or used, as an application may afterwards.
+    void scribble();
 
 private:
     Gpu &gpu_;

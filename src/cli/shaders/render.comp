@@ -138,19 +138,19 @@ float noise(vec2 p)
                mix(hash(cell + vec2(0, 1)), hash(cell + vec2(1, 1)), s.x), s.y);
 }
 
-const vec3 kHaze = vec3(0.80, 0.86, 0.90);
+const vec3 kHaze = vec3(0.62, 0.74, 0.86);
 
 vec3 sky(vec3 direction)
 {
     const float height = max(direction.y, 0.0);
-    vec3 color = mix(kHaze, vec3(0.22, 0.45, 0.80), 1.0 - exp(-3.2 * height));
+    vec3 color = mix(kHaze, vec3(0.10, 0.27, 0.62), 1.0 - exp(-3.4 * height));
     const float toSun = max(dot(direction, frame.sun.xyz), 0.0);
     color += vec3(1.0, 0.80, 0.50) * (0.22 * pow(toSun, 12.0) + 0.35 * pow(toSun, 160.0));
     // Thin high clouds.
     if (direction.y > 0.02) {
         const vec2 p = direction.xz / (direction.y + 0.12) * 1.3;
         const float clouds = 0.5 * noise(p * vec2(1.0, 2.2) + 40.0) + 0.3 * noise(p * 2.7 + 80.0) + 0.2 * noise(p * 6.1 + 160.0);
-        color = mix(color, vec3(0.97, 0.97, 0.96), 0.6 * smoothstep(0.48, 0.85, clouds) * smoothstep(0.02, 0.25, direction.y));
+        color = mix(color, vec3(0.98, 0.97, 0.95), 0.75 * smoothstep(0.48, 0.85, clouds) * smoothstep(0.02, 0.25, direction.y));
     }
     return color;
 }
@@ -160,9 +160,10 @@ vec3 groundColor(vec3 position, float distance)
     const vec2 p = position.xz * (60.0 / frame.origin.w) + 4096.0;
     const float patches = noise(p * 0.11) * 0.6 + noise(p * 0.37) * 0.4;
     const float fade = 1.0 / (1.0 + 0.6 * distance / frame.origin.w);
-    const float blades = mix(0.5, noise(p * vec2(7.0, 4.0)) * 0.6 + noise(p * 13.0) * 0.4, fade);
-    vec3 color = mix(vec3(0.085, 0.125, 0.028), vec3(0.19, 0.205, 0.062), patches);
-    return color * (0.62 + 0.76 * blades);
+    const float blades = mix(0.5, noise(p * vec2(9.0, 6.0)) * 0.5 + noise(p * 23.0) * 0.5, fade);
+    vec3 color = mix(vec3(0.030, 0.062, 0.012), vec3(0.070, 0.084, 0.022), patches);
+    color = mix(color, vec3(0.095, 0.090, 0.035), 0.5 * smoothstep(0.55, 0.8, noise(p * 0.9) * 0.5 + noise(p * 3.1) * 0.5));
+    return color * (0.25 + 1.5 * blades * blades * 1.4);
 }
 
 vec3 decodeNormal(uint packed)
@@ -200,7 +201,7 @@ vec3 shade(vec3 origin, vec3 direction)
     if (g.kind == kGround)
         albedo = groundColor(position, hit.t);
     else if (g.kind == kSolid)
-        albedo *= 0.55 + 0.6 * noise(vec2(position.x + position.z, position.y * 0.25) * (700.0 / frame.origin.w) + 4096.0);
+        albedo *= 0.30 + 0.55 * noise(vec2(position.x + position.z, position.y * 0.25) * (700.0 / frame.origin.w) + 4096.0);
 
     const bool shadowed = isShadowed(position, sun, 2e-4 * frame.origin.w);
     const vec3 sunColor = vec3(1.0, 0.90, 0.74) * 4.3;
@@ -210,7 +211,7 @@ vec3 shade(vec3 origin, vec3 direction)
         if (g.kind == kLeaves) {
             // Leaves are thin: what falls on the far side shines through, warmer.
             const float through = pow(max(dot(direction, sun), 0.0), 3.0);
-            light = sunColor * (0.72 * max(facing * 0.75 + 0.25, 0.0) + vec3(1.15, 1.1, 0.35) * (0.12 + 0.75 * through));
+            light = sunColor * (0.62 * max(facing * 0.8 + 0.2, 0.0) + vec3(1.1, 1.1, 0.45) * (0.06 + 0.6 * through));
         } else {
             light = sunColor * max(facing, 0.0);
         }
@@ -223,7 +224,7 @@ vec3 shade(vec3 origin, vec3 direction)
     vec3 color = albedo * light;
     if (g.kind == kLeaves && !shadowed) // a soft gloss
         color += vec3(0.05) * pow(max(dot(normal, normalize(sun - direction)), 0.0), 24.0);
-    const float haze = 1.0 - exp(-0.028 * pow(hit.t / frame.origin.w, 1.4));
+    const float haze = 1.0 - exp(-0.0035 * pow(hit.t / frame.origin.w, 1.8));
     return mix(color, kHaze, haze);
 }
 

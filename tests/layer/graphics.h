@@ -1,0 +1,35 @@
+// Graphics pipelines for the tests: points or one big triangle, drawn into an image of one row with dynamic rendering.
+#pragma once
+
+#include "tracer.h"
+
+namespace vt
+{
+
+class Graphics
+{
+public:
+    struct Shaders {
+        std::span<const std::uint32_t> vertex, fragment;
+        bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
+        VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+    };
+    Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width);
+    Graphics(const Graphics &) = delete;
+    Graphics &operator=(const Graphics &) = delete;
+    ~Graphics();
+
+    void bind(VkCommandBuffer commands) const { vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_); }
+    // Renders with whatever is bound.
+    void draw(VkCommandBuffer commands, std::uint32_t vertices) const;
+
+private:
+    Gpu &gpu_;
+    std::uint32_t width_;
+    VkImage image_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkImageView view_ = VK_NULL_HANDLE;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+};
+
+} // namespace vt

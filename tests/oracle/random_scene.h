@@ -1,0 +1,61 @@
+// Random scenes: triangle soups with random micromaps, boxes, instances and rays, as plain data.
+#pragma once
+
+#include <random>
+
+#include "tracer.h"
+
+namespace oracle
+{
+
+using Random = std::mt19937;
+
+struct MicromapTriangle {
+    std::uint32_t level;
+    std::uint16_t format;
+    std::vector<std::uint8_t> states; // in the order of the curve
+};
+
+struct MeshMicromap {
+    std::vector<MicromapTriangle> triangles;
+    std::vector<std::int32_t> indices; // what the index buffer holds
+    VkIndexType indexType;
+    std::uint32_t base;
+    bool null; // special indices only, no micromap object
+};
+
+struct Mesh { // a geometry
+    std::vector<vt::Vec3> vertices;
+    std::vector<VkAabbPositionsKHR> boxes; // not empty: instead of triangles
+    bool opaque;
+    std::optional<MeshMicromap> micromap;
+};
+
+struct Object { // a bottom-level structure: triangles or boxes
+    std::vector<Mesh> meshes;
+};
+
+struct Instance {
+    std::uint32_t object;
+    VkTransformMatrixKHR transform;
+    std::uint32_t customIndex;
+    std::uint32_t mask;
+    std::uint32_t flags;
+    bool inactive; // acceleration structure reference 0
+};
+
+struct Scene {
+    std::vector<Object> objects;
+    std::vector<Instance> instances;
+    std::vector<vt::Ray> rays;
+};
+
+struct Limits {
+    bool micromaps = true;
+    std::uint32_t maxLevel = 5;
+    std::uint32_t rays = 640;
+};
+
+Scene randomScene(Random &random, const Limits &limits);
+
+} // namespace oracle

@@ -1,0 +1,134 @@
+// The baker's promise on random textures and triangles: no sample contradicts a proven state.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "bake/bake.h"
+
+using namespace vellum;
+
+namespace
+{
+
+class Case
+{
+  public:
+    explicit Case(unsigned seed) : m_random(seed)
+    {
+        texture.width = 1 + m_random() % 24;
+        texture.height = 1 + m_random() % 24;
+        texture.wrapU = static_cast<Wrap>(m_random() % 3);
+        texture.wrapV = static_cast<Wrap>(m_random() % 3);
+        texture.filter = m_random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
+        fillTexture();
+        options.level = m_random() % 6;
+        options.cutoff = m_random() % 2 == 0 ? 0.5 : uniform(0.05, 0.95);
+        options.threads = 1;
+        // The sharpest that is allowed in half of the cases, so that nothing hides behind tolerances.
+        if (m_random() % 2 == 0) {
+            options.valueTolerance = 0;
+            options.subtexelTolerance = 1.0 / 256;
+            options.barycentricTolerance = 0;
+        }
+        for (int i = 0; i < 4; ++i)
+            triangles.push_back(randomTriangle());
+    }
+
+    double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(m_random); }
+
+    AlphaTexture texture;
+    BakeOptions options;
+    std::vector<TriangleUvs> triangles;
+
+  private:
+    void fillTexture()
+    {
+        texture.alpha.resize(std::size_t{texture.width} * texture.height);
+        const unsigned kind = m_random() % 3;
+        const double radius = uniform(0.1, 0.6);
+        for (std::size_t i = 0; i < texture.alpha.size(); ++i) {
+            const double x = (static_cast<double>(i % texture.width) + 0.5) / texture.width - 0.5;
+            const double y = (static_cast<double>(i / texture.width) + 0.5) / texture.height - 0.5;
+            double a = uniform(0, 1);
+            if (kind == 1)
+                a = std::hypot(x, y) < radius ? 1 : 0;
+            if (kind == 2)
+                a = std::clamp((radius - std::hypot(x, y)) * 8 + 0.5, 0.0, 1.0);
+            texture.alpha[i] = static_cast<float>(std::lround(a * 255)) / 255.0f;
+        }
+    }
+
+    TriangleUvs randomTriangle()
+    {
+        // Within a texel, about the texture, several repetitions, or a plain card; some degenerate.
+        const double sizes[] = {0.5 / texture.width, 0.7, 3.0, 1.0};
+        const unsigned kind = m_random() % 4;
+        if (kind == 3)
+            return m_random() % 2 == 0 ? TriangleUvs{{{0, 0}, {1, 0}, {1, 1}}} : TriangleUvs{{{0, 0}, {1, 1}, {0, 1}}};
+        const double x = uniform(-2, 2);
+        const double y = uniform(-2, 2);
+        TriangleUvs uvs;
+        for (TexCoord &t : uvs)
+            t = {static_cast<float>(x + uniform(0, sizes[kind])), static_cast<float>(y + uniform(0, sizes[kind]))};
+        if (m_random() % 8 == 0)
+            uvs[2] = uvs[1];
+        return uvs;
+    }
+
+    std::mt19937 m_random;
+};
+
+// Samples one micro-triangle at its corners, edges and inside, moved by as much as the options allow.
+void checkMicroTriangle(Case &c, const TriangleUvs &uvs, std::uint32_t index, State state)
+{
+    const auto corners = microTriangleCorners(index, *c.options.level);
+    constexpr int kSteps = 6;
+    for (int i = 0; i <= kSteps; ++i) {
+        for (int j = 0; i + j <= kSteps; ++j) {
+            const double b = static_cast<double>(i) / kSteps;
+            const double d = static_cast<double>(j) / kSteps;
+            const double a = 1 - b - d;
+            const double pu = a * corners[0].u + b * corners[1].u + d * corners[2].u;
+            const double pv = a * corners[0].v + b * corners[1].v + d * corners[2].v;
+            const double reach = c.options.subtexelTolerance * 0.99;
+            const double u = (1 - pu - pv) * uvs[0].u + pu * uvs[1].u + pv * uvs[2].u +
+                             c.uniform(-reach, reach) / c.texture.width;
+            const double v = (1 - pu - pv) * uvs[0].v + pu * uvs[1].v + pv * uvs[2].v +
+                             c.uniform(-reach, reach) / c.texture.height;
+            const double noise = c.options.valueTolerance * 0.99;
+            const double alpha = c.texture.sample(u, v) + c.uniform(-noise, noise);
+            ASSERT_EQ(state == State::Opaque, alpha >= c.options.cutoff)
+                << "micro-triangle " << index << " at " << u << ", " << v << " has alpha " << alpha;
+        }
+    }
+}
+
+} // namespace
+
+TEST(BakeProperty, NoSampleContradictsAProvenState)
+{
+    std::size_t proven = 0;
+    std::size_t all = 0;
+    for (unsigned seed = 0; seed < 1500 && !testing::Test::HasFailure(); ++seed) {
+        SCOPED_TRACE("seed " + std::to_string(seed));
+        Case c(seed);
+        const BakeResult result = bake(c.texture, c.triangles, c.options);
+        ASSERT_EQ(result.micromap.validate(), std::nullopt);
+        for (std::uint32_t t = 0; t < c.triangles.size(); ++t) {
+            for (std::uint32_t i = 0; i < microTriangleCount(*c.options.level); ++i) {
+                const auto corners = microTriangleCorners(i, *c.options.level);
+                const float u = (corners[0].u + corners[1].u + corners[2].u) / 3;
+                const float v = (corners[0].v + corners[1].v + corners[2].v) / 3;
+                const State state = result.micromap.stateAt(t, u, v);
+                ++all;
+                if (state != State::Opaque && state != State::Transparent)
+                    continue;
+                ++proven;
+                checkMicroTriangle(c, c.triangles[t], i, state);
+            }
+        }
+    }
+    // A baker that proves nothing would pass, too.
+    EXPECT_GT(static_cast<double>(proven) / static_cast<double>(all), 0.3);
+}
