@@ -1,7 +1,6 @@
 #include "layer/acceleration_structure.h"
 
 #include <algorithm>
-#include <new>
 #include <string>
 
 #include "core/records.h"
@@ -53,24 +52,64 @@ VkDeviceAddress referenceOf(const Device &device, VkAccelerationStructureKHR han
     return device.next.GetAccelerationStructureDeviceAddressKHR(device.handle, &info);
 }
 
-// The slots that a build of `count` instances into this structure uses. Work recorded before may still write or read
-// the old ones, so they stay with the structure until it is destroyed; growing by half keeps them few.
+// A structure that is copied and built again in turn would collect ranges without end. Work that was recorded so many
+// builds ago is taken to be done.
+constexpr size_t kMostOutgrown = 32;
+
+void retireSlots(AccelerationStructure &structure)
+{
+    if (!structure.slots)
+        return;
+    structure.outgrownSlots.push_back(std::move(structure.slots));
+    if (structure.outgrownSlots.size() > kMostOutgrown)
+        structure.outgrownSlots.erase(structure.outgrownSlots.begin());
+}
+
+// The slots that a build of `count` instances into this structure uses: those it has, unless they are too few or a copy
+// of the structure shares them. Work recorded before may still write or read the old ones, so they stay with the
+// structure; growing by half keeps them few.
 std::shared_ptr<SlotRange> slotsFor(Device &device, AccelerationStructure &structure, uint32_t count)
 {
     std::lock_guard lock(structure.mutex);
-    // A copy of this structure still uses slots that it shares.
-    if (structure.slots && structure.slots->count() >= count && structure.slots.use_count() == 1)
-        return structure.slots;
     const uint32_t had = structure.slots ? structure.slots->count() : 0;
-    auto slots = device.root.allocateSlots(std::max(count, had + had / 2));
-    if (!slots && had + had / 2 > count)
+    if (structure.slots && had >= count && structure.slots.use_count() == 1)
+        return structure.slots;
+    auto slots = device.root.allocateSlots(count > had ? std::max(count, had + had / 2) : count);
+    if (!slots)
         slots = device.root.allocateSlots(count);
     if (!slots)
         return nullptr;
-    if (structure.slots)
-        structure.outgrownSlots.push_back(structure.slots);
+    retireSlots(structure);
     structure.slots = slots;
     return slots;
+}
+
+// Makes the structure a user of its reference's cell. A structure that never had micromaps needs that too, once another
+// one of the same reference has: its builds must clear the cell, and the cell must not be another's by then.
+VkDeviceAddress acquireCell(Device &device, AccelerationStructure &structure, VkDeviceAddress reference)
+{
+    std::lock_guard lock(structure.mutex);
+    if (!structure.cell) {
+        structure.cell = device.root.acquireCell(reference);
+        structure.reference = reference;
+    }
+    return structure.cell;
+}
+
+// After a copy over it, a structure has no micromaps: those of an earlier build must not be found any more.
+void forgetMicromaps(Device &device, VkCommandBuffer commandBuffer, VkAccelerationStructureKHR handle)
+{
+    const auto structure = device.accelerationStructures.get(handle);
+    const VkDeviceAddress reference = referenceOf(device, handle);
+    if (!structure || !device.root.findCell(reference))
+        return;
+    BlasRecordsPush push{};
+    push.cell = acquireCell(device, *structure, reference);
+    structure->hasMicromaps = false;
+    InjectedWork work(device, commandBuffer);
+    work.barrier();
+    work.dispatch(InjectedShader::BlasRecords, push, 1, 64);
+    work.barrier();
 }
 
 void refuseCommand(const Device &device, const char *what)
@@ -93,6 +132,8 @@ public:
 
     void record()
     {
+        if (InjectedWork::refusedIn(device_, commandBuffer_, "vkCmdBuildAccelerationStructuresKHR"))
+            return;
         for (uint32_t i = 0; i < parts_.size(); ++i)
             prepare(i);
         InjectedWork work(device_, commandBuffer_);
@@ -139,7 +180,9 @@ private:
         const VkDeviceAddress reference = referenceOf(device_, infos_[i].dstAccelerationStructure);
         if (!part.build.hasMicromaps()) {
             // A structure of the same address had micromaps once: the TLAS must no longer find them.
-            part.cell = device_.root.findCell(reference);
+            if (device_.root.findCell(reference))
+                part.cell = acquireCell(device_, target, reference);
+            target.hasMicromaps = false;
             return;
         }
         const VkDeviceSize bytes =
@@ -150,14 +193,8 @@ private:
                        " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
             return;
         }
-        {
-            std::lock_guard lock(target.mutex);
-            if (!target.cell) {
-                target.cell = device_.root.acquireCell(reference);
-                target.reference = reference;
-            }
-            part.cell = target.cell;
-        }
+        target.hasMicromaps = true;
+        part.cell = acquireCell(device_, target, reference);
         if (!part.cell) {
             refuse(part, i, "VELLUM-out-of-memory", "no memory for the layer's tables");
             return;
@@ -304,7 +341,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
                                                            const VkAccelerationStructureCreateInfoKHR *info,
                                                            const VkAllocationCallbacks *allocator,
                                                            VkAccelerationStructureKHR *result)
-try {
+{
     Device &device = deviceOf(handle);
     auto structure = std::make_shared<AccelerationStructure>();
     structure->buffer = info->buffer;
@@ -314,8 +351,6 @@ try {
     if (created == VK_SUCCESS)
         device.accelerationStructures.set(*result, std::move(structure));
     return created;
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyAccelerationStructure(VkDevice handle, VkAccelerationStructureKHR structure,
@@ -330,7 +365,7 @@ VKAPI_ATTR void VKAPI_CALL destroyAccelerationStructure(VkDevice handle, VkAccel
 VKAPI_ATTR void VKAPI_CALL getAccelerationStructureBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                                               const BuildInfo *info, const uint32_t *maxPrimitives,
                                                               VkAccelerationStructureBuildSizesInfoKHR *sizes)
-try {
+{
     Device &device = deviceOf(handle);
     DriverBuildInfo build(*info);
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, &build.info(), maxPrimitives, sizes);
@@ -343,19 +378,12 @@ try {
             tailBytes(build, [&](uint32_t g) { return VkDeviceSize{maxPrimitives ? maxPrimitives[g] : 0}; });
         sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kAlignment) + tail;
     }
-} catch (const std::bad_alloc &) {
-    deviceOf(handle).report().error("VELLUM-out-of-memory",
-                                    "vkGetAccelerationStructureBuildSizesKHR: out of host memory");
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer commandBuffer, uint32_t count,
                                                           const BuildInfo *infos, const RangeInfo *const *ranges)
-try {
+{
     Build(deviceOf(commandBuffer), commandBuffer, count, infos, ranges).record();
-} catch (const std::bad_alloc &) {
-    deviceOf(commandBuffer)
-        .report()
-        .error("VELLUM-out-of-memory", "vkCmdBuildAccelerationStructuresKHR: out of host memory");
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandBuffer,
@@ -366,18 +394,26 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandB
     const auto target = device.accelerationStructures.get(info->dst);
     if (source && target && source != target) {
         std::scoped_lock lock(source->mutex, target->mutex);
-        if (source->cell) {
+        if (source->hasMicromaps) {
             refuseCommand(device, "vkCmdCopyAccelerationStructureKHR of a bottom-level structure with micromaps");
             return;
         }
         // The copy holds the same slots as its source, which gets new ones when it is built again.
-        if (source->slots) {
-            if (target->slots)
-                target->outgrownSlots.push_back(target->slots);
+        if (source->slots && source->slots != target->slots) {
+            retireSlots(*target);
             target->slots = source->slots;
         }
     }
     device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
+    forgetMicromaps(device, commandBuffer, info->dst);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer commandBuffer,
+                                                                const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    Device &device = deviceOf(commandBuffer);
+    device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
+    forgetMicromaps(device, commandBuffer, info->dst);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer commandBuffer, uint32_t,

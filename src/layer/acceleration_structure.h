@@ -20,6 +20,8 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer, uint3
                                                           const VkAccelerationStructureBuildRangeInfoKHR *const *);
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer,
+                                                                const VkCopyMemoryToAccelerationStructureInfoKHR *);
 VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer,
                                                                 const VkCopyAccelerationStructureToMemoryInfoKHR *);
 

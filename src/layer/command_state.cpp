@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "layer/device.h"
+#include "layer/pnext.h"
 
 namespace vellum::layer
 {
@@ -54,6 +55,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateCommandBuffers(VkDevice handle, const VkC
         auto state = std::make_shared<CommandState>();
         state->device = &device;
         state->pool = info->commandPool;
+        state->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
         states.set(buffers[i], std::move(state));
     }
     return result;
@@ -82,6 +84,13 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
     if (const auto state = commandState(commandBuffer)) {
         state->forgetBindings();
         state->conditionalRendering.reset();
+        // pInheritanceInfo is ignored for primary command buffers, and may be anything.
+        const auto *inherited = state->secondary && info->pInheritanceInfo
+                                    ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(
+                                          info->pInheritanceInfo->pNext,
+                                          VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_CONDITIONAL_RENDERING_INFO_EXT)
+                                    : nullptr;
+        state->inheritsConditionalRendering = inherited && inherited->conditionalRenderingEnable;
     }
     return deviceOf(commandBuffer).next.BeginCommandBuffer(commandBuffer, info);
 }

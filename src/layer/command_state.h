@@ -24,11 +24,13 @@ struct CommandState {
     };
     Device *device = nullptr;
     VkCommandPool pool = VK_NULL_HANDLE;
+    bool secondary = false;
 
     VkPipeline computePipeline = VK_NULL_HANDLE;
     std::optional<newer::ShaderEXT> computeShader; // bound last instead of a pipeline; may be null
     std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
+    bool inheritsConditionalRendering = false;
 
     void forgetBindings();
 };

@@ -1,7 +1,6 @@
 #include "layer/device.h"
 
 #include <cstring>
-#include <new>
 #include <shared_mutex>
 #include <unordered_map>
 #include <vector>
@@ -28,6 +27,13 @@ bool asksForMicromaps(const VkDeviceCreateInfo &info)
     return false;
 }
 
+bool asksForMissingFeatures(const VkDeviceCreateInfo &info)
+{
+    const auto *features = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    return features && (features->micromapCaptureReplay || features->micromapHostCommands);
+}
+
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
     explicit DriverDeviceInfo(const VkDeviceCreateInfo &application) : info(application), chain(application.pNext)
@@ -46,7 +52,8 @@ struct DriverDeviceInfo {
         } else if (auto *own = chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(
                        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
             own->bufferDeviceAddress = VK_TRUE;
-        } else {
+        } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES) &&
+                   !findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
             addresses.bufferDeviceAddress = VK_TRUE;
             chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
         }
@@ -88,6 +95,7 @@ void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size
     std::lock_guard lock(mutex_);
     if (addresses_.emplace(buffer, address).second)
         ranges_.insert({address, {buffer, size}});
+    largest_ = std::max(largest_, size);
 }
 
 void AddressMap::remove(VkBuffer buffer)
@@ -109,14 +117,14 @@ void AddressMap::remove(VkBuffer buffer)
 VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
 {
     std::lock_guard lock(mutex_);
-    // Buffers may alias: the one that reaches furthest counts. Only those that start at or before the address can hold
-    // it.
+    // Buffers may alias: the one that reaches furthest counts.
     VkDeviceSize most = 0;
-    auto it = ranges_.upper_bound(address);
-    for (int steps = 0; it != ranges_.begin() && steps < 16; ++steps) {
+    for (auto it = ranges_.upper_bound(address); it != ranges_.begin();) {
         --it;
-        if (address < it->first + it->second.size)
-            most = std::max(most, it->first + it->second.size - address);
+        if (address - it->first >= largest_)
+            break;
+        if (address - it->first < it->second.size)
+            most = std::max(most, it->second.size - (address - it->first));
     }
     return most == 0 ? UINT64_MAX : most;
 }
@@ -136,7 +144,7 @@ Device *deviceOfKey(void *key)
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkDevice *handle)
-try {
+{
     Instance &instance = instanceOf(physicalDevice);
     VkLayerDeviceCreateInfo *link = linkInfo(*info);
     if (!link)
@@ -157,6 +165,11 @@ try {
             "or no buffer device addresses",
             VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
+    }
+    if (implementation == Implementation::Emulation && asksForMissingFeatures(*info)) {
+        instance.report.error("VELLUM-device-features",
+                              "micromapCaptureReplay and micromapHostCommands are not supported");
+        return VK_ERROR_FEATURE_NOT_PRESENT;
     }
     auto device = std::make_unique<Device>();
     device->emulated = implementation == Implementation::Emulation;
@@ -194,8 +207,6 @@ try {
     std::unique_lock lock(devicesMutex);
     devices[dispatchKey(*handle)] = std::move(device);
     return VK_SUCCESS;
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCallbacks *allocator)

@@ -13,6 +13,7 @@
 #include "layer/handle_map.h"
 #include "layer/injected_work.h"
 #include "layer/instance.h"
+#include "layer/private_data.h"
 #include "layer/root_table.h"
 
 namespace vellum::layer
@@ -38,6 +39,7 @@ struct AccelerationStructure {
     std::mutex mutex;              // guards what is below
     VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell
     VkDeviceAddress cell = 0;
+    bool hasMicromaps = false; // of the build recorded last
     std::shared_ptr<SlotRange> slots;
     std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
 };
@@ -57,6 +59,7 @@ private:
         VkDeviceSize size;
     };
     mutable std::mutex mutex_;
+    VkDeviceSize largest_ = 0; // buffer ever added
     std::multimap<VkDeviceAddress, Range> ranges_;
     std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
 };
@@ -75,6 +78,7 @@ struct Device {
     InjectedPipelines injected;
     HandleMap<VkBuffer, BufferInfo> buffers;
     AddressMap addresses;
+    PrivateData privateData;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;
 
     [[nodiscard]] Reporter &report() const { return instance->report; }

@@ -27,6 +27,7 @@ void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
     if (!CmdPushConstants2)
         CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2KHR"));
     CreateShadersEXT = reinterpret_cast<newer::PFN_CreateShaders>(next(device, "vkCreateShadersEXT"));
+    GetShaderBinaryDataEXT = reinterpret_cast<newer::PFN_GetShaderBinaryData>(next(device, "vkGetShaderBinaryDataEXT"));
     CmdBindShadersEXT = reinterpret_cast<newer::PFN_CmdBindShaders>(next(device, "vkCmdBindShadersEXT"));
 }
 

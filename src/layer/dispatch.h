@@ -15,6 +15,7 @@ namespace vellum::layer
     X(GetPhysicalDeviceProperties, GetPhysicalDeviceProperties)                                                        \
     X(GetPhysicalDeviceMemoryProperties, GetPhysicalDeviceMemoryProperties)                                            \
     X(GetPhysicalDeviceQueueFamilyProperties, GetPhysicalDeviceQueueFamilyProperties)                                  \
+    X(GetPhysicalDeviceExternalBufferProperties, GetPhysicalDeviceExternalBufferPropertiesKHR)                         \
     X(GetPhysicalDeviceFeatures2, GetPhysicalDeviceFeatures2KHR)                                                       \
     X(GetPhysicalDeviceProperties2, GetPhysicalDeviceProperties2KHR)                                                   \
     X(GetPhysicalDeviceToolProperties, GetPhysicalDeviceToolPropertiesEXT)                                             \
@@ -53,6 +54,12 @@ namespace vellum::layer
     X(CmdBuildAccelerationStructuresKHR, CmdBuildAccelerationStructuresKHR)                                            \
     X(CmdCopyAccelerationStructureToMemoryKHR, CmdCopyAccelerationStructureToMemoryKHR)                                \
     X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
+    X(CmdCopyMemoryToAccelerationStructureKHR, CmdCopyMemoryToAccelerationStructureKHR)                                \
+    X(CreateQueryPool, CreateQueryPool)                                                                                \
+    X(CmdBindDescriptorBuffersEXT, CmdBindDescriptorBuffersEXT)                                                        \
+    X(SetPrivateData, SetPrivateDataEXT)                                                                               \
+    X(GetPrivateData, GetPrivateDataEXT)                                                                               \
+    X(DestroyPrivateDataSlot, DestroyPrivateDataSlotEXT)                                                               \
     X(AllocateCommandBuffers, AllocateCommandBuffers)                                                                  \
     X(FreeCommandBuffers, FreeCommandBuffers)                                                                          \
     X(DestroyCommandPool, DestroyCommandPool)                                                                          \
@@ -88,6 +95,7 @@ struct DeviceTable {
     newer::PFN_CmdPushConstants2 CmdPushConstants2 = nullptr;
     newer::PFN_CreateShaders CreateShadersEXT = nullptr;
     newer::PFN_CmdBindShaders CmdBindShadersEXT = nullptr;
+    newer::PFN_GetShaderBinaryData GetShaderBinaryDataEXT = nullptr;
     PFN_vkGetDeviceProcAddr GetDeviceProcAddr = nullptr;
     void load(VkDevice device, PFN_vkGetDeviceProcAddr next);
 };

@@ -1,5 +1,8 @@
 // The layer's way in: the loader's negotiation, and one table row per intercepted command.
+#include <cstdio>
 #include <cstring>
+#include <exception>
+#include <type_traits>
 
 #include <vulkan/vk_layer.h>
 
@@ -8,7 +11,9 @@
 #include "layer/device.h"
 #include "layer/instance.h"
 #include "layer/micromap.h"
+#include "layer/private_data.h"
 #include "layer/resources.h"
+#include "layer/shader_binary.h"
 #include "layer/shaders.h"
 #include "layer/sync.h"
 
@@ -34,101 +39,133 @@ struct Row {
     PFN_vkVoidFunction function;
 };
 
-template <typename Function>
-Row row(const char *name, Scope scope, Function function)
+// No exception crosses the Vulkan ABI. The layer throws nothing itself; the library does when memory runs out.
+template <auto function>
+struct Guarded;
+
+template <typename Result, typename... Arguments, Result(VKAPI_PTR *function)(Arguments...)>
+struct Guarded<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(Arguments... arguments) noexcept
+    {
+        try {
+            return function(arguments...);
+        } catch (const std::exception &) {
+            std::fputs("vellum: VELLUM-out-of-memory: out of host memory; the command was not carried out\n", stderr);
+        }
+        if constexpr (std::is_same_v<Result, VkResult>)
+            return VK_ERROR_OUT_OF_HOST_MEMORY;
+        else if constexpr (!std::is_void_v<Result>)
+            return Result{};
+    }
+};
+
+template <auto function>
+Row row(const char *name, Scope scope)
 {
-    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(function)};
+    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(&Guarded<function>::call)};
 }
 
 const Row kRows[] = {
-    row("vkGetInstanceProcAddr", Scope::Global, getInstanceProcAddr),
-    row("vkCreateInstance", Scope::Global, createInstance),
-    row("vkEnumerateInstanceLayerProperties", Scope::Global, enumerateInstanceLayerProperties),
-    row("vkEnumerateInstanceExtensionProperties", Scope::Global, enumerateInstanceExtensionProperties),
-    row("vkDestroyInstance", Scope::Instance, destroyInstance),
-    row("vkCreateDevice", Scope::Instance, createDevice),
-    row("vkEnumerateDeviceExtensionProperties", Scope::Instance, enumerateDeviceExtensionProperties),
-    row("vkGetPhysicalDeviceFeatures2", Scope::Instance, getPhysicalDeviceFeatures2),
-    row("vkGetPhysicalDeviceFeatures2KHR", Scope::Instance, getPhysicalDeviceFeatures2),
-    row("vkGetPhysicalDeviceProperties2", Scope::Instance, getPhysicalDeviceProperties2),
-    row("vkGetPhysicalDeviceProperties2KHR", Scope::Instance, getPhysicalDeviceProperties2),
-    row("vkGetPhysicalDeviceToolProperties", Scope::Instance, getPhysicalDeviceToolProperties),
-    row("vkGetPhysicalDeviceToolPropertiesEXT", Scope::Instance, getPhysicalDeviceToolProperties),
-    row("vkCreateDebugUtilsMessengerEXT", Scope::Instance, createDebugUtilsMessenger),
-    row("vkDestroyDebugUtilsMessengerEXT", Scope::Instance, destroyDebugUtilsMessenger),
+    row<getInstanceProcAddr>("vkGetInstanceProcAddr", Scope::Global),
+    row<createInstance>("vkCreateInstance", Scope::Global),
+    row<enumerateInstanceLayerProperties>("vkEnumerateInstanceLayerProperties", Scope::Global),
+    row<enumerateInstanceExtensionProperties>("vkEnumerateInstanceExtensionProperties", Scope::Global),
+    row<destroyInstance>("vkDestroyInstance", Scope::Instance),
+    row<createDevice>("vkCreateDevice", Scope::Instance),
+    row<enumerateDeviceExtensionProperties>("vkEnumerateDeviceExtensionProperties", Scope::Instance),
+    row<getPhysicalDeviceFeatures2>("vkGetPhysicalDeviceFeatures2", Scope::Instance),
+    row<getPhysicalDeviceFeatures2>("vkGetPhysicalDeviceFeatures2KHR", Scope::Instance),
+    row<getPhysicalDeviceProperties2>("vkGetPhysicalDeviceProperties2", Scope::Instance),
+    row<getPhysicalDeviceProperties2>("vkGetPhysicalDeviceProperties2KHR", Scope::Instance),
+    row<getPhysicalDeviceToolProperties>("vkGetPhysicalDeviceToolProperties", Scope::Instance),
+    row<getPhysicalDeviceToolProperties>("vkGetPhysicalDeviceToolPropertiesEXT", Scope::Instance),
+    row<getPhysicalDeviceExternalBufferProperties>("vkGetPhysicalDeviceExternalBufferProperties", Scope::Instance),
+    row<getPhysicalDeviceExternalBufferProperties>("vkGetPhysicalDeviceExternalBufferPropertiesKHR", Scope::Instance),
+    row<createDebugUtilsMessenger>("vkCreateDebugUtilsMessengerEXT", Scope::Instance),
+    row<destroyDebugUtilsMessenger>("vkDestroyDebugUtilsMessengerEXT", Scope::Instance),
 
-    row("vkGetDeviceProcAddr", Scope::Device, getDeviceProcAddr),
-    row("vkDestroyDevice", Scope::Device, destroyDevice),
+    row<getDeviceProcAddr>("vkGetDeviceProcAddr", Scope::Device),
+    row<destroyDevice>("vkDestroyDevice", Scope::Device),
 
-    row("vkCreateBuffer", Scope::Emulated, createBuffer),
-    row("vkDestroyBuffer", Scope::Emulated, destroyBuffer),
-    row("vkGetDeviceBufferMemoryRequirements", Scope::Emulated, getDeviceBufferMemoryRequirements),
-    row("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Emulated, getDeviceBufferMemoryRequirements),
-    row("vkAllocateMemory", Scope::Emulated, allocateMemory),
-    row("vkGetBufferDeviceAddress", Scope::Emulated, getBufferDeviceAddress),
-    row("vkGetBufferDeviceAddressKHR", Scope::Emulated, getBufferDeviceAddress),
-    row("vkGetBufferDeviceAddressEXT", Scope::Emulated, getBufferDeviceAddress),
-    row("vkSetDebugUtilsObjectNameEXT", Scope::Emulated, setDebugUtilsObjectName),
-    row("vkSetDebugUtilsObjectTagEXT", Scope::Emulated, setDebugUtilsObjectTag),
+    row<createBuffer>("vkCreateBuffer", Scope::Emulated),
+    row<destroyBuffer>("vkDestroyBuffer", Scope::Emulated),
+    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Emulated),
+    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Emulated),
+    row<allocateMemory>("vkAllocateMemory", Scope::Emulated),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddress", Scope::Emulated),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressKHR", Scope::Emulated),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Emulated),
+    row<cmdBindDescriptorBuffers>("vkCmdBindDescriptorBuffersEXT", Scope::Emulated),
+    row<createQueryPool>("vkCreateQueryPool", Scope::Emulated),
+    row<setPrivateData>("vkSetPrivateData", Scope::Emulated),
+    row<setPrivateData>("vkSetPrivateDataEXT", Scope::Emulated),
+    row<getPrivateData>("vkGetPrivateData", Scope::Emulated),
+    row<getPrivateData>("vkGetPrivateDataEXT", Scope::Emulated),
+    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlot", Scope::Emulated),
+    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Emulated),
+    row<setDebugUtilsObjectName>("vkSetDebugUtilsObjectNameEXT", Scope::Emulated),
+    row<setDebugUtilsObjectTag>("vkSetDebugUtilsObjectTagEXT", Scope::Emulated),
 
-    row("vkCreateShaderModule", Scope::Emulated, createShaderModule),
-    row("vkCreateComputePipelines", Scope::Emulated, createComputePipelines),
-    row("vkCreateGraphicsPipelines", Scope::Emulated, createGraphicsPipelines),
-    row("vkCreateRayTracingPipelinesKHR", Scope::Emulated, createRayTracingPipelines),
-    row("vkCreateShadersEXT", Scope::Emulated, createShaders),
+    row<createShaderModule>("vkCreateShaderModule", Scope::Emulated),
+    row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),
+    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Emulated),
+    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Emulated),
+    row<createShaders>("vkCreateShadersEXT", Scope::Emulated),
+    row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
 
-    row("vkCreateAccelerationStructureKHR", Scope::Emulated, createAccelerationStructure),
-    row("vkDestroyAccelerationStructureKHR", Scope::Emulated, destroyAccelerationStructure),
-    row("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated, getAccelerationStructureBuildSizes),
-    row("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated, cmdBuildAccelerationStructures),
+    row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Emulated),
+    row<destroyAccelerationStructure>("vkDestroyAccelerationStructureKHR", Scope::Emulated),
+    row<getAccelerationStructureBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated),
+    row<cmdBuildAccelerationStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated),
 
-    row("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Emulated, cmdBuildAccelerationStructuresIndirect),
-    row("vkBuildAccelerationStructuresKHR", Scope::Emulated, buildAccelerationStructures),
-    row("vkCmdCopyAccelerationStructureKHR", Scope::Emulated, cmdCopyAccelerationStructure),
-    row("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Emulated, cmdCopyAccelerationStructureToMemory),
+    row<cmdBuildAccelerationStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Emulated),
+    row<buildAccelerationStructures>("vkBuildAccelerationStructuresKHR", Scope::Emulated),
+    row<cmdCopyAccelerationStructure>("vkCmdCopyAccelerationStructureKHR", Scope::Emulated),
+    row<cmdCopyMemoryToAccelerationStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
+    row<cmdCopyAccelerationStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Emulated),
 
-    row("vkAllocateCommandBuffers", Scope::Emulated, allocateCommandBuffers),
-    row("vkFreeCommandBuffers", Scope::Emulated, freeCommandBuffers),
-    row("vkDestroyCommandPool", Scope::Emulated, destroyCommandPool),
-    row("vkBeginCommandBuffer", Scope::Emulated, beginCommandBuffer),
-    row("vkCmdBindPipeline", Scope::Emulated, cmdBindPipeline),
-    row("vkCmdBindShadersEXT", Scope::Emulated, cmdBindShaders),
-    row("vkCmdPushConstants", Scope::Emulated, cmdPushConstants),
-    row("vkCmdPushConstants2", Scope::Emulated, cmdPushConstants2),
-    row("vkCmdPushConstants2KHR", Scope::Emulated, cmdPushConstants2),
-    row("vkCmdExecuteCommands", Scope::Emulated, cmdExecuteCommands),
-    row("vkCmdBeginConditionalRenderingEXT", Scope::Emulated, cmdBeginConditionalRendering),
-    row("vkCmdEndConditionalRenderingEXT", Scope::Emulated, cmdEndConditionalRendering),
+    row<allocateCommandBuffers>("vkAllocateCommandBuffers", Scope::Emulated),
+    row<freeCommandBuffers>("vkFreeCommandBuffers", Scope::Emulated),
+    row<destroyCommandPool>("vkDestroyCommandPool", Scope::Emulated),
+    row<beginCommandBuffer>("vkBeginCommandBuffer", Scope::Emulated),
+    row<cmdBindPipeline>("vkCmdBindPipeline", Scope::Emulated),
+    row<cmdBindShaders>("vkCmdBindShadersEXT", Scope::Emulated),
+    row<cmdPushConstants>("vkCmdPushConstants", Scope::Emulated),
+    row<cmdPushConstants2>("vkCmdPushConstants2", Scope::Emulated),
+    row<cmdPushConstants2>("vkCmdPushConstants2KHR", Scope::Emulated),
+    row<cmdExecuteCommands>("vkCmdExecuteCommands", Scope::Emulated),
+    row<cmdBeginConditionalRendering>("vkCmdBeginConditionalRenderingEXT", Scope::Emulated),
+    row<cmdEndConditionalRendering>("vkCmdEndConditionalRenderingEXT", Scope::Emulated),
 
-    row("vkCmdPipelineBarrier2", Scope::Emulated, cmdPipelineBarrier2),
-    row("vkCmdPipelineBarrier2KHR", Scope::Emulated, cmdPipelineBarrier2),
-    row("vkCmdSetEvent2", Scope::Emulated, cmdSetEvent2),
-    row("vkCmdSetEvent2KHR", Scope::Emulated, cmdSetEvent2),
-    row("vkCmdResetEvent2", Scope::Emulated, cmdResetEvent2),
-    row("vkCmdResetEvent2KHR", Scope::Emulated, cmdResetEvent2),
-    row("vkCmdWaitEvents2", Scope::Emulated, cmdWaitEvents2),
-    row("vkCmdWaitEvents2KHR", Scope::Emulated, cmdWaitEvents2),
-    row("vkCmdWriteTimestamp2", Scope::Emulated, cmdWriteTimestamp2),
-    row("vkCmdWriteTimestamp2KHR", Scope::Emulated, cmdWriteTimestamp2),
-    row("vkQueueSubmit2", Scope::Emulated, queueSubmit2),
-    row("vkQueueSubmit2KHR", Scope::Emulated, queueSubmit2),
-    row("vkCreateRenderPass2", Scope::Emulated, createRenderPass2),
-    row("vkCreateRenderPass2KHR", Scope::Emulated, createRenderPass2),
+    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2", Scope::Emulated),
+    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2KHR", Scope::Emulated),
+    row<cmdSetEvent2>("vkCmdSetEvent2", Scope::Emulated),
+    row<cmdSetEvent2>("vkCmdSetEvent2KHR", Scope::Emulated),
+    row<cmdResetEvent2>("vkCmdResetEvent2", Scope::Emulated),
+    row<cmdResetEvent2>("vkCmdResetEvent2KHR", Scope::Emulated),
+    row<cmdWaitEvents2>("vkCmdWaitEvents2", Scope::Emulated),
+    row<cmdWaitEvents2>("vkCmdWaitEvents2KHR", Scope::Emulated),
+    row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2", Scope::Emulated),
+    row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2KHR", Scope::Emulated),
+    row<queueSubmit2>("vkQueueSubmit2", Scope::Emulated),
+    row<queueSubmit2>("vkQueueSubmit2KHR", Scope::Emulated),
+    row<createRenderPass2>("vkCreateRenderPass2", Scope::Emulated),
+    row<createRenderPass2>("vkCreateRenderPass2KHR", Scope::Emulated),
 
-    row("vkCreateMicromapEXT", Scope::Own, createMicromap),
-    row("vkDestroyMicromapEXT", Scope::Own, destroyMicromap),
-    row("vkGetMicromapBuildSizesEXT", Scope::Own, getMicromapBuildSizes),
-    row("vkGetDeviceMicromapCompatibilityEXT", Scope::Own, getDeviceMicromapCompatibility),
-    row("vkCmdBuildMicromapsEXT", Scope::Own, cmdBuildMicromaps),
-    row("vkCmdCopyMicromapEXT", Scope::Own, cmdCopyMicromap),
-    row("vkCmdCopyMicromapToMemoryEXT", Scope::Own, cmdCopyMicromapToMemory),
-    row("vkCmdCopyMemoryToMicromapEXT", Scope::Own, cmdCopyMemoryToMicromap),
-    row("vkCmdWriteMicromapsPropertiesEXT", Scope::Own, cmdWriteMicromapsProperties),
-    row("vkBuildMicromapsEXT", Scope::Own, buildMicromaps),
-    row("vkCopyMicromapEXT", Scope::Own, copyMicromap),
-    row("vkCopyMicromapToMemoryEXT", Scope::Own, copyMicromapToMemory),
-    row("vkCopyMemoryToMicromapEXT", Scope::Own, copyMemoryToMicromap),
-    row("vkWriteMicromapsPropertiesEXT", Scope::Own, writeMicromapsProperties),
+    row<createMicromap>("vkCreateMicromapEXT", Scope::Own),
+    row<destroyMicromap>("vkDestroyMicromapEXT", Scope::Own),
+    row<getMicromapBuildSizes>("vkGetMicromapBuildSizesEXT", Scope::Own),
+    row<getDeviceMicromapCompatibility>("vkGetDeviceMicromapCompatibilityEXT", Scope::Own),
+    row<cmdBuildMicromaps>("vkCmdBuildMicromapsEXT", Scope::Own),
+    row<cmdCopyMicromap>("vkCmdCopyMicromapEXT", Scope::Own),
+    row<cmdCopyMicromapToMemory>("vkCmdCopyMicromapToMemoryEXT", Scope::Own),
+    row<cmdCopyMemoryToMicromap>("vkCmdCopyMemoryToMicromapEXT", Scope::Own),
+    row<cmdWriteMicromapsProperties>("vkCmdWriteMicromapsPropertiesEXT", Scope::Own),
+    row<buildMicromaps>("vkBuildMicromapsEXT", Scope::Own),
+    row<copyMicromap>("vkCopyMicromapEXT", Scope::Own),
+    row<copyMicromapToMemory>("vkCopyMicromapToMemoryEXT", Scope::Own),
+    row<copyMemoryToMicromap>("vkCopyMemoryToMicromapEXT", Scope::Own),
+    row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Own),
 };
 
 const Row *find(const char *name)

@@ -88,6 +88,17 @@ InjectedWork::InjectedWork(Device &device, VkCommandBuffer commandBuffer)
 {
 }
 
+bool InjectedWork::refusedIn(const Device &device, VkCommandBuffer commandBuffer, const char *command)
+{
+    const auto state = commandState(commandBuffer);
+    if (!state || !state->inheritsConditionalRendering)
+        return false;
+    device.report().error("VELLUM-not-available",
+                          std::string(command) +
+                              " in a secondary command buffer that inherits conditional rendering is not available");
+    return true;
+}
+
 bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushBytes, uint64_t groups)
 {
     const VkPipeline pipeline = device_.injected.get(shader);

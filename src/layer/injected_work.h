@@ -67,6 +67,11 @@ public:
     InjectedWork(const InjectedWork &) = delete;
     InjectedWork &operator=(const InjectedWork &) = delete;
 
+    // True, with a message, where `command` cannot be carried out because a secondary command buffer inherits
+    // conditional rendering: it cannot be suspended there, and would discard the layer's dispatches but not the
+    // driver's builds.
+    static bool refusedIn(const Device &device, VkCommandBuffer commandBuffer, const char *command);
+
     // Runs at least `invocations` invocations of a shader. Returns false, and reports, where it has no pipeline.
     template <typename Push>
     bool dispatch(InjectedShader shader, const Push &push, uint64_t invocations, uint32_t groupSize)

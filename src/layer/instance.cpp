@@ -4,7 +4,6 @@
 #include <cstring>
 #include <memory>
 #include <mutex>
-#include <new>
 #include <shared_mutex>
 #include <string>
 #include <unordered_map>
@@ -14,6 +13,7 @@
 
 #include "core/curve.h"
 #include "layer/pnext.h"
+#include "layer/shader_binary.h"
 
 namespace vellum::layer
 {
@@ -75,6 +75,11 @@ Implementation implementationOf(Instance &instance, VkPhysicalDevice device,
         return Implementation::PassThrough;
     if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.next.GetPhysicalDeviceFeatures2)
         return Implementation::None;
+    // VK_EXT_opacity_micromap depends on VK_KHR_synchronization2 or Vulkan 1.3.
+    VkPhysicalDeviceProperties properties{};
+    instance.next.GetPhysicalDeviceProperties(device, &properties);
+    if (properties.apiVersion < VK_API_VERSION_1_3 && !contains(list, VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME))
+        return Implementation::None;
     VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR};
     VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
@@ -101,7 +106,7 @@ Implementation implementationOn(Instance &instance, VkPhysicalDevice device)
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *handle)
-try {
+{
     auto *link = const_cast<VkLayerInstanceCreateInfo *>(static_cast<const VkLayerInstanceCreateInfo *>(info->pNext));
     while (link &&
            !(link->sType == VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO && link->function == VK_LAYER_LINK_INFO))
@@ -126,8 +131,6 @@ try {
     std::unique_lock lock(instancesMutex);
     instances[dispatchKey(*handle)] = std::move(instance);
     return VK_SUCCESS;
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance handle, const VkAllocationCallbacks *allocator)
@@ -161,12 +164,15 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceExtensionProperties(const char *
 {
     if (!layer || std::strcmp(layer, kLayerName) != 0)
         return VK_ERROR_LAYER_NOT_PRESENT;
-    return giveList<VkExtensionProperties>({}, count, properties);
+    VkExtensionProperties settings{};
+    std::strcpy(settings.extensionName, newer::kLayerSettingsExtension);
+    settings.specVersion = 2;
+    return giveList<VkExtensionProperties>({settings}, count, properties);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevice device, const char *layer,
                                                                   uint32_t *count, VkExtensionProperties *properties)
-try {
+{
     if (layer && std::strcmp(layer, kLayerName) == 0)
         return giveList<VkExtensionProperties>({ownExtension()}, count, properties);
     Instance &instance = instanceOf(device);
@@ -177,8 +183,6 @@ try {
     if (emulated && !contains(list, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
         list.push_back(ownExtension());
     return giveList(list, count, properties);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features)
@@ -199,19 +203,28 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
                                                         VkPhysicalDeviceProperties2 *properties)
 {
     Instance &instance = instanceOf(device);
-    if (!findInChain(properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT) ||
+    if ((!findInChain(properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT) &&
+         !findInChain(properties->pNext, newer::kShaderObjectProperties)) ||
         implementationOn(instance, device) != Implementation::Emulation)
         return instance.next.GetPhysicalDeviceProperties2(device, properties);
     const Unlinked ours(properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
     instance.next.GetPhysicalDeviceProperties2(device, properties);
+    // Shader binaries of other processes are refused (shader_binary.h), so the UUID that tells whether they fit is
+    // another.
+    auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
+        findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
+    for (size_t i = 0; shaderObjects && i < VK_UUID_SIZE; ++i)
+        shaderObjects->shaderBinaryUUID[i] ^= processUuid()[i];
     auto *micromap = ours.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>();
+    if (!micromap)
+        return;
     micromap->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
     micromap->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,
                                                                VkPhysicalDeviceToolProperties *properties)
-try {
+{
     Instance &instance = instanceOf(device);
     std::vector<VkPhysicalDeviceToolProperties> tools;
     if (instance.next.GetPhysicalDeviceToolProperties) {
@@ -239,8 +252,6 @@ try {
     for (uint32_t i = 0; properties && i < *count; ++i)
         properties[i].pNext = chains[i];
     return result;
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDebugUtilsMessenger(VkInstance handle,

@@ -85,7 +85,7 @@ std::optional<Offence> offenceOf(const VkMicromapBuildInfoEXT &info)
                            where + "subdivision level " + std::to_string(usage.subdivisionLevel) + " is above 12"};
     }
     const Extent extent = extentOf(info);
-    if (extent.triangles > UINT32_MAX || extent.units > UINT32_MAX)
+    if (extent.triangles > UINT32_MAX || extent.units >= UINT32_MAX)
         return Offence{"VELLUM-micromap-too-large",
                        "the usage counts add up to more than 2^32 triangles or data units"};
     return std::nullopt;
@@ -188,8 +188,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapC
     return VK_SUCCESS;
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice, VkMicromapEXT micromap, const VkAllocationCallbacks *)
+VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice handle, VkMicromapEXT micromap, const VkAllocationCallbacks *)
 {
+    if (micromap)
+        deviceOf(handle).privateData.forgetObject(reinterpret_cast<uint64_t>(micromap));
     delete fromHandle(micromap);
 }
 
@@ -210,8 +212,10 @@ VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice handle, VkAcceleration
 
 VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer commandBuffer, uint32_t count,
                                              const VkMicromapBuildInfoEXT *infos)
-try {
+{
     Device &device = deviceOf(commandBuffer);
+    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdBuildMicromapsEXT"))
+        return;
     std::vector<MicromapPush> pushes;
     for (uint32_t i = 0; i < count; ++i) {
         if (const auto offence = buildOffenceOf(infos[i])) {
@@ -232,8 +236,6 @@ try {
     for (const MicromapPush &push : pushes)
         work.dispatch(InjectedShader::MicromapPack, push, uint64_t{push.triangleCount} * 16, 64);
     work.barrier();
-} catch (const std::bad_alloc &) {
-    deviceOf(commandBuffer).report().error("VELLUM-out-of-memory", "vkCmdBuildMicromapsEXT: out of host memory");
 }
 
 VKAPI_ATTR void VKAPI_CALL getDeviceMicromapCompatibility(VkDevice, const VkMicromapVersionInfoEXT *,

@@ -46,7 +46,7 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
     data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
     data.pMessageIdName = id;
     data.pMessage = text.c_str();
-    data.objectCount = 1;
+    data.objectCount = object != 0 ? 1 : 0;
     data.pObjects = &name;
     const VkDebugUtilsMessageTypeFlagsEXT kind = severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT
                                                      ? VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT

@@ -1,6 +1,6 @@
 #include "layer/resources.h"
 
-#include <new>
+#include <vector>
 
 #include "layer/device.h"
 #include "layer/pnext.h"
@@ -27,6 +27,9 @@ VkFlags64 driverUsage(VkFlags64 usage)
     const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     if ((usage & scratch) == scratch)
         result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+    // Micromaps are read in 16-byte units: their memory is aligned like that of acceleration structures.
+    if (usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)
+        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
     if (usage & storage)
         result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     return result;
@@ -52,15 +55,13 @@ struct DriverBufferInfo {
 
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkBuffer *buffer)
-try {
+{
     Device &device = deviceOf(handle);
     const DriverBufferInfo driverInfo(*info);
     const VkResult result = device.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
     if (result == VK_SUCCESS)
         device.buffers.set(*buffer, {info->size});
     return result;
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
@@ -84,7 +85,7 @@ VKAPI_ATTR void VKAPI_CALL getDeviceBufferMemoryRequirements(VkDevice handle,
 
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
-try {
+{
     Device &device = deviceOf(handle);
     // Acceleration structure storage gets a device address (driverUsage above), which its memory must allow
     // (VUID-vkBindBufferMemory-bufferDeviceAddress-03339). Which memory that will be is not known here.
@@ -99,8 +100,6 @@ try {
     }
     driverInfo.pNext = chain.head();
     return device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)
@@ -109,6 +108,40 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, co
     const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
     device.addresses.add(address, info->buffer, device.buffers.get(info->buffer).size);
     return address;
+}
+
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice physicalDevice,
+                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
+                                                                     VkExternalBufferProperties *properties)
+{
+    Instance &instance = instanceOf(physicalDevice);
+    VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
+    if (implementationOn(instance, physicalDevice) == Implementation::Emulation)
+        driverInfo.usage = static_cast<VkBufferUsageFlags>(driverUsage(info->usage));
+    instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer commandBuffer, uint32_t count,
+                                                    const VkDescriptorBufferBindingInfoEXT *infos)
+{
+    // The usage here is that of the buffer (VUID-VkDescriptorBufferBindingInfoEXT-usage).
+    std::vector<VkDescriptorBufferBindingInfoEXT> own(infos, infos + count);
+    for (VkDescriptorBufferBindingInfoEXT &info : own)
+        info.usage = static_cast<VkBufferUsageFlags>(driverUsage(info.usage));
+    deviceOf(commandBuffer).next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice handle, const VkQueryPoolCreateInfo *info,
+                                               const VkAllocationCallbacks *allocator, VkQueryPool *pool)
+{
+    Device &device = deviceOf(handle);
+    if (info->queryType == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
+        info->queryType == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT) {
+        device.report().error("VELLUM-not-available",
+                              "queries of micromap sizes are not available in this version of the layer");
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    }
+    return device.next.CreateQueryPool(handle, info, allocator, pool);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)

@@ -14,6 +14,13 @@ VKAPI_ATTR void VKAPI_CALL getDeviceBufferMemoryRequirements(VkDevice, const VkD
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
                                               VkDeviceMemory *);
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice, const VkBufferDeviceAddressInfo *);
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice,
+                                                                     const VkPhysicalDeviceExternalBufferInfo *,
+                                                                     VkExternalBufferProperties *);
+VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer, uint32_t,
+                                                    const VkDescriptorBufferBindingInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
+                                               VkQueryPool *);
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice, const VkDebugUtilsObjectNameInfoEXT *);
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice, const VkDebugUtilsObjectTagInfoEXT *);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <new>
 
 #include "core/records.h"
 
@@ -42,7 +43,10 @@ uint32_t *bucketWords(const GpuBuffer &table, uint32_t bucket)
 
 SlotRange::~SlotRange()
 {
-    table_.freeSlots(first_, count_);
+    try {
+        table_.freeSlots(first_, count_);
+    } catch (const std::bad_alloc &) { // the slots are lost, and nothing else
+    }
 }
 
 VkResult RootTable::create(const GpuContext &context)
@@ -59,6 +63,8 @@ VkResult RootTable::create(const GpuContext &context)
 
 bool RootTable::addPages(uint32_t lastPage)
 {
+    if (pageCount_ > lastPage)
+        return true;
     while (pageCount_ <= lastPage) {
         GpuBuffer buffer;
         if (buffer.create(context_, kPageBytes * kPagesPerBuffer) != VK_SUCCESS)
@@ -96,6 +102,11 @@ void RootTable::freeSlots(uint32_t first, uint32_t count)
     if (count == 0)
         return;
     std::lock_guard lock(mutex_);
+    // A stale structure may still name these slots: it must not lead to geometry records that are gone.
+    for (uint32_t slot = first; slot < first + count; ++slot)
+        std::fill_n(pages_[(slot >> kSlotsPerPageLog2) / kPagesPerBuffer].words() +
+                        size_t{slot % (kSlotsPerPage * kPagesPerBuffer)} * kInstanceRecordWords,
+                    kInstanceRecordWords, 0u);
     auto after = freeSlots_.lower_bound(first);
     if (after != freeSlots_.end() && first + count == after->first) {
         count += after->second;

@@ -1,15 +1,17 @@
 #include "layer/shaders.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
+#include <cstring>
 #include <deque>
-#include <new>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "layer/device.h"
 #include "layer/pnext.h"
+#include "layer/shader_binary.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::layer
@@ -102,6 +104,17 @@ private:
     bool changed_ = false;
 };
 
+// pStages is ignored, and may be anything, for a pipeline library without the parts that have shaders.
+bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
+{
+    const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
+    const VkGraphicsPipelineLibraryFlagsEXT withShaders =
+        VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
+        VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
+    return !library || (library->flags & withShaders) != 0;
+}
+
 VkResult failAll(uint32_t count, VkPipeline *pipelines)
 {
     for (uint32_t i = 0; i < count; ++i)
@@ -113,21 +126,19 @@ VkResult failAll(uint32_t count, VkPipeline *pipelines)
 
 VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
                                                   const VkAllocationCallbacks *allocator, VkShaderModule *module)
-try {
+{
     Device &device = deviceOf(handle);
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
     if (!rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
         return VK_ERROR_INVALID_SHADER_NV;
     return device.next.CreateShaderModule(handle, &driverInfo, allocator, module);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                                       const VkComputePipelineCreateInfo *infos,
                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
-try {
+{
     Device &device = deviceOf(handle);
     DriverStages stages(device);
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
@@ -139,31 +150,27 @@ try {
             info.stage = *stage;
     }
     return device.next.CreateComputePipelines(handle, cache, count, own.data(), allocator, pipelines);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                                        const VkGraphicsPipelineCreateInfo *infos,
                                                        const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
-try {
+{
     Device &device = deviceOf(handle);
     DriverStages stages(device);
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
     for (VkGraphicsPipelineCreateInfo &info : own) {
-        if (!stages.rewrite(info.pStages, info.stageCount))
+        if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
             return failAll(count, pipelines);
     }
     return device.next.CreateGraphicsPipelines(handle, cache, count, own.data(), allocator, pipelines);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
                                                          VkPipelineCache cache, uint32_t count,
                                                          const VkRayTracingPipelineCreateInfoKHR *infos,
                                                          const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
-try {
+{
     Device &device = deviceOf(handle);
     DriverStages stages(device);
     std::deque<Chain> chains;
@@ -172,9 +179,13 @@ try {
     for (VkRayTracingPipelineCreateInfoKHR &info : own) {
         changed = changed || (info.flags & kMicromapPipelineFlag) != 0;
         info.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlag);
-        Chain &chain = chains.emplace_back(info.pNext);
-        if (auto *flags2 = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo)) {
-            flags2->flags &= ~kMicromapPipelineFlag;
+        const auto *flags2 =
+            findInChain<newer::PipelineCreateFlags2CreateInfo>(info.pNext, newer::kPipelineCreateFlags2CreateInfo);
+        if (flags2 && (flags2->flags & kMicromapPipelineFlag) != 0) {
+            Chain &chain = chains.emplace_back(info.pNext);
+            if (auto *edited =
+                    chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
+                edited->flags &= ~kMicromapPipelineFlag;
             info.pNext = chain.head();
             changed = true;
         }
@@ -187,30 +198,33 @@ try {
     const VkResult result = device.next.CreateRayTracingPipelinesKHR(handle, VK_NULL_HANDLE, cache, count, own.data(),
                                                                      allocator, pipelines);
     return result == VK_SUCCESS && operation ? VK_OPERATION_NOT_DEFERRED_KHR : result;
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
                                              const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
-try {
+{
     Device &device = deviceOf(handle);
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
-        if (info.codeType != newer::kShaderCodeTypeSpirv)
+        if (info.codeType == newer::kShaderCodeTypeBinary) {
+            const ShaderBinaryHeader header = shaderBinaryHeader(device);
+            if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0) {
+                std::fill_n(shaders, count, nullptr);
+                return newer::kIncompatibleShaderBinary;
+            }
+            info.pCode = static_cast<const std::byte *>(info.pCode) + sizeof header;
+            info.codeSize -= sizeof header;
             continue;
+        }
         const auto *code = static_cast<const uint32_t *>(info.pCode);
         if (!rewriteShader(device, code, info.codeSize, storage.emplace_back())) {
-            for (uint32_t i = 0; i < count; ++i)
-                shaders[i] = nullptr;
+            std::fill_n(shaders, count, nullptr);
             return VK_ERROR_INITIALIZATION_FAILED; // of the errors of vkCreateShadersEXT the one about the code
         }
         info.pCode = code;
     }
     return device.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 } // namespace vellum::layer

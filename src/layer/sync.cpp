@@ -1,7 +1,6 @@
 #include "layer/sync.h"
 
 #include <deque>
-#include <new>
 #include <vector>
 
 #include "layer/device.h"
@@ -123,7 +122,7 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer commandBuffer, VkP
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)
-try {
+{
     std::vector<VkSubmitInfo2> own(submits, submits + count);
     std::deque<std::vector<VkSemaphoreSubmitInfo>> semaphores;
     for (VkSubmitInfo2 &submit : own) {
@@ -133,13 +132,11 @@ try {
         submit.pSignalSemaphoreInfos = semaphores.back().data();
     }
     return deviceOf(queue).next.QueueSubmit2(queue, count, own.data(), fence);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRenderPassCreateInfo2 *info,
                                                  const VkAllocationCallbacks *allocator, VkRenderPass *renderPass)
-try {
+{
     // A subpass dependency can carry a VkMemoryBarrier2.
     VkRenderPassCreateInfo2 driverInfo = *info;
     std::vector<VkSubpassDependency2> dependencies(info->pDependencies, info->pDependencies + info->dependencyCount);
@@ -152,8 +149,6 @@ try {
     }
     driverInfo.pDependencies = dependencies.data();
     return deviceOf(handle).next.CreateRenderPass2(handle, &driverInfo, allocator, renderPass);
-} catch (const std::bad_alloc &) {
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 } // namespace vellum::layer

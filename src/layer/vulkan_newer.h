@@ -56,10 +56,21 @@ struct ShaderCreateInfo {
 inline constexpr int kShaderCodeTypeSpirv = 1;
 using PFN_CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, uint32_t, const ShaderCreateInfo *,
                                                 const VkAllocationCallbacks *, ShaderEXT *);
+inline constexpr int kShaderCodeTypeBinary = 0;
+inline constexpr auto kIncompatibleShaderBinary = static_cast<VkResult>(1000482000);
+inline constexpr auto kShaderObjectProperties = static_cast<VkStructureType>(1000482001);
+struct ShaderObjectProperties {
+    VkStructureType sType;
+    void *pNext;
+    uint8_t shaderBinaryUUID[VK_UUID_SIZE];
+    uint32_t shaderBinaryVersion;
+};
+using PFN_GetShaderBinaryData = VkResult(VKAPI_PTR *)(VkDevice, ShaderEXT, size_t *, void *);
 using PFN_CmdBindShaders = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
                                              const ShaderEXT *);
 
 // VK_EXT_layer_settings
+inline constexpr const char *kLayerSettingsExtension = "VK_EXT_layer_settings";
 inline constexpr auto kLayerSettingsCreateInfo = static_cast<VkStructureType>(1000496000);
 enum LayerSettingType { kLayerSettingBool32 = 0, kLayerSettingString = 8 };
 struct LayerSetting {

@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 
 #include "bake/bake.h"
+#include "test_random.h"
 
 using namespace vellum;
 
@@ -35,7 +35,7 @@ class Case
             triangles.push_back(randomTriangle());
     }
 
-    double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(m_random); }
+    double uniform(double low, double high) { return m_random.uniform(low, high); }
 
     AlphaTexture texture;
     BakeOptions options;
@@ -76,7 +76,7 @@ class Case
         return uvs;
     }
 
-    std::mt19937 m_random;
+    test::TestRandom m_random;
 };
 
 // Samples one micro-triangle at its corners, edges and inside, moved by as much as the options allow.

@@ -4,11 +4,11 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
 #include <vector>
 
 #include "core/curve.h"
 #include "core/micromap.h"
+#include "test_random.h"
 
 using namespace vellum;
 
@@ -25,7 +25,7 @@ std::vector<std::uint32_t> indicesToTest(std::uint32_t level)
             indices.push_back(i);
         return indices;
     }
-    std::mt19937 random(level);
+    test::TestRandom random(level);
     for (int i = 0; i < 200000; ++i)
         indices.push_back(random() % count);
     indices.push_back(0);
@@ -78,7 +78,7 @@ TEST_P(CurveOfLevel, CornersMakeAMicroTriangleOnTheGrid)
     }
 }
 
-TEST_P(CurveOfLevel, NeighboursOnTheCurveShareAnEdge)
+TEST_P(CurveOfLevel, NeighboursOnTheCurveTouch)
 {
     const std::uint32_t level = GetParam();
     for (const std::uint32_t index : indicesToTest(level)) {
@@ -88,7 +88,7 @@ TEST_P(CurveOfLevel, NeighboursOnTheCurveShareAnEdge)
         for (const Barycentrics &a : microTriangleCorners(index, level))
             for (const Barycentrics &b : microTriangleCorners(index + 1, level))
                 common += a.u == b.u && a.v == b.v ? 1 : 0;
-        ASSERT_EQ(common, 2) << "level " << level << ", index " << index;
+        ASSERT_GE(common, 1) << "level " << level << ", index " << index;
     }
 }
 
@@ -97,7 +97,7 @@ TEST_P(CurveOfLevel, TheLevelAboveIsAQuarter)
     const std::uint32_t level = GetParam();
     if (level == 0)
         return;
-    std::mt19937 random(level);
+    test::TestRandom random(level);
     for (int i = 0; i < 20000; ++i) {
         const std::uint32_t index = random() % microTriangleCount(level);
         const Barycentrics p = mix(microTriangleCorners(index, level), 0.375f, 0.375f, 0.25f);

@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
-#include <random>
 
 #include "core/micromap.h"
+#include "test_random.h"
 
 using namespace vellum;
 
@@ -24,7 +24,7 @@ TEST(States, WriteThenReadAtRandom)
 {
     for (const Format format : {Format::TwoState, Format::FourState}) {
         for (std::uint32_t level = 0; level <= 4; ++level) {
-            std::mt19937 random(level);
+            test::TestRandom random(level);
             std::vector<std::uint8_t> data(packedBytes(level, format), 0xa5);
             std::vector<unsigned> wanted(microTriangleCount(level));
             for (int i = 0; i < 2000; ++i) {

@@ -1,0 +1,66 @@
+#include "command.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "glb_file.h"
+
+namespace vellum::test
+{
+namespace
+{
+
+std::string textOf(const std::filesystem::path &path)
+{
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// In the child, after fork.
+[[noreturn]] void execute(std::vector<std::string> arguments,
+                          const std::vector<std::pair<std::string, std::string>> &environment,
+                          const std::filesystem::path &output, const std::filesystem::path &errors)
+{
+    for (const auto &[name, value] : environment)
+        setenv(name.c_str(), value.c_str(), 1);
+    // Under the sanitizers, only faults are wanted here; drivers keep memory to the end.
+    setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
+    std::vector<char *> argv = {const_cast<char *>("vellum")};
+    for (std::string &argument : arguments)
+        argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    if (std::freopen(output.c_str(), "w", stdout) == nullptr || std::freopen(errors.c_str(), "w", stderr) == nullptr)
+        _exit(127);
+    execv(VELLUM_COMMAND, argv.data());
+    _exit(127);
+}
+
+} // namespace
+
+int Outcome::errorLines() const
+{
+    const auto ended = std::count(errors.begin(), errors.end(), '\n');
+    return static_cast<int>(ended) + (errors.empty() || errors.back() == '\n' ? 0 : 1);
+}
+
+Outcome runVellum(const std::vector<std::string> &arguments,
+                  const std::vector<std::pair<std::string, std::string>> &environment)
+{
+    const TemporaryFolder folder;
+    const pid_t child = fork();
+    if (child < 0)
+        throw std::runtime_error("no process");
+    if (child == 0)
+        execute(arguments, environment, folder / "output", folder / "errors");
+    int status = 0;
+    if (waitpid(child, &status, 0) != child)
+        throw std::runtime_error("the process was lost");
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, textOf(folder / "output"), textOf(folder / "errors")};
+}
+
+} // namespace vellum::test

@@ -1,0 +1,148 @@
+#include "glb_file.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <png.h>
+#include <stdexcept>
+
+namespace vellum::test
+{
+namespace
+{
+
+constexpr std::size_t kImageOffset = 92;
+
+template <typename T>
+void append(Bytes &bytes, const std::vector<T> &values)
+{
+    const std::size_t old = bytes.size();
+    bytes.resize(old + values.size() * sizeof(T));
+    std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
+}
+
+void appendWord(Bytes &bytes, std::size_t word)
+{
+    append(bytes, std::vector<std::uint32_t>{static_cast<std::uint32_t>(word)});
+}
+
+void replaceOnce(std::string &text, const std::string &from, const std::string &to)
+{
+    const std::size_t place = text.find(from);
+    if (place == std::string::npos || text.find(from, place + 1) != std::string::npos)
+        throw std::logic_error("\"" + from + "\" is not exactly once in the test's JSON");
+    text.replace(place, from.size(), to);
+}
+
+} // namespace
+
+Bytes discPng()
+{
+    constexpr std::uint32_t kSize = 16;
+    Bytes rgba;
+    for (std::uint32_t i = 0; i < kSize * kSize; ++i) {
+        const int x = static_cast<int>(i % kSize) - 8;
+        const int y = static_cast<int>(i / kSize) - 8;
+        const std::uint8_t alpha = x * x + y * y < 36 ? 255 : 0;
+        rgba.insert(rgba.end(), {255, 255, 255, alpha});
+    }
+    png_image image{};
+    image.version = PNG_IMAGE_VERSION;
+    image.width = image.height = kSize;
+    image.format = PNG_FORMAT_RGBA;
+    Bytes file(4096);
+    png_alloc_size_t size = file.size();
+    if (png_image_write_to_memory(&image, file.data(), &size, 0, rgba.data(), 0, nullptr) == 0)
+        throw std::runtime_error(image.message);
+    file.resize(size);
+    return file;
+}
+
+std::string cardJson(std::size_t imageBytes, std::size_t binaryBytes)
+{
+    std::string json = R"({
+"asset": {"version": "2.0"},
+"scene": 0, "scenes": [{"nodes": [0]}],
+"nodes": [{"mesh": 0, "translation": [0, 2, 0]}],
+"meshes": [{"primitives": [
+  {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0},
+  {"attributes": {"POSITION": 3}, "material": 1}]}],
+"materials": [
+  {"name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.25,
+   "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.25, 0.75], "baseColorTexture": {"index": 0}}},
+  {"name": "wood"}],
+"textures": [{"source": 0, "sampler": 0}],
+"samplers": [{"magFilter": 9728, "wrapS": 33071, "wrapT": 33648}],
+"images": [{"mimeType": "image/png", "bufferView": 3}],
+"accessors": [
+  {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+  {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+  {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
+  {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 3, "type": "VEC3"}],
+"bufferViews": [
+  {"buffer": 0, "byteLength": 48},
+  {"buffer": 0, "byteOffset": 48, "byteLength": 32},
+  {"buffer": 0, "byteOffset": 80, "byteLength": 12},
+  {"buffer": 0, "byteOffset": 92, "byteLength": IMAGE}],
+"buffers": [{"byteLength": BINARY}]})";
+    replaceOnce(json, "IMAGE", std::to_string(imageBytes));
+    replaceOnce(json, "BINARY", std::to_string(binaryBytes));
+    return json;
+}
+
+Bytes packGlb(std::string json, Bytes binary)
+{
+    json.resize((json.size() + 3) / 4 * 4, ' ');
+    binary.resize((binary.size() + 3) / 4 * 4);
+    Bytes file;
+    appendWord(file, 0x46546c67);
+    appendWord(file, 2);
+    appendWord(file, 28 + json.size() + binary.size());
+    appendWord(file, json.size());
+    appendWord(file, 0x4e4f534a);
+    file.insert(file.end(), json.begin(), json.end());
+    appendWord(file, binary.size());
+    appendWord(file, 0x004e4942);
+    file.insert(file.end(), binary.begin(), binary.end());
+    return file;
+}
+
+Bytes cardGlb(const Replacements &replacements)
+{
+    Bytes binary;
+    append<float>(binary, {-1, 0, 0, 1, 0, 0, 1, 2, 0, -1, 2, 0});
+    append<float>(binary, {0, 1, 1, 1, 1, 0, 0, 0});
+    append<std::uint16_t>(binary, {0, 1, 2, 0, 2, 3});
+    const Bytes png = discPng();
+    if (binary.size() != kImageOffset)
+        throw std::logic_error("the test's JSON does not fit its binary chunk");
+    append(binary, png);
+    std::string json = cardJson(png.size(), binary.size());
+    for (const auto &[from, to] : replacements)
+        replaceOnce(json, from, to);
+    return packGlb(json, binary);
+}
+
+void writeFile(const std::filesystem::path &path, const Bytes &bytes)
+{
+    std::ofstream file(path, std::ios::binary);
+    file.write(reinterpret_cast<const char *>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    if (!file)
+        throw std::runtime_error(path.string() + " cannot be written");
+}
+
+TemporaryFolder::TemporaryFolder()
+{
+    std::string name = (std::filesystem::temp_directory_path() / "vellum-test-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr)
+        throw std::runtime_error("no temporary folder");
+    m_path = name;
+}
+
+TemporaryFolder::~TemporaryFolder()
+{
+    std::error_code ignored;
+    std::filesystem::remove_all(m_path, ignored);
+}
+
+} // namespace vellum::test

@@ -1,0 +1,46 @@
+// A small GLB made up for tests: one alpha-masked card and one solid triangle.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace vellum::test
+{
+
+using Bytes = std::vector<std::uint8_t>;
+
+// Text to replace in the file's JSON, each exactly once (anything else is an error of the test).
+using Replacements = std::vector<std::pair<std::string, std::string>>;
+
+// A 16 x 16 PNG: white, opaque in a disc.
+Bytes discPng();
+
+// The JSON of the card with an image of `imageBytes` bytes in its binary chunk.
+std::string cardJson(std::size_t imageBytes, std::size_t binaryBytes);
+
+// Packs a GLB. The chunks are padded.
+Bytes packGlb(std::string json, Bytes binary);
+
+Bytes cardGlb(const Replacements &replacements = {});
+
+void writeFile(const std::filesystem::path &path, const Bytes &bytes);
+
+// A fresh folder below the system's temporary one, deleted with all that is in it.
+class TemporaryFolder
+{
+  public:
+    TemporaryFolder();
+    ~TemporaryFolder();
+    TemporaryFolder(const TemporaryFolder &) = delete;
+    TemporaryFolder &operator=(const TemporaryFolder &) = delete;
+    [[nodiscard]] std::filesystem::path operator/(const std::string &name) const { return m_path / name; }
+    [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
+
+  private:
+    std::filesystem::path m_path;
+};
+
+} // namespace vellum::test
