@@ -1,6 +1,7 @@
 #include "cli/options.h"
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <iostream>
 
 #include "cli/render_command.h"
@@ -10,7 +11,11 @@ namespace vellum::cli
 namespace
 {
 
-constexpr const char *kExamples = R"(
+constexpr const char *kRenderDetails = R"(
+An ordinary Vulkan program: where the driver lacks VK_EXT_opacity_micromap, the layer VK_LAYER_VELLUM_opacity_micromap,
+which is turned on by default, brings it. Which device and which implementation of the extension were used is printed.
+It needs a Vulkan 1.3 device with ray queries; Mesa's lavapipe is one that runs on any processor.
+
 Examples:
   vellum render
       draws the built-in grove to vellum.png
@@ -19,15 +24,7 @@ Examples:
   vellum render ash.glb --mode compare --instances 9 --heavy --level 5
       nine copies, a costly alpha test, coarser and smaller micromaps
   vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
-      a smooth picture from another side
-
-It needs a Vulkan 1.3 device with ray queries; Mesa's lavapipe is one that runs on any processor.)";
-
-constexpr const char *kRenderAbout =
-    R"(Renders a glTF file with alpha-masked foliage, or a built-in grove, by ray queries in a compute shader.
-
-An ordinary Vulkan program: where the driver lacks VK_EXT_opacity_micromap, the layer VK_LAYER_VELLUM_opacity_micromap,
-which is turned on by default, brings it. Which device and which implementation of the extension were used is printed.)";
+      a smooth picture from another side)";
 
 std::uint32_t parseLevel(const std::string &text)
 {
@@ -47,13 +44,14 @@ struct RawOptions {
     std::string size;
     std::string level = "7";
     unsigned format = 4;
+    bool noLayer = false;
 };
 
 void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
 {
     const std::map<std::string, Mode> modes = {
         {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
-    command.footer(kExamples);
+    command.footer(kRenderDetails);
     command.add_option("file", options.input, "A .glb or .gltf file; the built-in grove without");
     command
         .add_option("-m,--mode", options.mode,
@@ -84,7 +82,7 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
     command.add_option("--zoom", options.settings.view.zoom, "Above 1 closer than to see everything [1]")
         ->check(CLI::Range(0.05, 20.0).description(""));
     command.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
-    command.add_flag("!--no-layer", options.layer, "Do not turn the layer on");
+    command.add_flag("--no-layer", raw.noLayer, "Do not turn the layer on");
     command.add_option("--layer-path", options.layerFolder,
                        "Folder of the layer's manifest, instead of the one beside this program");
 }
@@ -95,6 +93,11 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
         parseSize(raw.size, options.settings);
     if (raw.level != "auto")
         options.bake.level = parseLevel(raw.level);
+    options.layer = !raw.noLayer;
+    // NaN passes CLI11's range checks.
+    const View &view = options.settings.view;
+    if (!std::isfinite(view.yaw) || !std::isfinite(view.pitch) || !std::isfinite(view.zoom))
+        throw Error("the camera's --yaw, --pitch and --zoom must be numbers");
     options.bake.format = raw.format == 2 ? Format::TwoState : Format::FourState;
 }
 
@@ -128,7 +131,7 @@ int runCommandLine(int argc, char **argv)
     app.footer("vellum render --help has examples.");
     RenderOptions options;
     RawOptions raw;
-    CLI::App &render = *app.add_subcommand("render", kRenderAbout);
+    CLI::App &render = *app.add_subcommand("render", "Renders foliage, from a glTF file or built in, to a PNG by ray queries");
     declareRender(render, options, raw);
     try {
         app.parse(argc, argv);

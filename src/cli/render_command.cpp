@@ -96,7 +96,8 @@ void printComparison(const RenderOptions &options, const Timing &alpha, const Ti
                      const Difference &difference)
 {
     const auto ratio = [](double a, double b) { return a > 0 ? fmt::format("{:.3f}", b / a) : std::string("-"); };
-    const std::uint64_t pixels = std::uint64_t{options.settings.width} * options.settings.height;
+    const double pixels = static_cast<double>(options.settings.width) * options.settings.height;
+    const std::string share = fmt::format("{:.4f} %", 100.0 * static_cast<double>(difference.pixels) / pixels);
     fmt::print("\n|                                |        alpha |          omm | omm/alpha |\n"
                "|--------------------------------|-------------:|-------------:|----------:|\n");
     fmt::print("| frame, ms (median of {:>4})     | {:>12.2f} | {:>12.2f} | {:>9} |\n", options.frames,
@@ -105,8 +106,7 @@ void printComparison(const RenderOptions &options, const Timing &alpha, const Ti
                omm.count.perRay(), ratio(alpha.count.perRay(), omm.count.perRay()));
     fmt::print("| micromap bytes                 | {:>12} | {:>12} | {:>9} |\n", 0, grouped(bytes), "");
     fmt::print("| differing pixels               | {:>12} | {:>12} | {:>9} |\n\n", "",
-               grouped(difference.pixels), fmt::format("{:.4f} %", 100.0 * static_cast<double>(difference.pixels) /
-                                                                       static_cast<double>(pixels)));
+               grouped(difference.pixels), share);
 }
 
 int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)

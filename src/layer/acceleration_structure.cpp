@@ -347,6 +347,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
     structure->buffer = info->buffer;
     structure->offset = info->offset;
     structure->size = info->size;
+    structure->type = info->type;
     const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created == VK_SUCCESS)
         device.accelerationStructures.set(*result, std::move(structure));
@@ -396,6 +397,11 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandB
         std::scoped_lock lock(source->mutex, target->mutex);
         if (source->hasMicromaps) {
             refuseCommand(device, "vkCmdCopyAccelerationStructureKHR of a bottom-level structure with micromaps");
+            return;
+        }
+        if (source->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR && !source->slots) {
+            refuseCommand(device,
+                          "vkCmdCopyAccelerationStructureKHR of a top-level structure, recorded before its build,");
             return;
         }
         // The copy holds the same slots as its source, which gets new ones when it is built again.

@@ -35,6 +35,7 @@ struct AccelerationStructure {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
+    VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
     std::mutex mutex;              // guards what is below
     VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell

@@ -117,6 +117,7 @@ TEST_F(BadInput, BadOptions)
         {"render", "--frames", "0"},
         {"render", "--samples", "1000"},
         {"render", "--zoom", "nan"},
+        {"render", "--yaw", "inf"},
         {"render", "--nonsense"},
         {"render", "a.glb", "b.glb"},
     };

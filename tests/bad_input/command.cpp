@@ -1,6 +1,7 @@
 #include "command.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
@@ -52,6 +53,7 @@ Outcome runVellum(const std::vector<std::string> &arguments,
                   const std::vector<std::pair<std::string, std::string>> &environment)
 {
     const TemporaryFolder folder;
+    std::fflush(nullptr); // else the child would write what is buffered once more
     const pid_t child = fork();
     if (child < 0)
         throw std::runtime_error("no process");

@@ -63,6 +63,8 @@ std::uint32_t MicromapInput::add(std::uint32_t level, std::uint16_t format, std:
 
 std::vector<VkMicromapUsageEXT> MicromapInput::usage() const
 {
+    if (!declared.empty())
+        return declared;
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> counts;
     for (const VkMicromapTriangleEXT &t : triangles)
         ++counts[{t.format, t.subdivisionLevel}];

@@ -22,6 +22,7 @@ struct MicromapInput {
     std::vector<VkMicromapTriangleEXT> triangles;
     std::vector<std::uint8_t> data;
     VkDeviceSize stride = sizeof(VkMicromapTriangleEXT);
+    std::vector<VkMicromapUsageEXT> declared; // not empty: instead of the true usage
 
     // Appends a triangle and its data; states: 4^level values 0..3 (only 0 and 1 in the 2-state format).
     std::uint32_t add(std::uint32_t level, std::uint16_t format, std::span<const std::uint8_t> states);

@@ -1,0 +1,84 @@
+#include "scene_bench.h"
+
+#include "cli/render_command.h"
+
+namespace vellum::bench
+{
+namespace
+{
+
+using cli::Renderer;
+
+using Micromaps = std::vector<const Micromap *>;
+
+// A renderer, and the classic one that it is compared to.
+struct Variant {
+    std::unique_ptr<Renderer> renderer;
+    Renderer *classic = nullptr;
+    std::vector<double> ratios;
+    double *result = nullptr; // where the median goes
+};
+
+} // namespace
+
+SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
+                         const std::vector<std::uint32_t> &levels, unsigned repetitions,
+                         const std::function<void(std::size_t done, std::size_t total)> &progress)
+{
+    SceneResult result;
+    result.levels.resize(levels.size());
+    settings.heavy = false;
+    Renderer plain(devices.classic, scene, {}, settings);
+    settings.heavy = true;
+    Renderer heavy(devices.classic, scene, {}, settings);
+    result.candidatesPerRay = plain.count().perRay();
+
+    std::vector<Variant> variants;
+    const auto add = [&](const Micromaps &micromaps, bool isHeavy, double &ratio) -> Renderer & {
+        settings.heavy = isHeavy;
+        variants.push_back({std::make_unique<Renderer>(devices.enabled, scene, micromaps, settings),
+                            isHeavy ? &heavy : &plain,
+                            {},
+                            &ratio});
+        return *variants.back().renderer;
+    };
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+        LevelResult &level = result.levels[i];
+        level.level = levels[i];
+        BakeOptions options;
+        options.level = levels[i];
+        const cli::BakedScene baked = cli::bakeScene(scene.scene, options);
+        const auto shares = baked.stateShares();
+        level.unknown = shares[2] + shares[3];
+        Renderer &omm = add(baked.micromaps(), false, level.plainRatio);
+        level.candidatesPerRay = omm.count().perRay();
+        level.bytes = omm.micromapBytes();
+        add(baked.micromaps(), true, level.heavyRatio);
+    }
+    add({}, false, result.withoutMicromaps);
+
+    for (Variant &v : variants)
+        v.renderer->frame(); // warms up
+    plain.frame();
+    heavy.frame();
+    std::vector<double> classic[2];
+    std::size_t done = 0;
+    for (unsigned r = 0; r < repetitions; ++r) {
+        for (Variant &v : variants) {
+            const double before = v.classic->frame();
+            const double own = v.renderer->frame();
+            const double after = v.classic->frame();
+            v.ratios.push_back(2 * own / (before + after));
+            std::vector<double> &times = classic[v.classic == &heavy ? 1 : 0];
+            times.insert(times.end(), {before, after});
+            progress(++done, repetitions * variants.size());
+        }
+    }
+    for (const Variant &v : variants)
+        *v.result = cli::median(v.ratios);
+    result.alphaMilliseconds = cli::median(classic[0]);
+    result.heavyMilliseconds = classic[1].empty() ? 0 : cli::median(classic[1]);
+    return result;
+}
+
+} // namespace vellum::bench

@@ -1,0 +1,43 @@
+// What one scene costs, with and without micromaps.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "cli/baked_scene.h"
+#include "cli/renderer.h"
+
+namespace vellum::bench
+{
+
+// The devices to compare: `classic` of an instance without the layer and without the extension, `enabled` with both.
+struct Devices {
+    cli::Device &classic;
+    cli::Device &enabled;
+};
+
+struct LevelResult {
+    std::uint32_t level = 0;
+    VkDeviceSize bytes = 0;
+    double unknown = 0;         // share of micro-triangles
+    double candidatesPerRay = 0;
+    double plainRatio = 0;      // frame time omm / alpha
+    double heavyRatio = 0;      // the same with 16 more texture reads per candidate
+};
+
+struct SceneResult {
+    double alphaMilliseconds = 0; // median
+    double heavyMilliseconds = 0;
+    double candidatesPerRay = 0;  // of the classic alpha test
+    std::vector<LevelResult> levels;
+    double withoutMicromaps = 0; // frame time: layer on, extension enabled, no micromaps / layer off
+};
+
+// Renders each variant `repetitions` times, every frame between two of the classic alpha test, to which it is compared:
+// the machine's other work hits both. Ratios are medians.
+SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
+                         const std::vector<std::uint32_t> &levels, unsigned repetitions,
+                         const std::function<void(std::size_t done, std::size_t total)> &progress);
+
+} // namespace vellum::bench

@@ -1,0 +1,334 @@
+// Micromap builds that contradict themselves, or their memory: a message that names the rule, no crash, nothing written
+// where it does not belong, and a device that goes on working.
+#include "expected.h"
+#include "state_scene.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr std::uint32_t kHuge = 0x7fffffff;
+
+class BadInput : public GpuTest
+{
+protected:
+    void SetUp() override
+    {
+        MicromapInput input;
+        for (std::uint8_t state = 0; state < 4; ++state)
+            input.add(2, kFourState, std::vector<std::uint8_t>(16, state));
+        micromap_ = std::make_unique<Micromap>(gpu(), std::move(input));
+        expectNoMessages();
+    }
+
+    void TearDown() override
+    {
+        expectStillWorking();
+        micromap_.reset();
+        GpuTest::TearDown();
+    }
+
+    // Vellum complains, and nobody below it has a reason to.
+    void expectComplaint(const char *rule = "")
+    {
+        bool complained = false;
+        for (const Message &m : gpu().takeUnexpectedMessages()) {
+            if (m.fromVellum() && m.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT) {
+                EXPECT_NE(m.id.find(rule), std::string::npos) << m.id << ": " << m.text;
+                EXPECT_FALSE(m.text.empty());
+                complained = true;
+            } else {
+                ADD_FAILURE() << "from elsewhere: " << m.id << ": " << m.text;
+            }
+        }
+        EXPECT_TRUE(complained) << "no message";
+    }
+
+    void expectStillWorking()
+    {
+        StateScene scene(gpu());
+        gpu().submit([&](VkCommandBuffer commands) { scene.record(commands); });
+        scene.expectRight();
+    }
+
+    void buildWith(const std::function<void(VkMicromapBuildInfoEXT &)> &change)
+    {
+        VkMicromapBuildInfoEXT info = micromap_->buildInfo();
+        change(info);
+        gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 1, &info); });
+    }
+
+    VkMicromapBuildSizesInfoEXT sizesOf(const VkMicromapBuildInfoEXT &info)
+    {
+        VkMicromapBuildSizesInfoEXT sizes{};
+        sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
+        gpu().vk().GetMicromapBuildSizesEXT(gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &sizes);
+        return sizes;
+    }
+
+    // What the shader sees of a row of triangles with that attachment: -1 nothing, 0 a committed hit, 1 a candidate.
+    std::vector<int> seen(const Attachment &attachment, std::uint32_t triangles)
+    {
+        Geometry geometry{.vertices = triangleRow(triangles)};
+        geometry.micromap = attachment;
+        const Blas blas(gpu(), {geometry});
+        const Tlas tlas(gpu(), {instance(blas, {}, 1)});
+        std::vector<Ray> rays(triangles);
+        for (std::uint32_t i = 0; i < triangles; ++i)
+            rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
+        std::vector<int> out;
+        for (const Result &r : Tracer(gpu()).trace(tlas, rays))
+            out.push_back(r.candidateCount > 0 ? 1 : r.committed == kTriangle ? 0 : -1);
+        return out;
+    }
+
+    std::unique_ptr<Micromap> micromap_;
+};
+
+TEST_F(BadInput, BothUsageArrays)
+{
+    const VkMicromapUsageEXT *pointer = micromap_->buildInfo().pUsageCounts;
+    buildWith([&](VkMicromapBuildInfoEXT &info) { info.ppUsageCounts = &pointer; });
+    expectComplaint("07516");
+    VkMicromapBuildInfoEXT info = micromap_->buildInfo();
+    info.ppUsageCounts = &pointer;
+    sizesOf(info);
+    expectComplaint("07516");
+}
+
+TEST_F(BadInput, LevelsAndFormats)
+{
+    for (const VkMicromapUsageEXT usage : std::initializer_list<VkMicromapUsageEXT>{{1, 13, kTwoState},
+                                                                                    {1, 13, kFourState},
+                                                                                    {1, kHuge, kFourState},
+                                                                                    {1, 2, 0},
+                                                                                    {1, 2, 3},
+                                                                                    {1, 2, kHuge}}) {
+        SCOPED_TRACE(testing::Message() << "level " << usage.subdivisionLevel << " format " << usage.format);
+        const auto change = [&usage](VkMicromapBuildInfoEXT &info) {
+            info.usageCountsCount = 1;
+            info.pUsageCounts = &usage;
+        };
+        buildWith(change);
+        expectComplaint("VUID-VkMicromapBuildInfoEXT");
+        VkMicromapBuildInfoEXT info = micromap_->buildInfo();
+        change(info);
+        sizesOf(info);
+        expectComplaint("VUID-VkMicromapBuildInfoEXT");
+    }
+}
+
+TEST_F(BadInput, TypeAndMode)
+{
+    buildWith([](VkMicromapBuildInfoEXT &info) { info.type = static_cast<VkMicromapTypeEXT>(7); });
+    expectComplaint();
+    buildWith([](VkMicromapBuildInfoEXT &info) { info.mode = static_cast<VkBuildMicromapModeEXT>(3); });
+    expectComplaint();
+}
+
+TEST_F(BadInput, NoDestination)
+{
+    buildWith([](VkMicromapBuildInfoEXT &info) { info.dstMicromap = VK_NULL_HANDLE; });
+    expectComplaint("dstMicromap");
+}
+
+TEST_F(BadInput, TriangleArrayStride)
+{
+    for (const VkDeviceSize stride : {VkDeviceSize{0}, VkDeviceSize{4}, VkDeviceSize{10}}) {
+        buildWith([stride](VkMicromapBuildInfoEXT &info) { info.triangleArrayStride = stride; });
+        // No rule of VK_EXT_opacity_micromap forbids it.
+        gpu().takeMessages();
+    }
+}
+
+TEST_F(BadInput, DestinationTooSmall)
+{
+    const VkMicromapBuildSizesInfoEXT sizes = sizesOf(micromap_->buildInfo());
+    const Guarded storage(gpu(), sizes.micromapSize - 16, 256, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
+    VkMicromapCreateInfoEXT create{};
+    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    create.buffer = storage.buffer();
+    create.offset = storage.offset();
+    create.size = storage.size();
+    VkMicromapEXT small = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &small));
+    buildWith([small](VkMicromapBuildInfoEXT &info) { info.dstMicromap = small; });
+    expectComplaint("07461");
+    EXPECT_TRUE(storage.intact());
+    gpu().vk().DestroyMicromapEXT(gpu().device(), small, nullptr);
+}
+
+TEST_F(BadInput, CreateBeyondTheBuffer)
+{
+    const Buffer buffer(gpu(), 4096, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
+    for (const auto &[offset, size] : std::initializer_list<std::pair<VkDeviceSize, VkDeviceSize>>{
+             {0, 4097}, {4096, 256}, {256, ~VkDeviceSize{0}}, {8192, 1}, {100, 256}}) {
+        SCOPED_TRACE(testing::Message() << "offset " << offset << " size " << size);
+        VkMicromapCreateInfoEXT create{};
+        create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+        create.buffer = buffer.handle();
+        create.offset = offset;
+        create.size = size;
+        VkMicromapEXT micromap = VK_NULL_HANDLE;
+        const VkResult result = gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap);
+        expectComplaint("VUID-VkMicromapCreateInfoEXT");
+        if (result == VK_SUCCESS)
+            gpu().vk().DestroyMicromapEXT(gpu().device(), micromap, nullptr);
+        else
+            EXPECT_EQ(micromap, static_cast<VkMicromapEXT>(VK_NULL_HANDLE));
+    }
+}
+
+TEST_F(BadInput, CountsThatOverflow)
+{
+    const std::vector<VkMicromapUsageEXT> usage(64, {0xffffffff, 12, kFourState});
+    VkMicromapBuildInfoEXT info = micromap_->buildInfo();
+    info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
+    info.pUsageCounts = usage.data();
+    const VkMicromapBuildSizesInfoEXT sizes = sizesOf(info);
+    gpu().takeMessages();
+    // Either refused, or as large as that really is.
+    EXPECT_TRUE(sizes.micromapSize == 0 || sizes.micromapSize >= VkDeviceSize{64} << 32) << sizes.micromapSize;
+}
+
+TEST_F(BadInput, NoUsageAtAll)
+{
+    buildWith([](VkMicromapBuildInfoEXT &info) {
+        info.usageCountsCount = 0;
+        info.pUsageCounts = nullptr;
+    });
+    gpu().takeMessages();
+    VkMicromapBuildInfoEXT info = micromap_->buildInfo();
+    info.usageCountsCount = 3;
+    info.pUsageCounts = nullptr;
+    sizesOf(info);
+    gpu().takeMessages();
+}
+
+TEST_F(BadInput, RefusedBesideGood)
+{
+    // Of two builds in one command the good one may be done or not, the bad one must not be.
+    MicromapInput input;
+    input.add(2, kFourState, std::vector<std::uint8_t>(16, 1));
+    Micromap other(gpu(), std::move(input));
+    std::array<VkMicromapBuildInfoEXT, 2> infos{micromap_->buildInfo(), other.buildInfo()};
+    infos[1].type = static_cast<VkMicromapTypeEXT>(9);
+    gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 2, infos.data()); });
+    expectComplaint();
+}
+
+// From here on: content that only the device sees. No message, but a defined picture: what lies outside is unknown.
+
+TEST_F(BadInput, DataBeyondTheBuffer)
+{
+    MicromapInput input;
+    for (std::uint8_t state = 0; state < 4; ++state)
+        input.add(4, kFourState, std::vector<std::uint8_t>(256, 1));
+    input.triangles[1].dataOffset = 1 << 20;
+    input.triangles[2].dataOffset = 0xffffffff;
+    input.triangles[3].dataOffset = 0xfffffff0;
+    Micromap micromap(gpu(), std::move(input));
+    micromap.build();
+    EXPECT_EQ(seen({&micromap}, 4), (std::vector{0, 1, 1, 1}));
+}
+
+TEST_F(BadInput, RecordsThatBreakTheRules)
+{
+    MicromapInput input;
+    for (int i = 0; i < 6; ++i)
+        input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+    input.declared = {{6, 3, kFourState}};
+    input.triangles[1].subdivisionLevel = 13;
+    input.triangles[2].subdivisionLevel = 0xffff;
+    input.triangles[3].format = 0;
+    input.triangles[4].format = 3;
+    Micromap micromap(gpu(), std::move(input));
+    micromap.build();
+    EXPECT_EQ(seen({&micromap}, 6), (std::vector{0, 1, 1, 1, 1, 0}));
+}
+
+TEST_F(BadInput, RecordsLargerThanDeclared)
+{
+    // The usage counts, and so the micromap, leave no room for these triangles' data.
+    MicromapInput input;
+    for (int i = 0; i < 3; ++i) {
+        std::vector<std::uint8_t> states(std::size_t{1} << 16);
+        for (std::size_t k = 0; k < states.size(); ++k)
+            states[k] = static_cast<std::uint8_t>(k * 7 % 4);
+        input.add(8, kFourState, states);
+    }
+    input.declared = {{3, 0, kTwoState}};
+    Micromap micromap(gpu(), std::move(input));
+    micromap.build(); // its guard bytes are looked at when it goes
+    seen({&micromap}, 3);
+}
+
+TEST_F(BadInput, FewerTrianglesThanDeclared)
+{
+    MicromapInput input;
+    input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+    input.declared = {{100000, 3, kFourState}};
+    Micromap micromap(gpu(), std::move(input));
+    micromap.build();
+    EXPECT_EQ(seen({&micromap}, 1), std::vector{0});
+}
+
+TEST_F(BadInput, IndicesBeyondTheMicromap)
+{
+    micromap_->build();
+    EXPECT_EQ(seen({micromap_.get(), VK_INDEX_TYPE_UINT32, {1, 4, kHuge, -5, -1000}}, 5), (std::vector{0, 1, 1, 1, 1}));
+    EXPECT_EQ(seen({micromap_.get(), VK_INDEX_TYPE_UINT16, {1, 4, 0x7fff, -5, -1000}}, 5), (std::vector{0, 1, 1, 1, 1}));
+    EXPECT_EQ(seen({micromap_.get(), VK_INDEX_TYPE_UINT32, {1, 0, 2}, {}, 0xffffffff}, 3), (std::vector{1, 1, 1}));
+    EXPECT_EQ(seen({micromap_.get(), VK_INDEX_TYPE_UINT32, {1, -2}, {}, kHuge}, 2), (std::vector{1, 0}));
+    EXPECT_EQ(seen({micromap_.get()}, 6), (std::vector{-1, 0, 1, 1, 1, 1}));
+    EXPECT_EQ(seen({nullptr, VK_INDEX_TYPE_UINT32, {0, -2, 3}}, 3), (std::vector{1, 0, 1}));
+    gpu().takeMessages();
+}
+
+TEST_F(BadInput, IndexBufferTooShort)
+{
+    micromap_->build();
+    Attachment attachment{micromap_.get(), VK_INDEX_TYPE_UINT32, {-2, -2}};
+    Geometry geometry{.vertices = triangleRow(100000)};
+    geometry.micromap = attachment;
+    const Blas blas(gpu(), {geometry});
+    const Tlas tlas(gpu(), {instance(blas, {}, 1)});
+    std::vector<Ray> rays(2);
+    rays[0].origin = {1.8f, 0.3f, 1};
+    rays[1].origin = {1.5f * 4096 + 0.25f, 0.25f, 1};
+    const std::vector<Result> results = Tracer(gpu()).trace(tlas, rays);
+    EXPECT_EQ(results[0].committed, kTriangle);
+    EXPECT_EQ(results[1].candidateCount, 1u) << "what cannot be read is unknown";
+}
+
+TEST_F(BadInput, MicromapThatWasNeverBuilt)
+{
+    EXPECT_EQ(seen({micromap_.get()}, 4), (std::vector{1, 1, 1, 1}));
+}
+
+TEST_F(BadInput, GeometryWithBothUsageArrays)
+{
+    micromap_->build();
+    Geometry geometry{.vertices = triangleRow(4)};
+    geometry.micromap = Attachment{micromap_.get()};
+    Blas blas(gpu());
+    blas.prepare({geometry});
+    const VkAccelerationStructureBuildGeometryInfoKHR &info = blas.buildInfo();
+    VkAccelerationStructureGeometryKHR changed = info.pGeometries[0];
+    auto attachment = *static_cast<const VkAccelerationStructureTrianglesOpacityMicromapEXT *>(
+        changed.geometry.triangles.pNext);
+    const VkMicromapUsageEXT *pointer = attachment.pUsageCounts;
+    attachment.ppUsageCounts = &pointer;
+    changed.geometry.triangles.pNext = &attachment;
+    VkAccelerationStructureBuildGeometryInfoKHR bad = info;
+    bad.pGeometries = &changed;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+    gpu().submit([&](VkCommandBuffer commands) {
+        gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &bad, &ranges);
+    });
+    for (const Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_TRUE(m.fromVellum()) << m.id << ": " << m.text;
+}
+
+} // namespace
