@@ -101,11 +101,12 @@ int main(int argc, char **argv)
         Options options;
         CLI::App app("Compares frames with and without opacity micromaps; prints Markdown.", "vellum-bench");
         app.add_option("files", options.files, "GLB files; without: the shared trees, or the grove");
-        app.add_option("-s,--size", options.size, "Width and height in pixels", true);
-        app.add_option("-r,--repetitions", options.repetitions, "Frames of each variant", true)
+        app.add_option("-s,--size", options.size, "Width and height in pixels")->capture_default_str();
+        app.add_option("-r,--repetitions", options.repetitions, "Frames of each variant")
+            ->capture_default_str()
             ->check(CLI::Range(1, 1000));
-        app.add_option("-l,--levels", options.levels, "Subdivision levels", true)->check(CLI::Range(0, 12));
-        app.add_option("-n,--instances", options.instances, "Numbers of copies", true)->check(CLI::Range(1, 1000));
+        app.add_option("-l,--levels", options.levels, "Subdivision levels")->capture_default_str()->check(CLI::Range(0, 12));
+        app.add_option("-n,--instances", options.instances, "Numbers of copies")->capture_default_str()->check(CLI::Range(1, 1000));
         app.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
         app.add_option("--layer-path", options.layerFolder, "Folder of the layer's manifest");
         CLI11_PARSE(app, argc, argv);

@@ -19,7 +19,10 @@ public:
     Graphics &operator=(const Graphics &) = delete;
     ~Graphics();
 
-    void bind(VkCommandBuffer commands) const { vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_); }
+    void bind(VkCommandBuffer commands) const
+    {
+        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_);
+    }
     // Renders with whatever is bound.
     void draw(VkCommandBuffer commands, std::uint32_t vertices) const;
 

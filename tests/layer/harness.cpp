@@ -22,7 +22,8 @@ constexpr std::array<FalseAlarm, 1> kFalseAlarms{{
     {"UNASSIGNED-khronos-validation-createdevice", "is not supported by this layer"},
 }};
 
-VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT severity, VkDebugUtilsMessageTypeFlagsEXT,
+VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT severity,
+                                         VkDebugUtilsMessageTypeFlagsEXT,
                                          const VkDebugUtilsMessengerCallbackDataEXT *data, void *user)
 {
     static_cast<Gpu *>(user)->addMessage({severity, data->pMessageIdName != nullptr ? data->pMessageIdName : "",
@@ -101,8 +102,8 @@ Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gp
     allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
     allocation.pNext = addressed ? &flags : nullptr;
     allocation.allocationSize = needs.size;
-    allocation.memoryTypeIndex = gpu.memoryType(
-        needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
+    allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
+                                                                          VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
     VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
     VT_CHECK(vkBindBufferMemory(gpu.device(), buffer_, memory_, 0));
     void *mapped = nullptr;
@@ -176,8 +177,7 @@ void Gpu::createInstance()
     info.enabledExtensionCount = 1;
     info.ppEnabledExtensionNames = &extension;
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
-#define VT_LOAD(name)                                                                                                  \
-    commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
+#define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
     VT_INSTANCE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
     const VkDebugUtilsMessengerCreateInfoEXT messenger = messengerInfo(this);

@@ -28,7 +28,7 @@ struct Message {
 struct Options {
     bool vellum = true;
     bool validation = true;
-    bool micromaps = true;    // enable VK_EXT_opacity_micromap on the device
+    bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
 };
 
@@ -82,7 +82,8 @@ public:
     // Only where the usage holds VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address() const { return address_; }
     [[nodiscard]] std::uint8_t *bytes() const { return bytes_; }
-    template <class T> [[nodiscard]] std::span<T> as() const
+    template <class T>
+    [[nodiscard]] std::span<T> as() const
     {
         return {reinterpret_cast<T *>(bytes_), static_cast<std::size_t>(size_) / sizeof(T)};
     }
@@ -122,7 +123,8 @@ public:
 
     [[nodiscard]] std::uint32_t memoryType(std::uint32_t allowed, VkMemoryPropertyFlags wanted) const;
     // A buffer with device address and the content, readable by everything that needs an address.
-    template <class T> Buffer upload(std::span<const T> content, VkBufferUsageFlags usage)
+    template <class T>
+    Buffer upload(std::span<const T> content, VkBufferUsageFlags usage)
     {
         Buffer buffer(*this, std::max<VkDeviceSize>(content.size_bytes(), 16),
                       usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);

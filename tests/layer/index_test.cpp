@@ -120,8 +120,8 @@ TEST_F(Index, BufferThatStartsInsideItsMemory)
 {
     const auto micromap = eightTriangles();
     Geometry geometry = rowOf(4);
-    geometry.micromap =
-        Attachment{.micromap = micromap.get(), .indexType = VK_INDEX_TYPE_UINT16, .indices = {1, 0, 3, 2}, .indexOffset = 6};
+    geometry.micromap = Attachment{
+        .micromap = micromap.get(), .indexType = VK_INDEX_TYPE_UINT16, .indices = {1, 0, 3, 2}, .indexOffset = 6};
     expectRows(Blas(gpu(), {geometry}), {{0, 0, {1, 0, 3, 2}}});
 }
 
@@ -196,7 +196,8 @@ TEST_F(Index, IndexedTrianglesAndPrimitiveOffsets)
 
 TEST_F(Index, UsagesStridesAndSharedData)
 {
-    // All formats and some levels in one micromap, records 24 bytes apart, the last three reading the data of the first.
+    // All formats and some levels in one micromap, records 24 bytes apart, the last three reading the data of the
+    // first.
     MicromapInput input;
     std::vector<int> states;
     for (const std::uint16_t format : {kFourState, kTwoState}) {
@@ -231,7 +232,8 @@ TEST_F(Index, UsageCountsBehindPointers)
     VkMicromapBuildSizesInfoEXT one{}, two{};
     one.sType = two.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
     const auto sizes = [&](VkMicromapBuildSizesInfoEXT &out) {
-        gpu().vk().GetMicromapBuildSizesEXT(gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &out);
+        gpu().vk().GetMicromapBuildSizesEXT(gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
+                                            &out);
     };
     sizes(one);
     info.pUsageCounts = nullptr;

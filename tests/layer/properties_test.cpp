@@ -100,9 +100,10 @@ TEST_F(Properties, EveryEntryPointResolves)
 {
     for (const char *name :
          {"vkCreateMicromapEXT", "vkDestroyMicromapEXT", "vkCmdBuildMicromapsEXT", "vkBuildMicromapsEXT",
-          "vkCopyMicromapEXT", "vkCopyMicromapToMemoryEXT", "vkCopyMemoryToMicromapEXT", "vkWriteMicromapsPropertiesEXT",
-          "vkCmdCopyMicromapEXT", "vkCmdCopyMicromapToMemoryEXT", "vkCmdCopyMemoryToMicromapEXT",
-          "vkCmdWriteMicromapsPropertiesEXT", "vkGetDeviceMicromapCompatibilityEXT", "vkGetMicromapBuildSizesEXT"}) {
+          "vkCopyMicromapEXT", "vkCopyMicromapToMemoryEXT", "vkCopyMemoryToMicromapEXT",
+          "vkWriteMicromapsPropertiesEXT", "vkCmdCopyMicromapEXT", "vkCmdCopyMicromapToMemoryEXT",
+          "vkCmdCopyMemoryToMicromapEXT", "vkCmdWriteMicromapsPropertiesEXT", "vkGetDeviceMicromapCompatibilityEXT",
+          "vkGetMicromapBuildSizesEXT"}) {
         EXPECT_NE(vkGetDeviceProcAddr(gpu().device(), name), nullptr) << name;
         EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), name), nullptr) << name;
     }

@@ -23,8 +23,8 @@ using namespace vt;
 
 constexpr std::uint32_t kMaxLevel = 12;
 constexpr std::uint32_t kSamples = 20; // micro-triangles tried at the levels with too many
-constexpr std::array<std::uint32_t, 10> kRayFlags{
-    0, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, 0x400, 0x401, 0x402, 0x440, 0x480};
+constexpr std::array<std::uint32_t, 10> kRayFlags{0,     kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque,
+                                                  0x400, 0x401,      0x402,        0x440,          0x480};
 
 struct Target { // a place on a triangle of the BLAS, and what is there
     std::uint32_t geometry, primitive;
@@ -96,18 +96,18 @@ protected:
         std::vector<VkAccelerationStructureInstanceKHR> instances;
         for (const bool opaque : {false, true}) {
             mapped.flags = plain.flags = opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
-            blas_.push_back(std::make_unique<Blas>(
-                gpu(), std::vector{mapped, plain},
-                VkBuildAccelerationStructureFlagsKHR{
-                    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT}));
+            blas_.push_back(
+                std::make_unique<Blas>(gpu(), std::vector{mapped, plain},
+                                       VkBuildAccelerationStructureFlagsKHR{
+                                           VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT}));
             for (const std::uint32_t force : {0u, 4u, 8u}) {
                 for (const std::uint32_t twoState : {0u, kFlagTwoState}) {
                     for (const std::uint32_t disable : {0u, kFlagDisable}) {
                         const Vec3 place{0, 2.0f * static_cast<float>(instances.size()), 0};
                         const std::uint32_t flags = force | twoState | disable;
                         placed_.push_back({flags, opaque, place});
-                        instances.push_back(
-                            instance(*blas_.back(), place, static_cast<std::uint32_t>(instances.size()) * 12345, flags));
+                        instances.push_back(instance(*blas_.back(), place,
+                                                     static_cast<std::uint32_t>(instances.size()) * 12345, flags));
                     }
                 }
             }

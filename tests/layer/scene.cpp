@@ -233,8 +233,8 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
         address_ = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
     }
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-    scratch_ = Guarded(gpu_, update ? sizes.updateScratchSize : sizes.buildScratchSize, gpu_.scratchAlignment(),
-                       kScratch);
+    scratch_ =
+        Guarded(gpu_, update ? sizes.updateScratchSize : sizes.buildScratchSize, gpu_.scratchAlignment(), kScratch);
     info_.srcAccelerationStructure = update ? structure_ : VK_NULL_HANDLE;
     info_.dstAccelerationStructure = structure_;
     info_.scratchData.deviceAddress = scratch_.address();
@@ -280,8 +280,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
             triangles.vertexStride = sizeof(Vec3);
             triangles.maxVertex = static_cast<std::uint32_t>(input.vertices.size()) - 1;
-            triangles.vertexData.deviceAddress =
-                upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3));
+            triangles.vertexData.deviceAddress = upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3));
             triangles.indexType = input.indexType;
             if (input.indexType == VK_INDEX_TYPE_UINT32) {
                 triangles.indexData.deviceAddress = upload(input.indices.data(), input.indices.size() * 4);

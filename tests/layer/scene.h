@@ -28,7 +28,8 @@ struct MicromapInput {
     std::uint32_t add(std::uint32_t level, std::uint16_t format, std::span<const std::uint8_t> states);
     [[nodiscard]] std::vector<VkMicromapUsageEXT> usage() const;
     // The usage of a geometry with these indices; negative ones do not count.
-    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage(std::span<const std::int32_t> indices, std::uint32_t base) const;
+    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage(std::span<const std::int32_t> indices,
+                                                        std::uint32_t base) const;
 };
 
 // A buffer with a piece of given size and alignment in the middle and guard bytes around it.
@@ -82,7 +83,7 @@ private:
 struct Attachment {
     const Micromap *micromap = nullptr;
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
-    std::vector<std::int32_t> indices; // the values the index buffer holds
+    std::vector<std::int32_t> indices;   // the values the index buffer holds
     std::optional<std::uint32_t> stride; // tightly packed unless given; 0: every triangle reads the first index
     std::uint32_t base = 0;
     std::uint32_t indexOffset = 0; // bytes before the first index
@@ -191,8 +192,8 @@ void appendTriangle(std::vector<Vec3> &vertices, Vec3 place);
 std::vector<Vec3> triangleRow(std::uint32_t n, Vec3 place = {});
 
 // The centre of micro-triangle `index` (barycentrics of vertices 1 and 2), by descending the curve of the
-// specification: into the sub-triangle nearest vertex 0, the middle one with ordering flipped, the one nearest vertex 1,
-// then nearest vertex 2 with ordering flipped.
+// specification: into the sub-triangle nearest vertex 0, the middle one with ordering flipped, the one nearest vertex
+// 1, then nearest vertex 2 with ordering flipped.
 std::array<double, 2> microTriangleCentre(std::uint32_t index, std::uint32_t level);
 
 } // namespace vt

@@ -1,5 +1,6 @@
 // VK_EXT_shader_object: ray queries in a shader object, and a bound one that survives builds. The types are written out
-// here because the oldest headers this project builds with lack them; the validation layer of that age, too, so it is off.
+// here because the oldest headers this project builds with lack them; the validation layer of that age, too, so it is
+// off.
 #include "state_scene.h"
 
 #include "shaders/tracer_comp.h"
@@ -31,7 +32,8 @@ struct ShaderCreateInfo { // VkShaderCreateInfoEXT
 using CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, std::uint32_t, const ShaderCreateInfo *,
                                             const VkAllocationCallbacks *, ShaderHandle *);
 using DestroyShader = void(VKAPI_PTR *)(VkDevice, ShaderHandle, const VkAllocationCallbacks *);
-using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkShaderStageFlagBits *, const ShaderHandle *);
+using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkShaderStageFlagBits *,
+                                      const ShaderHandle *);
 
 class ShaderObject : public GpuTest
 {

@@ -35,7 +35,10 @@ TEST_P(Shapes, Candidates)
             layer = (i & 3) == 1 ? columns.nearest(i, true, kRayOpaque) : Columns::kLayers;
             expected = (i & 3) == 0 ? expected : 0;
             break;
-        case 20: layer = columns.nearest(i, true, kRayOpaque); expected = 0; break;
+        case 20:
+            layer = columns.nearest(i, true, kRayOpaque);
+            expected = 0;
+            break;
         default: break;
         }
         EXPECT_EQ(results[i].candidates.size(), std::min(results[i].candidateCount, 1u));
@@ -76,7 +79,8 @@ TEST_P(Shapes, CommittedHit)
                 Columns::expectCommitted(results[i], columns.nearest(i, true));
             break;
         case 20:
-            EXPECT_EQ(results[i].committed, columns.nearest(i, true, kRayOpaque) == Columns::kLayers ? kNone : kTriangle);
+            EXPECT_EQ(results[i].committed,
+                      columns.nearest(i, true, kRayOpaque) == Columns::kLayers ? kNone : kTriangle);
             break;
         default: Columns::expectCommitted(results[i], columns.nearest(i, true)); break;
         }

@@ -102,7 +102,8 @@ TEST_F(Stages, RayGeneration)
     expectColumns([&](VkCommandBuffer commands, const Tracer &tracer) {
         vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline);
         const VkDescriptorSet set = tracer.set();
-        vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, tracer.layout(), 0, 1, &set, 0, nullptr);
+        vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, tracer.layout(), 0, 1, &set, 0,
+                                nullptr);
         gpu().vk().CmdTraceRaysKHR(commands, &raygen, &none, &none, &none, Columns::kColumns, 1, 1);
     });
     vkDestroyPipeline(gpu().device(), pipeline, nullptr);

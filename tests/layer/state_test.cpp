@@ -43,8 +43,8 @@ protected:
         VT_CHECK(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
         vkDestroyShaderModule(gpu().device(), pipeline.stage.module, nullptr);
         graphics_ = std::make_unique<Graphics>(
-            gpu(), layout_,
-            Graphics::Shaders{state_vertex, plain_fragment, false, VK_PRIMITIVE_TOPOLOGY_POINT_LIST}, 4);
+            gpu(), layout_, Graphics::Shaders{state_vertex, plain_fragment, false, VK_PRIMITIVE_TOPOLOGY_POINT_LIST},
+            4);
 
         const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 8};
         VkDescriptorPoolCreateInfo pool{};
@@ -310,6 +310,53 @@ TEST_F(State, ConditionalRendering)
         expectSeen();
         fresh.expectRight();
     }
+}
+
+// A secondary command buffer cannot leave conditional rendering that it inherits. If the layer refuses the build, it
+// says so.
+TEST_F(State, InheritedConditionalRendering)
+{
+    if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+        GTEST_SKIP() << "no VK_EXT_conditional_rendering";
+    VkCommandBufferAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
+    allocation.commandPool = gpu().pool();
+    allocation.level = VK_COMMAND_BUFFER_LEVEL_SECONDARY;
+    allocation.commandBufferCount = 1;
+    VkCommandBuffer secondary = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, &secondary));
+    VkCommandBufferInheritanceConditionalRenderingInfoEXT inherited{};
+    inherited.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_CONDITIONAL_RENDERING_INFO_EXT;
+    inherited.conditionalRenderingEnable = VK_TRUE;
+    VkCommandBufferInheritanceInfo inheritance{};
+    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
+    inheritance.pNext = &inherited;
+    VkCommandBufferBeginInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+    info.pInheritanceInfo = &inheritance;
+    VT_CHECK(vkBeginCommandBuffer(secondary, &info));
+    bindAll(secondary);
+    scene_->record(secondary);
+    VT_CHECK(vkEndCommandBuffer(secondary));
+
+    bool refused = false;
+    for (const Message &m : gpu().takeUnexpectedMessages()) {
+        EXPECT_TRUE(m.fromVellum()) << m.id << ": " << m.text;
+        refused = true;
+    }
+    if (!refused) {
+        const Buffer condition(gpu(), 16, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT); // false
+        VkConditionalRenderingBeginInfoEXT begin{};
+        begin.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT;
+        begin.buffer = condition.handle();
+        gpu().submit([&](VkCommandBuffer commands) {
+            gpu().vk().CmdBeginConditionalRenderingEXT(commands, &begin);
+            vkCmdExecuteCommands(commands, 1, &secondary);
+            gpu().vk().CmdEndConditionalRenderingEXT(commands);
+        });
+        scene_->expectRight();
+    }
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &secondary);
 }
 
 } // namespace

@@ -1,5 +1,5 @@
-// The stage and access bits of micromaps, wherever an application can pass them: the driver, and the validation layer in
-// front of it, must not see them.
+// The stage and access bits of micromaps, wherever an application can pass them: the driver, and the validation layer
+// in front of it, must not see them.
 #include "state_scene.h"
 
 namespace
@@ -24,21 +24,21 @@ VkMemoryBarrier2 memoryBarrier(VkPipelineStageFlags2 from, VkAccessFlags2 writte
     return out;
 }
 
-const VkMemoryBarrier2 kBefore =
-    memoryBarrier(VK_PIPELINE_STAGE_2_HOST_BIT, VK_ACCESS_2_HOST_WRITE_BIT, kMicromapBuild, VK_ACCESS_2_SHADER_READ_BIT);
+const VkMemoryBarrier2 kBefore = memoryBarrier(VK_PIPELINE_STAGE_2_HOST_BIT, VK_ACCESS_2_HOST_WRITE_BIT, kMicromapBuild,
+                                               VK_ACCESS_2_SHADER_READ_BIT);
 const VkMemoryBarrier2 kMicromapToMicromap =
     memoryBarrier(kMicromapBuild, kMicromapRead | kMicromapWrite, kMicromapBuild, kMicromapRead | kMicromapWrite);
-const VkMemoryBarrier2 kMicromapToStructure = memoryBarrier(kMicromapBuild, kMicromapWrite, kStructureBuild, kMicromapRead);
-const VkMemoryBarrier2 kMixed =
-    memoryBarrier(kMicromapBuild | VK_PIPELINE_STAGE_2_TRANSFER_BIT, kMicromapWrite | VK_ACCESS_2_TRANSFER_WRITE_BIT,
-                  kStructureBuild | VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, kMicromapRead | VK_ACCESS_2_SHADER_READ_BIT);
+const VkMemoryBarrier2 kMicromapToStructure =
+    memoryBarrier(kMicromapBuild, kMicromapWrite, kStructureBuild, kMicromapRead);
+const VkMemoryBarrier2 kMixed = memoryBarrier(
+    kMicromapBuild | VK_PIPELINE_STAGE_2_TRANSFER_BIT, kMicromapWrite | VK_ACCESS_2_TRANSFER_WRITE_BIT,
+    kStructureBuild | VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, kMicromapRead | VK_ACCESS_2_SHADER_READ_BIT);
 const VkMemoryBarrier2 kStructureToStructure =
     memoryBarrier(kStructureBuild, VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR, kStructureBuild,
                   VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR);
-const VkMemoryBarrier2 kStructureToShader =
-    memoryBarrier(kStructureBuild, VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
-                  VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
-                  VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR | VK_ACCESS_2_SHADER_READ_BIT);
+const VkMemoryBarrier2 kStructureToShader = memoryBarrier(
+    kStructureBuild, VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR, VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+    VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR | VK_ACCESS_2_SHADER_READ_BIT);
 
 class Sync : public GpuTest
 {
@@ -99,8 +99,8 @@ TEST_F(Sync, PipelineBarriers)
 
 TEST_F(Sync, PipelineBarriersByTheirExtensionName)
 {
-    const auto command = reinterpret_cast<PFN_vkCmdPipelineBarrier2KHR>(
-        vkGetDeviceProcAddr(gpu().device(), "vkCmdPipelineBarrier2KHR"));
+    const auto command =
+        reinterpret_cast<PFN_vkCmdPipelineBarrier2KHR>(vkGetDeviceProcAddr(gpu().device(), "vkCmdPipelineBarrier2KHR"));
     if (command == nullptr)
         GTEST_SKIP() << "no VK_KHR_synchronization2";
     run([command](VkCommandBuffer commands, const VkMemoryBarrier2 &memory) {
@@ -233,11 +233,11 @@ TEST_F(Sync, RenderPassDependencies)
     subpass.pipelineBindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
     subpass.colorAttachmentCount = 1;
     subpass.pColorAttachments = &reference;
-    const VkMemoryBarrier2 in =
-        memoryBarrier(kMicromapBuild | kStructureBuild,
-                      kMicromapWrite | VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
-                      VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR);
-    const VkMemoryBarrier2 out = memoryBarrier(VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, 0, kMicromapBuild, kMicromapWrite);
+    const VkMemoryBarrier2 in = memoryBarrier(
+        kMicromapBuild | kStructureBuild, kMicromapWrite | VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
+        VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR);
+    const VkMemoryBarrier2 out =
+        memoryBarrier(VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, 0, kMicromapBuild, kMicromapWrite);
     std::array<VkSubpassDependency2, 2> dependencies{};
     for (std::size_t i = 0; i < 2; ++i) {
         dependencies[i].sType = VK_STRUCTURE_TYPE_SUBPASS_DEPENDENCY_2;

@@ -1,4 +1,5 @@
-// The tests' main: lets the loader find the layer of this build tree, and pins the driver, whatever the environment says.
+// The tests' main: lets the loader find the layer of this build tree, and pins the driver, whatever the environment
+// says.
 #include <cstdlib>
 
 #include <gtest/gtest.h>

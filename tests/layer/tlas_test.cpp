@@ -1,4 +1,5 @@
-// Top-level builds: where instances come from, updates, several structures alive at once, reused memory, custom indices.
+// Top-level builds: where instances come from, updates, several structures alive at once, reused memory, custom
+// indices.
 #include "expected.h"
 
 #include "shaders/tracer_by_address.h"
@@ -45,7 +46,8 @@ protected:
     {
         std::vector<VkAccelerationStructureInstanceKHR> out;
         for (const Shown &s : shown)
-            out.push_back(instance(blasOf(s.state), {2.0f * static_cast<float>(out.size()), 0, 0}, s.customIndex, s.flags));
+            out.push_back(
+                instance(blasOf(s.state), {2.0f * static_cast<float>(out.size()), 0, 0}, s.customIndex, s.flags));
         return out;
     }
 
@@ -86,8 +88,9 @@ protected:
 
 TEST_F(Top, CustomIndices)
 {
-    const std::vector<Shown> shown{{0, 1},        {0xffffff, 1}, {0x800000, 2}, {1, 3},
-                                   {0, kNoMicromap}, {0xffffff, kNoMicromap}, {0x123456, kNoMicromap}, {0x7fffff, 0, 0x10}};
+    const std::vector<Shown> shown{
+        {0, 1},           {0xffffff, 1},           {0x800000, 2},           {1, 3},
+        {0, kNoMicromap}, {0xffffff, kNoMicromap}, {0x123456, kNoMicromap}, {0x7fffff, 0, 0x10}};
     expectShown(Tlas(gpu(), instances(shown)), shown);
 }
 
@@ -109,7 +112,8 @@ TEST_F(Top, ArraysOfPointersAndOffsets)
     const std::vector<Shown> shown{{7, 1}, {8, 0}, {9, 2}, {10, kNoMicromap}, {11, 3, 0x10}};
     for (const Arrangement arrangement : {Arrangement::Array, Arrangement::Pointers}) {
         for (const std::uint32_t skipped : {0u, 1u, 5u}) {
-            SCOPED_TRACE(testing::Message() << "pointers " << (arrangement == Arrangement::Pointers) << " skipped " << skipped);
+            SCOPED_TRACE(testing::Message()
+                         << "pointers " << (arrangement == Arrangement::Pointers) << " skipped " << skipped);
             Tlas tlas(gpu());
             tlas.build(instances(shown), 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR, arrangement, skipped);
             expectShown(tlas, shown);
@@ -219,8 +223,8 @@ TEST_F(Top, MemoryReused)
         Blas blas(gpu());
         blas.placeIn(memory.handle(), 4096);
         const int state = round % 2 == 0 ? round / 2 : kNoMicromap;
-        blas.build({state == kNoMicromap ? Geometry{.vertices = triangleRow(1)}
-                                         : mapped(static_cast<std::uint32_t>(state))});
+        blas.build(
+            {state == kNoMicromap ? Geometry{.vertices = triangleRow(1)} : mapped(static_cast<std::uint32_t>(state))});
         Tlas tlas(gpu());
         tlas.placeIn(memory.handle(), 512 * 1024);
         tlas.build(std::vector{instance(blas, {}, 42), instance(blas, {2, 0, 0}, 43, kFlagTwoState)});

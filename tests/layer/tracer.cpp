@@ -18,8 +18,8 @@ constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
 
 bool hashConfirms(std::uint32_t customIndex, std::uint32_t instance, std::uint32_t geometry, std::uint32_t primitive)
 {
-    const std::uint32_t h = (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^
-                            (primitive * 0x27d4eb2fu);
+    const std::uint32_t h =
+        (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^ (primitive * 0x27d4eb2fu);
     return ((h ^ (h >> 15)) & 0x40u) != 0;
 }
 
@@ -66,8 +66,8 @@ Tracer::Tracer(Gpu &gpu, std::span<const std::uint32_t> words, const TracerSetup
     VT_CHECK(vkCreateComputePipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
     vkDestroyShaderModule(device, module, nullptr);
 
-    const std::array<VkDescriptorPoolSize, 2> sizes{{{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1},
-                                                     {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
+    const std::array<VkDescriptorPoolSize, 2> sizes{
+        {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
     VkDescriptorPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
     pool.maxSets = 1;

@@ -10,19 +10,28 @@ namespace oracle
 namespace
 {
 
-constexpr double kEdge = 5e-5;    // in barycentrics
+constexpr double kEdge = 5e-5;     // in barycentrics
 constexpr double kDistance = 1e-4; // in t
-constexpr double kGrazing = 0.02; // cosine
+constexpr double kGrazing = 0.02;  // cosine
 
 using Point = std::array<double, 3>;
 
-Point operator-(const Point &a, const Point &b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-double dot(const Point &a, const Point &b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+Point operator-(const Point &a, const Point &b)
+{
+    return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+double dot(const Point &a, const Point &b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 Point cross(const Point &a, const Point &b)
 {
     return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
-Point widen(const vt::Vec3 &v) { return {double{v[0]}, double{v[1]}, double{v[2]}}; }
+Point widen(const vt::Vec3 &v)
+{
+    return {double{v[0]}, double{v[1]}, double{v[2]}};
+}
 
 struct LocalRay {
     Point origin, direction;
@@ -155,8 +164,8 @@ private:
         const double margin = bad ? 0.05 : kEdge;
         if (!(inside > -margin) || hit.t < double{ray_.tMin} - kDistance || hit.t > double{ray_.tMax} + kDistance)
             return;
-        // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a right-handed
-        // view, towards it as Vulkan counts (confirmed on a driver by OracleWithoutLayer).
+        // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a
+        // right-handed view, towards it as Vulkan counts (confirmed on a driver by OracleWithoutLayer).
         hit.frontFace = determinant > 0;
         if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR) != 0)
             hit.frontFace = !hit.frontFace;

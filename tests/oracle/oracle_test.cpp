@@ -1,5 +1,5 @@
-// Random scenes, traced through the layer and by the oracle, compared ray by ray: the candidates handed to the shader and
-// the hit that stays.
+// Random scenes, traced through the layer and by the oracle, compared ray by ray: the candidates handed to the shader
+// and the hit that stays.
 //   VELLUM_ORACLE_SEED    seed of the first scene (each scene has its own: this plus its number)
 //   VELLUM_ORACLE_SCENES  number of scenes
 #include <cmath>
@@ -79,7 +79,8 @@ bool confirms(const vt::Ray &ray, const Hit &hit)
            (ray.rule == vt::kHash && vt::hashConfirms(hit.customIndex, hit.instance, hit.geometry, hit.primitive));
 }
 
-template <class T> bool names(const Hit &hit, const T &other)
+template <class T>
+bool names(const Hit &hit, const T &other)
 {
     return hit.instance == other.instance && hit.geometry == other.geometry && hit.primitive == other.primitive &&
            hit.customIndex == other.customIndex;
