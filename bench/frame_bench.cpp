@@ -83,10 +83,10 @@ void run(const Options &options)
         for (const std::uint32_t copies : options.instances) {
             cli::Progress progress(name + " x " + std::to_string(copies));
             const cli::RenderScene scene = cli::prepareScene(cli::loadScene(file), copies);
-            rows.push_back({name, copies,
-                            bench::measureScene({classic, enabled}, scene, settings, options.levels,
-                                                options.repetitions,
-                                                [&](std::size_t done, std::size_t all) { progress.update(done, all); })});
+            rows.push_back(
+                {name, copies,
+                 bench::measureScene({classic, enabled}, scene, settings, options.levels, options.repetitions,
+                                     [&](std::size_t done, std::size_t all) { progress.update(done, all); })});
         }
     }
     printLevels(rows);
@@ -105,8 +105,12 @@ int main(int argc, char **argv)
         app.add_option("-r,--repetitions", options.repetitions, "Frames of each variant")
             ->capture_default_str()
             ->check(CLI::Range(1, 1000));
-        app.add_option("-l,--levels", options.levels, "Subdivision levels")->capture_default_str()->check(CLI::Range(0, 12));
-        app.add_option("-n,--instances", options.instances, "Numbers of copies")->capture_default_str()->check(CLI::Range(1, 1000));
+        app.add_option("-l,--levels", options.levels, "Subdivision levels")
+            ->capture_default_str()
+            ->check(CLI::Range(0, 12));
+        app.add_option("-n,--instances", options.instances, "Numbers of copies")
+            ->capture_default_str()
+            ->check(CLI::Range(1, 1000));
         app.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
         app.add_option("--layer-path", options.layerFolder, "Folder of the layer's manifest");
         CLI11_PARSE(app, argc, argv);

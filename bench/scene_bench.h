@@ -20,16 +20,16 @@ struct Devices {
 struct LevelResult {
     std::uint32_t level = 0;
     VkDeviceSize bytes = 0;
-    double unknown = 0;         // share of micro-triangles
+    double unknown = 0; // share of micro-triangles
     double candidatesPerRay = 0;
-    double plainRatio = 0;      // frame time omm / alpha
-    double heavyRatio = 0;      // the same with 16 more texture reads per candidate
+    double plainRatio = 0; // frame time omm / alpha
+    double heavyRatio = 0; // the same with 16 more texture reads per candidate
 };
 
 struct SceneResult {
     double alphaMilliseconds = 0; // median
     double heavyMilliseconds = 0;
-    double candidatesPerRay = 0;  // of the classic alpha test
+    double candidatesPerRay = 0; // of the classic alpha test
     std::vector<LevelResult> levels;
     double withoutMicromaps = 0; // frame time: layer on, extension enabled, no micromaps / layer off
 };

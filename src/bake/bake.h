@@ -73,7 +73,7 @@ struct BakeResult {
 
 class BakeError : public std::runtime_error
 {
-  public:
+public:
     using std::runtime_error::runtime_error;
 };
 

@@ -62,8 +62,8 @@ unsigned CellGrid::outcomesOf(double low, double high) const
 
 CellGrid::CellGrid(const AlphaTexture &texture, double cutoff, double valueTolerance)
     : m_texture(texture), m_opaqueFrom(cutoff + valueTolerance), m_transparentBelow(cutoff - valueTolerance),
-      m_u{texture.width, texture.wrapU, texture.filter == Filter::Bilinear},
-      m_v{texture.height, texture.wrapV, texture.filter == Filter::Bilinear}
+      m_u{texture.width, texture.wrapU, texture.filter == Filter::Bilinear}, m_v{texture.height, texture.wrapV,
+                                                                                 texture.filter == Filter::Bilinear}
 {
     const bool bilinear = m_u.bilinear;
     const std::int64_t columns = m_u.stored();

@@ -33,7 +33,7 @@ struct Footprint {
 
 class CellGrid
 {
-  public:
+public:
     CellGrid(const AlphaTexture &texture, double cutoff, double valueTolerance);
 
     // Cell coordinates of the texture coordinate (u, v): floor of them is the cell.
@@ -41,7 +41,7 @@ class CellGrid
     // Outcomes that samples in the footprint can have, a superset. Coordinates must be below 2^31.
     [[nodiscard]] unsigned outcomes(const Footprint &footprint) const;
 
-  private:
+private:
     // One axis: how unwrapped cells map to stored ones.
     struct Axis {
         std::int64_t size; // texels

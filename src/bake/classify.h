@@ -17,14 +17,14 @@ struct TriangleStates {
 
 class Classifier
 {
-  public:
+public:
     // Both must outlive the classifier. The options must have been checked.
     Classifier(const AlphaTexture &texture, const BakeOptions &options);
 
     // Level and 4-state data of a triangle. Safe to call from several threads.
     [[nodiscard]] TriangleStates classify(const TriangleUvs &uvs) const;
 
-  private:
+private:
     struct Work;
 
     [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const;

@@ -13,7 +13,7 @@ namespace vellum::cli
 // A micromap in the device's memory.
 class GpuMicromap
 {
-  public:
+public:
     // Builds it, with vkCmdBuildMicromapsEXT. `micromap` must be valid; where it has nothing but special indices there
     // is no micromap object.
     GpuMicromap(Device &device, const Micromap &micromap);
@@ -26,7 +26,7 @@ class GpuMicromap
     // Bytes of the micromap and of its index buffer.
     [[nodiscard]] VkDeviceSize bytes() const { return m_storage.size() + m_indices.size(); }
 
-  private:
+private:
     explicit GpuMicromap(Device &device) : m_owner(&device) {}
     void build(Device &device, const Micromap &micromap);
 
@@ -40,7 +40,7 @@ class GpuMicromap
 
 class AccelerationStructure
 {
-  public:
+public:
     // Builds the structure. geometries[i] has counts[i] primitives.
     AccelerationStructure(Device &device, VkAccelerationStructureTypeKHR type,
                           std::span<const VkAccelerationStructureGeometryKHR> geometries,
@@ -52,7 +52,7 @@ class AccelerationStructure
     [[nodiscard]] VkAccelerationStructureKHR handle() const { return m_structure; }
     [[nodiscard]] VkDeviceAddress address() const;
 
-  private:
+private:
     explicit AccelerationStructure(Device &device) : m_owner(&device) {}
 
     Device *m_owner = nullptr;
@@ -63,14 +63,14 @@ class AccelerationStructure
 // The scene to trace: a bottom level with the scene's geometries, one with the ground, and a top level with the copies.
 class World
 {
-  public:
+public:
     // `micromaps`: none, or one for each geometry of the scene (null for geometries without).
     World(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps);
 
     [[nodiscard]] VkAccelerationStructureKHR top() const { return m_top->handle(); }
     [[nodiscard]] VkDeviceSize micromapBytes() const;
 
-  private:
+private:
     struct Mesh { // what a build reads
         Buffer positions, indices;
     };

@@ -9,9 +9,9 @@ namespace vellum::cli
 {
 
 struct View {
-    float yaw = 25;   // degrees about the vertical axis; 0 looks along -z
-    float pitch = 3;  // degrees down
-    float zoom = 1;   // above 1: closer
+    float yaw = 25;         // degrees about the vertical axis; 0 looks along -z
+    float pitch = 3;        // degrees down
+    float zoom = 1;         // above 1: closer
     float fieldOfView = 32; // degrees, vertical
 };
 
@@ -23,8 +23,8 @@ struct Camera {
     Vec3 forward{};
 };
 
-// The camera that looks from just so far that all `points` are in a picture of `aspect` (width by height), in the middle
-// of it, for a zoom of 1.
+// The camera that looks from just so far that all `points` are in a picture of `aspect` (width by height), in the
+// middle of it, for a zoom of 1.
 Camera fitCamera(std::span<const Vec3> points, const View &view, float aspect);
 
 } // namespace vellum::cli

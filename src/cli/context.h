@@ -17,7 +17,7 @@ void check(VkResult result, const char *what);
 
 class Instance
 {
-  public:
+public:
     // Enables the layer where `wantLayer` and the loader finds it.
     explicit Instance(bool wantLayer);
     ~Instance();
@@ -27,7 +27,7 @@ class Instance
     [[nodiscard]] VkInstance handle() const { return m_instance; }
     [[nodiscard]] bool layerEnabled() const { return m_layerEnabled; }
 
-  private:
+private:
     VkInstance m_instance = VK_NULL_HANDLE;
     bool m_layerEnabled = false;
 };
@@ -36,8 +36,8 @@ struct DeviceInfo {
     VkPhysicalDevice handle = VK_NULL_HANDLE;
     std::string name;
     VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
-    bool rayQuery = false;  // and what else the renderer needs
-    bool micromaps = false; // VK_EXT_opacity_micromap, from whomever
+    bool rayQuery = false;      // and what else the renderer needs
+    bool micromaps = false;     // VK_EXT_opacity_micromap, from whomever
     std::string implementation; // of the extension, in words
 };
 
@@ -63,7 +63,7 @@ struct DeviceFunctions {
 
 class Device
 {
-  public:
+public:
     // With `micromaps`, VK_EXT_opacity_micromap is enabled. Throws Error where the device cannot do what is needed.
     Device(const DeviceInfo &info, bool micromaps);
     ~Device();
@@ -87,7 +87,7 @@ class Device
     [[nodiscard]] VkCommandBuffer allocateCommands();
     void submitAndWait(VkCommandBuffer commands);
 
-  private:
+private:
     explicit Device(const DeviceInfo &info) : m_info(info) {}
     void create(bool micromaps);
     void loadFunctions(bool micromaps);

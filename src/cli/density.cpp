@@ -51,7 +51,8 @@ void Density::add(const Vec3 &point, float area)
     std::array<int, 3> c{};
     for (std::size_t i = 0; i < 3; ++i)
         c[i] = std::clamp(static_cast<int>((point[i] - m_box.low[i]) / m_cell), 0, m_count[i] - 1);
-    m_area[static_cast<std::size_t>((c[2] * m_count[1] + c[1]) * m_count[0] + c[0])] += area / (m_cell * m_cell * m_cell);
+    m_area[static_cast<std::size_t>((c[2] * m_count[1] + c[1]) * m_count[0] + c[0])] +=
+        area / (m_cell * m_cell * m_cell);
 }
 
 void Density::blur()

@@ -10,7 +10,7 @@ namespace vellum::cli
 
 class Density
 {
-  public:
+public:
     explicit Density(const Scene &scene);
 
     // How much of the sky is seen from a point, 0..1, by marching through the grid in some directions.
@@ -18,7 +18,7 @@ class Density
     // Away from where there is more geometry; not normalised.
     [[nodiscard]] Vec3 outward(const Vec3 &point) const;
 
-  private:
+private:
     static constexpr int kCells = 40; // along the longest side
 
     [[nodiscard]] float at(const Vec3 &point) const;

@@ -12,16 +12,16 @@ namespace
 // How a kind of plant grows. Lengths in metres, angles in radians.
 struct Habit {
     float trunkLength, trunkRadius;
-    int levels;            // of branches after the trunk
-    int children[3];       // on each branch of the level before
-    float shrink;          // length of a child to its parent's
-    float spread;          // between a child and its parent
-    float rise;            // how strongly shoots turn upwards
-    float bare;            // share of a branch below its first child
+    int levels;      // of branches after the trunk
+    int children[3]; // on each branch of the level before
+    float shrink;    // length of a child to its parent's
+    float spread;    // between a child and its parent
+    float rise;      // how strongly shoots turn upwards
+    float bare;      // share of a branch below its first child
     float cardSize;
-    int cards;             // on each branch of the last level
-    float droop;           // of the cards
-    std::uint32_t leaves;  // their geometry in the scene
+    int cards;            // on each branch of the last level
+    float droop;          // of the cards
+    std::uint32_t leaves; // their geometry in the scene
 };
 
 struct Shoot {
@@ -42,7 +42,7 @@ Frame frameOf(const Vec3 &direction)
 
 class Grower
 {
-  public:
+public:
     Grower(Scene &scene, std::uint64_t seed) : m_scene(scene), m_random(seed) {}
 
     void grow(const Habit &habit, const Vec3 &foot, float scale)
@@ -55,7 +55,7 @@ class Grower
         shoot(scaled, {foot - Vec3{0, 0.05f, 0}, up, scaled.trunkLength, scaled.trunkRadius}, 0);
     }
 
-  private:
+private:
     static constexpr std::uint32_t kWood = 0; // geometry of branches
     static constexpr int kSegments = 6;
 
@@ -77,12 +77,14 @@ class Grower
         }
         const int count = habit.children[level];
         for (int i = 0; i < count; ++i) {
-            const float along = habit.bare + (1 - habit.bare) * (static_cast<float>(i) + 0.7f) / static_cast<float>(count);
+            const float along =
+                habit.bare + (1 - habit.bare) * (static_cast<float>(i) + 0.7f) / static_cast<float>(count);
             child(habit, s, path, std::min(along, 0.98f), 2.39996f * static_cast<float>(i), level);
         }
     }
 
-    void child(const Habit &habit, const Shoot &parent, const std::vector<Vec3> &path, float along, float turn, int level)
+    void child(const Habit &habit, const Shoot &parent, const std::vector<Vec3> &path, float along, float turn,
+               int level)
     {
         const float place = along * kSegments;
         const auto segment = std::min<std::size_t>(static_cast<std::size_t>(place), kSegments - 1);
@@ -112,7 +114,8 @@ class Grower
             const float r = radius * (1 - 0.8f * along) * flare;
             for (std::uint32_t k = 0; k < sides; ++k) {
                 const float angle = 2 * kPi * static_cast<float>(k) / static_cast<float>(sides);
-                g.positions.push_back(path[i] + frame.side * (r * std::cos(angle)) + frame.other * (r * std::sin(angle)));
+                g.positions.push_back(path[i] + frame.side * (r * std::cos(angle)) +
+                                      frame.other * (r * std::sin(angle)));
                 g.uvs.push_back({});
             }
         }
@@ -131,7 +134,8 @@ class Grower
             const float along = 0.25f + 0.75f * (static_cast<float>(i) + 1) / static_cast<float>(habit.cards);
             const float place = std::min(along, 0.999f) * kSegments;
             const auto segment = static_cast<std::size_t>(place);
-            const Vec3 base = path[segment] + (path[segment + 1] - path[segment]) * (place - static_cast<float>(segment));
+            const Vec3 base =
+                path[segment] + (path[segment + 1] - path[segment]) * (place - static_cast<float>(segment));
             const Vec3 direction = normalize(path[segment + 1] - path[segment]);
             const Frame frame = frameOf(direction);
             const float angle = 2.39996f * static_cast<float>(i) + m_random.between(-0.6f, 0.6f);
@@ -191,8 +195,8 @@ Scene makeGrove()
     birch.widest = 0.30f;
     birch.teeth = 0.16f;
     birch.veins = 6;
-    birch.young = {0.47f, 0.60f, 0.20f};
-    birch.old = {0.28f, 0.45f, 0.14f};
+    birch.young = {0.46f, 0.55f, 0.23f};
+    birch.old = {0.27f, 0.39f, 0.15f};
     scene.images = {paintTwig(beech, 512), paintTwig(birch, 512)};
     Material wood;
     wood.name = "branches";
@@ -210,10 +214,10 @@ Scene makeGrove()
     grower.grow(birchTree, {4.2f, 0, -0.6f}, 0.8f);
     grower.grow(beechTree, {0.2f, 0, -5.0f}, 0.95f);
     grower.grow(bush, {0.9f, 0, 1.0f}, 1.0f);
-    grower.grow(bush, {-2.7f, 0, 3.4f}, 0.9f);
+    grower.grow(bush, {-4.4f, 0, 2.4f}, 0.9f);
     // Close to the camera, to show single leaves.
-    grower.grow(bush, {4.6f, 0, 5.4f}, 1.25f);
-    grower.grow(bush, {2.9f, 0, 7.0f}, 0.8f);
+    grower.grow(bush, {4.9f, 0, 5.4f}, 1.25f);
+    grower.grow(bush, {1.4f, 0, 8.4f}, 1.0f);
     return scene;
 }
 

@@ -122,8 +122,8 @@ void check(VkResult result, const char *what)
     if (result == VK_SUCCESS)
         return;
     const char *name = nameOf(result);
-    throw Error(std::string(what) + " failed: " +
-                (name != nullptr ? std::string(name) : "VkResult " + std::to_string(result)));
+    throw Error(std::string(what) +
+                " failed: " + (name != nullptr ? std::string(name) : "VkResult " + std::to_string(result)));
 }
 
 Instance::Instance(bool wantLayer)
@@ -139,7 +139,10 @@ Instance::Instance(bool wantLayer)
     const char *layer = kLayerName;
     info.enabledLayerCount = m_layerEnabled ? 1 : 0;
     info.ppEnabledLayerNames = &layer;
-    check(vkCreateInstance(&info, nullptr, &m_instance), "creating a Vulkan instance");
+    const VkResult result = vkCreateInstance(&info, nullptr, &m_instance);
+    if (m_layerEnabled && result == VK_ERROR_LAYER_NOT_PRESENT) // its manifest is there, its library is not
+        throw Error(std::string("the layer ") + kLayerName + " cannot be loaded; --no-layer does without it");
+    check(result, "creating a Vulkan instance");
 }
 
 Instance::~Instance()

@@ -14,8 +14,8 @@ namespace
 constexpr int kSubsamples = 4; // per direction and texel
 
 struct Leaf {
-    float x, y;           // where the blade begins; y up, both 0..1
-    float dirX, dirY;     // unit vector from there to the tip
+    float x, y;       // where the blade begins; y up, both 0..1
+    float dirX, dirY; // unit vector from there to the tip
     float length, width;
     float age;            // 0 young, 1 old
     float stalkX, stalkY; // where the stalk leaves the twig
@@ -66,14 +66,15 @@ Paint paintLeaf(const LeafStyle &style, const Leaf &leaf, float x, float y)
     }
     const float inside = t / edge;
     // Side veins run forward and bend towards the tip; between them the blade bulges.
-    const float phase = (s - 0.30f * t * leaf.width / leaf.length * 2 - 0.06f * t * t) * static_cast<float>(style.veins);
+    const float phase =
+        (s - 0.30f * t * leaf.width / leaf.length * 2 - 0.06f * t * t) * static_cast<float>(style.veins);
     const float ripple = phase - std::floor(phase);
     const float vein = smooth(0.10f, 0.0f, std::min(ripple, 1 - ripple)) * smooth(1.0f, 0.55f, inside);
     const float midrib = smooth(0.085f, 0.03f, t * (0.6f + s));
     Vec3 color = style.young * (1 - leaf.age) + style.old * leaf.age;
     color = color * (0.90f + 0.16f * std::sin(ripple * kPi));      // bulges
-    color = color * (across > 0 ? 1.07f : 0.93f);                   // the blade is folded along its midrib
-    color = color * (1.06f - 0.20f * smooth(0.75f, 1.0f, inside));  // the rim
+    color = color * (across > 0 ? 1.07f : 0.93f);                  // the blade is folded along its midrib
+    color = color * (1.06f - 0.20f * smooth(0.75f, 1.0f, inside)); // the rim
     color = color * (0.92f + 0.14f * s);
     const Vec3 light = style.young * 0.55f + Vec3{0.78f, 0.82f, 0.50f} * 0.45f;
     const float lines = std::max(0.45f * vein, 0.85f * midrib);
@@ -92,7 +93,8 @@ std::vector<Leaf> arrange(const LeafStyle &style)
     const float top = 0.97f - style.length;
     for (int i = 0; i <= style.leaves; ++i) {
         const bool tip = i == style.leaves;
-        const float along = tip ? top : 0.12f + (top - 0.14f) * static_cast<float>(i) / static_cast<float>(style.leaves);
+        const float along =
+            tip ? top : 0.12f + (top - 0.14f) * static_cast<float>(i) / static_cast<float>(style.leaves);
         const float side = i % 2 == 0 ? 1.0f : -1.0f;
         const float angle = tip ? random.between(-0.12f, 0.12f) : side * random.between(0.75f, 1.15f);
         // Leaves in the middle of a twig are the largest.

@@ -9,14 +9,14 @@ namespace vellum::cli
 // What a kind of leaf looks like. Lengths are in sizes of the texture.
 struct LeafStyle {
     std::uint64_t seed = 1;
-    int leaves = 11;           // along the twig, alternating, and one at its tip
-    float length = 0.30f;      // of a leaf blade
-    float width = 0.17f;       // of a leaf blade, where it is widest
-    float widest = 0.42f;      // where that is, from stalk (0) to tip (1)
-    float teeth = 0;           // depth of the edge's teeth, as a share of the width
-    int veins = 7;             // pairs of side veins
-    Vec3 young{0.42f, 0.62f, 0.16f}; // sRGB colours that the leaves lie between
-    Vec3 old{0.20f, 0.40f, 0.10f};
+    int leaves = 11;                 // along the twig, alternating, and one at its tip
+    float length = 0.30f;            // of a leaf blade
+    float width = 0.17f;             // of a leaf blade, where it is widest
+    float widest = 0.42f;            // where that is, from stalk (0) to tip (1)
+    float teeth = 0;                 // depth of the edge's teeth, as a share of the width
+    int veins = 7;                   // pairs of side veins
+    Vec3 young{0.40f, 0.53f, 0.20f}; // sRGB colours that the leaves lie between
+    Vec3 old{0.19f, 0.33f, 0.12f};
     Vec3 wood{0.33f, 0.25f, 0.16f};
 };
 

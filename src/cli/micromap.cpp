@@ -5,8 +5,9 @@ namespace vellum::cli
 namespace
 {
 
-// VkMicromapBuildInfoEXT: scratch, data and triangle addresses are multiples of 256 (VUID-vkCmdBuildMicromapsEXT-pInfos-07514
-// and -07515, and the storage offset by VUID-VkMicromapCreateInfoEXT-offset-07437).
+// VkMicromapBuildInfoEXT: scratch, data and triangle addresses are multiples of 256
+// (VUID-vkCmdBuildMicromapsEXT-pInfos-07514 and -07515, and the storage offset by
+// VUID-VkMicromapCreateInfoEXT-offset-07437).
 constexpr VkDeviceSize kAlignment = 256;
 
 constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;

@@ -115,8 +115,8 @@ void parseSize(const std::string &text, RenderSettings &settings)
     unsigned width = 0;
     unsigned height = 0;
     char rest = 0;
-    const bool read = text.find('-') == std::string::npos &&
-                      std::sscanf(text.c_str(), "%5ux%5u%c", &width, &height, &rest) == 2;
+    const bool read =
+        text.find('-') == std::string::npos && std::sscanf(text.c_str(), "%5ux%5u%c", &width, &height, &rest) == 2;
     if (!read || width == 0 || height == 0 || width > 16384 || height > 16384)
         throw Error("--size: " + text + " is not a size like 1280x720, of 1 to 16384 pixels each way");
     settings.width = width;
@@ -131,7 +131,8 @@ int runCommandLine(int argc, char **argv)
     app.footer("vellum render --help has examples.");
     RenderOptions options;
     RawOptions raw;
-    CLI::App &render = *app.add_subcommand("render", "Renders foliage, from a glTF file or built in, to a PNG by ray queries");
+    CLI::App &render =
+        *app.add_subcommand("render", "Renders foliage, from a glTF file or built in, to a PNG by ray queries");
     declareRender(render, options, raw);
     try {
         app.parse(argc, argv);

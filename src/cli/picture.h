@@ -21,7 +21,7 @@ void checkWritable(const std::filesystem::path &path);
 void writePng(const std::filesystem::path &path, const Picture &picture);
 
 struct Difference {
-    std::uint64_t pixels = 0; // that differ in any channel
+    std::uint64_t pixels = 0;  // that differ in any channel
     std::uint32_t largest = 0; // of any channel, 1..255
     Picture amplified;         // eight times the absolute difference on black, any difference visible
 };

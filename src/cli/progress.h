@@ -9,7 +9,7 @@ namespace vellum::cli
 
 class Progress
 {
-  public:
+public:
     // Shows `what` on stderr, if that is a terminal and `enabled`.
     explicit Progress(std::string what, bool enabled = true);
     // Clears the line.
@@ -19,7 +19,7 @@ class Progress
 
     void update(std::size_t done, std::size_t total);
 
-  private:
+private:
     std::string m_what;
     bool m_enabled;
     int m_shown = -1; // percent

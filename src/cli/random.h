@@ -8,7 +8,7 @@ namespace vellum::cli
 
 class Random
 {
-  public:
+public:
     explicit Random(std::uint64_t seed) : m_state(seed * 6364136223846793005u + 1442695040888963407u) { next(); }
 
     std::uint32_t next()
@@ -25,7 +25,7 @@ class Random
         return low + (high - low) * static_cast<float>(next() >> 8) * (1.0f / 16777216.0f);
     }
 
-  private:
+private:
     std::uint64_t m_state;
 };
 

@@ -105,8 +105,8 @@ void printComparison(const RenderOptions &options, const Timing &alpha, const Ti
     fmt::print("| candidates to the shader / ray | {:>12.3f} | {:>12.3f} | {:>9} |\n", alpha.count.perRay(),
                omm.count.perRay(), ratio(alpha.count.perRay(), omm.count.perRay()));
     fmt::print("| micromap bytes                 | {:>12} | {:>12} | {:>9} |\n", 0, grouped(bytes), "");
-    fmt::print("| differing pixels               | {:>12} | {:>12} | {:>9} |\n\n", "",
-               grouped(difference.pixels), share);
+    fmt::print("| differing pixels               | {:>12} | {:>12} | {:>9} |\n\n", "", grouped(difference.pixels),
+               share);
 }
 
 int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)

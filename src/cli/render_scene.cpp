@@ -202,7 +202,10 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
         const Material &m = result.scene.materials[g.material];
         const Kind kind = m.masked ? Kind::Leaves : Kind::Solid;
         addGeometry(result, g,
-                    {0, textureOf[g.material], m.alphaCutoff, static_cast<std::uint32_t>(kind),
+                    {0,
+                     textureOf[g.material],
+                     m.alphaCutoff,
+                     static_cast<std::uint32_t>(kind),
                      {m.baseColor[0], m.baseColor[1], m.baseColor[2], m.baseColor[3]}},
                     density);
     }

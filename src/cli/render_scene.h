@@ -25,14 +25,14 @@ struct RenderScene {
     Scene scene;
     Geometry ground; // a grid around the copies
     std::vector<Placement> copies;
-    Box bounds; // of all copies, without the ground
+    Box bounds;                // of all copies, without the ground
     std::vector<Vec3> outline; // some of their points above the ground, for the camera
 
     std::vector<std::uint32_t> texturedMaterials; // the material that each texture of the shader is for
 
     std::vector<GeometryRecord> records; // of the scene's geometries, then the ground's
     std::vector<float> uvs;              // three (u, v) per triangle
-    std::vector<std::uint32_t> normals;  // three per triangle: octahedral normal (12 + 12 bits), sky visibility (8 bits)
+    std::vector<std::uint32_t> normals; // three per triangle: octahedral normal (12 + 12 bits), sky visibility (8 bits)
 
     [[nodiscard]] std::size_t maskedTriangles() const;
     [[nodiscard]] std::size_t solidTriangles() const;

@@ -21,10 +21,17 @@ Image whiteImage()
 
 } // namespace
 
+Renderer::Renderer(Device &device, const RenderSettings &settings, World &&world)
+    : m_device(device), m_settings(settings), m_world(std::move(world))
+{
+}
+
+// Delegates, so that the destructor also runs where this throws.
 Renderer::Renderer(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps,
                    const RenderSettings &settings)
-    : m_device(device), m_settings(settings), m_world(device, scene, micromaps), m_frame(makeFrame(scene, settings))
+    : Renderer(device, settings, World(device, scene, micromaps))
 {
+    m_frame = makeFrame(scene, settings);
     uploadScene(scene);
     createLayouts();
     createDescriptors();

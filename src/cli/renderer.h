@@ -27,7 +27,7 @@ struct CandidateCount {
 
 class Renderer
 {
-  public:
+public:
     // Uploads and builds everything. `micromaps` as for World. `device` must outlive the renderer, `scene` need not.
     Renderer(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps,
              const RenderSettings &settings);
@@ -43,11 +43,12 @@ class Renderer
     CandidateCount count();
     [[nodiscard]] VkDeviceSize micromapBytes() const { return m_world.micromapBytes(); }
 
-  private:
+private:
     struct Frame { // push constants of shaders/render.comp
         float origin[4], right[4], up[4], forward[4], sun[4];
     };
 
+    Renderer(Device &device, const RenderSettings &settings, World &&world);
     static Frame makeFrame(const RenderScene &scene, const RenderSettings &settings);
     void uploadScene(const RenderScene &scene);
     void createLayouts();

@@ -12,7 +12,7 @@ namespace vellum::cli
 
 class Buffer
 {
-  public:
+public:
     enum class Place { Device, Host };
 
     Buffer() = default;
@@ -28,7 +28,7 @@ class Buffer
     // The first address that is a multiple of `alignment`. Needs VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address(VkDeviceSize alignment = 1) const;
 
-  private:
+private:
     VkDevice m_device = VK_NULL_HANDLE;
     VkBuffer m_buffer = VK_NULL_HANDLE;
     VkDeviceMemory m_memory = VK_NULL_HANDLE;
@@ -46,7 +46,7 @@ std::vector<std::uint32_t> downloadWords(Device &device, const Buffer &buffer, s
 
 class Texture
 {
-  public:
+public:
     // The material tells how it is sampled. Throws Error.
     Texture(Device &device, const Image &image, const Material &material);
     ~Texture();
@@ -56,7 +56,7 @@ class Texture
     [[nodiscard]] VkImageView view() const { return m_view; }
     [[nodiscard]] VkSampler sampler() const { return m_sampler; }
 
-  private:
+private:
     Texture() = default;
     void upload(Device &device, const Image &image);
 

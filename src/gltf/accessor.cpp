@@ -35,9 +35,9 @@ Elements findElements(const tinygltf::Model &model, int index, std::uint32_t com
     const std::size_t stride = declared != 0 ? declared : packed;
     // In this order no sum can wrap around.
     const bool fits =
-        accessor.count == 0 || (stride >= packed && accessor.byteOffset <= bytes.size() &&
-                                packed <= bytes.size() - accessor.byteOffset &&
-                                (accessor.count - 1) <= (bytes.size() - accessor.byteOffset - packed) / stride);
+        accessor.count == 0 ||
+        (stride >= packed && accessor.byteOffset <= bytes.size() && packed <= bytes.size() - accessor.byteOffset &&
+         (accessor.count - 1) <= (bytes.size() - accessor.byteOffset - packed) / stride);
     if (!fits)
         throw GltfError(what + ": accessor " + std::to_string(index) + " reaches outside of its buffer view");
     return {bytes.data() + (accessor.count == 0 ? 0 : accessor.byteOffset), accessor.count, stride,

@@ -39,10 +39,22 @@ Matrix localMatrix(const tinygltf::Node &node)
         std::copy(node.scale.begin(), node.scale.end(), scale.begin());
     if (node.rotation.size() == 4) {
         const double x = node.rotation[0], y = node.rotation[1], z = node.rotation[2], w = node.rotation[3];
-        m = {1 - 2 * (y * y + z * z), 2 * (x * y + z * w),     2 * (x * z - y * w),     0,
-             2 * (x * y - z * w),     1 - 2 * (x * x + z * z), 2 * (y * z + x * w),     0,
-             2 * (x * z + y * w),     2 * (y * z - x * w),     1 - 2 * (x * x + y * y), 0,
-             0,                       0,                       0,                       1};
+        m = {1 - 2 * (y * y + z * z),
+             2 * (x * y + z * w),
+             2 * (x * z - y * w),
+             0,
+             2 * (x * y - z * w),
+             1 - 2 * (x * x + z * z),
+             2 * (y * z + x * w),
+             0,
+             2 * (x * z + y * w),
+             2 * (y * z - x * w),
+             1 - 2 * (x * x + y * y),
+             0,
+             0,
+             0,
+             0,
+             1};
     }
     for (std::size_t column = 0; column < 3; ++column)
         for (std::size_t row = 0; row < 3; ++row)
@@ -87,8 +99,8 @@ UvTransform uvTransformOf(const tinygltf::TextureInfo &texture)
     const auto pair = [&](const char *name, double *values) {
         const tinygltf::Value &value = extension.Get(name);
         if (value.IsArray() && value.ArrayLen() == 2)
-            for (int i = 0; i < 2; ++i)
-                values[i] = numberOr(value.Get(i), values[i]);
+            for (std::size_t i = 0; i < 2; ++i)
+                values[i] = numberOr(value.Get<tinygltf::Value::Array>()[i], values[i]);
     };
     pair("offset", transform.offset);
     pair("scale", transform.scale);
@@ -109,12 +121,12 @@ Wrap wrapOf(int mode)
 // Reads one file. Each step throws GltfError; readGltf puts the file's name in front.
 class Reader
 {
-  public:
+public:
     explicit Reader(const std::filesystem::path &path) { loadModel(path, m_model); }
 
     Scene read();
 
-  private:
+private:
     struct Use { // a material in the scene
         std::uint32_t material;
         UvTransform uvs;
@@ -166,8 +178,7 @@ void Reader::readTexture(const tinygltf::TextureInfo &info, Material &material)
     const tinygltf::Sampler &sampler = m_model.samplers[static_cast<std::size_t>(texture.sampler)];
     material.wrapU = wrapOf(sampler.wrapS);
     material.wrapV = wrapOf(sampler.wrapT);
-    material.filter =
-        sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? Filter::Nearest : Filter::Bilinear;
+    material.filter = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? Filter::Nearest : Filter::Bilinear;
 }
 
 Reader::Use &Reader::useMaterial(int index)

@@ -49,7 +49,7 @@ struct Scene {
 // What is wrong with a file, in one line that names it.
 class GltfError : public std::runtime_error
 {
-  public:
+public:
     using std::runtime_error::runtime_error;
 };
 

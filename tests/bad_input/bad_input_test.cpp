@@ -11,7 +11,7 @@ namespace
 
 class BadInput : public testing::Test
 {
-  protected:
+protected:
     // Renders `file` and checks the manners of the failure. `words` must be in the message.
     void expectRefusal(const std::filesystem::path &file, const std::string &words)
     {
@@ -92,8 +92,7 @@ TEST_F(BadInput, IndicesOutOfRange)
 TEST_F(BadInput, UnwritableOutput)
 {
     for (const std::filesystem::path &path : {folder / "no/such/folder/picture.png", folder.path()}) {
-        const Outcome outcome =
-            runVellum({"render", "--mode", "alpha", "--size", "16x16", "--output", path.string()});
+        const Outcome outcome = runVellum({"render", "--mode", "alpha", "--size", "16x16", "--output", path.string()});
         expectManners(outcome, "cannot be written");
     }
     EXPECT_EQ(files(), 0u);

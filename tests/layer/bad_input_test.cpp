@@ -141,7 +141,11 @@ TEST_F(BadInput, TriangleArrayStride)
 
 TEST_F(BadInput, DestinationTooSmall)
 {
-    const VkMicromapBuildSizesInfoEXT sizes = sizesOf(micromap_->buildInfo());
+    MicromapInput input;
+    for (std::uint8_t state = 0; state < 4; ++state)
+        input.add(6, kFourState, std::vector<std::uint8_t>(4096, state));
+    const Micromap large(gpu(), std::move(input));
+    const VkMicromapBuildSizesInfoEXT sizes = sizesOf(large.buildInfo());
     const Guarded storage(gpu(), sizes.micromapSize / 2, 256, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
     VkMicromapCreateInfoEXT create{};
     create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
@@ -150,7 +154,10 @@ TEST_F(BadInput, DestinationTooSmall)
     create.size = storage.size();
     VkMicromapEXT small = VK_NULL_HANDLE;
     VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &small));
-    buildWith([small](VkMicromapBuildInfoEXT &info) { info.dstMicromap = small; });
+    buildWith([&](VkMicromapBuildInfoEXT &info) {
+        info = large.buildInfo();
+        info.dstMicromap = small;
+    });
     expectComplaint();
     EXPECT_TRUE(storage.intact());
     gpu().vk().DestroyMicromapEXT(gpu().device(), small, nullptr);

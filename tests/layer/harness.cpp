@@ -11,6 +11,7 @@ namespace
 
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
+constexpr const char *kSpyLayer = "VK_LAYER_VELLUM_test_spy";
 
 // False alarms: messages that the same program gets from the validation layer without Vellum's layer, with the reason.
 struct FalseAlarm {
@@ -168,6 +169,8 @@ void Gpu::createInstance()
         layers.push_back(kVellumLayer);
     if (options_.validation)
         layers.push_back(kValidationLayer);
+    if (options_.spy)
+        layers.push_back(kSpyLayer);
     const char *extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;

@@ -1,5 +1,5 @@
-// A small Vulkan for the tests: an application's instance with Vellum's layer on top and the validation layer below it
-// (nearer to the driver), a device, buffers, command submission, and every message that either layer sent.
+// A small Vulkan for the tests: an application's instance with Vellum's layer on top, the validation layer and a spy
+// below it (nearer to the driver), a device, buffers, command submission, and every message that the layers sent.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -28,6 +28,7 @@ struct Message {
 struct Options {
     bool vellum = true;
     bool validation = true;
+    bool spy = true;           // spy_layer.cpp, below everything
     bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
 };

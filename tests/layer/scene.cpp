@@ -356,7 +356,8 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
 {
     // The skipped ones hold garbage: nobody may read them.
     std::vector<VkAccelerationStructureInstanceKHR> all(skipped);
-    std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));
+    if (skipped > 0)
+        std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));
     all.insert(all.end(), instances.begin(), instances.end());
     instances_ = uploadAligned(gpu(), all.data(), all.size() * sizeof(all[0]), kBuildInput);
     VkAccelerationStructureGeometryKHR geometry{};

@@ -89,6 +89,22 @@ protected:
     }
 };
 
+// Whether the spy below would see what these tests are about.
+TEST(SyncWithoutLayer, TheSpyIsAwake)
+{
+    Gpu gpu({.vellum = false, .validation = false, .micromaps = false});
+    const VkMemoryBarrier2 memory = kMicromapToStructure;
+    VkDependencyInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
+    info.memoryBarrierCount = 1;
+    info.pMemoryBarriers = &memory;
+    gpu.submit([&](VkCommandBuffer commands) { vkCmdPipelineBarrier2(commands, &info); });
+    const std::vector<Message> messages = gpu.takeMessages();
+    EXPECT_EQ(messages.size(), 3u) << "one stage, two accesses";
+    for (const Message &m : messages)
+        EXPECT_EQ(m.id, "SPY");
+}
+
 TEST_F(Sync, PipelineBarriers)
 {
     run([](VkCommandBuffer commands, const VkMemoryBarrier2 &memory) {

@@ -2,6 +2,7 @@
 // and the hit that stays.
 //   VELLUM_ORACLE_SEED    seed of the first scene (each scene has its own: this plus its number)
 //   VELLUM_ORACLE_SCENES  number of scenes
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -215,7 +216,7 @@ TEST_F(OracleWithoutLayer, PlainScenes)
 
 TEST_F(Oracle, RandomScenes)
 {
-    compare(gpu(), {}, 220, 100000);
+    compare(gpu(), {}, 400, 200000);
 }
 
 // Fewer and finer: micromaps up to level 9.

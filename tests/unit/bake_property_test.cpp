@@ -1,6 +1,7 @@
 // The baker's promise on random textures and triangles: no sample contradicts a proven state.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "bake/bake.h"
@@ -13,7 +14,7 @@ namespace
 
 class Case
 {
-  public:
+public:
     explicit Case(unsigned seed) : m_random(seed)
     {
         texture.width = 1 + m_random() % 24;
@@ -41,7 +42,7 @@ class Case
     BakeOptions options;
     std::vector<TriangleUvs> triangles;
 
-  private:
+private:
     void fillTexture()
     {
         texture.alpha.resize(std::size_t{texture.width} * texture.height);
@@ -92,10 +93,10 @@ void checkMicroTriangle(Case &c, const TriangleUvs &uvs, std::uint32_t index, St
             const double pu = a * corners[0].u + b * corners[1].u + d * corners[2].u;
             const double pv = a * corners[0].v + b * corners[1].v + d * corners[2].v;
             const double reach = c.options.subtexelTolerance * 0.99;
-            const double u = (1 - pu - pv) * uvs[0].u + pu * uvs[1].u + pv * uvs[2].u +
-                             c.uniform(-reach, reach) / c.texture.width;
-            const double v = (1 - pu - pv) * uvs[0].v + pu * uvs[1].v + pv * uvs[2].v +
-                             c.uniform(-reach, reach) / c.texture.height;
+            const double u =
+                (1 - pu - pv) * uvs[0].u + pu * uvs[1].u + pv * uvs[2].u + c.uniform(-reach, reach) / c.texture.width;
+            const double v =
+                (1 - pu - pv) * uvs[0].v + pu * uvs[1].v + pv * uvs[2].v + c.uniform(-reach, reach) / c.texture.height;
             const double noise = c.options.valueTolerance * 0.99;
             const double alpha = c.texture.sample(u, v) + c.uniform(-noise, noise);
             ASSERT_EQ(state == State::Opaque, alpha >= c.options.cutoff)

@@ -118,7 +118,7 @@ TEST(Curve, LevelOneIsVertex0MiddleVertex1Vertex2)
 // The specification's figure of level 2, by the centres of its micro-triangles in twelfths.
 TEST(Curve, LevelTwoIsAsInTheSpecification)
 {
-    const int centers[16][2] = {{1, 1}, {2, 2}, {1, 4}, {4, 1}, {5, 2}, {4, 4}, {2, 5}, {5, 5},
+    const int centers[16][2] = {{1, 1}, {2, 2}, {1, 4},  {4, 1}, {5, 2}, {4, 4}, {2, 5}, {5, 5},
                                 {7, 1}, {8, 2}, {10, 1}, {7, 4}, {4, 7}, {2, 8}, {1, 7}, {1, 10}};
     bool seen[16] = {};
     for (const auto &c : centers) {

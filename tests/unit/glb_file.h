@@ -31,7 +31,7 @@ void writeFile(const std::filesystem::path &path, const Bytes &bytes);
 // A fresh folder below the system's temporary one, deleted with all that is in it.
 class TemporaryFolder
 {
-  public:
+public:
     TemporaryFolder();
     ~TemporaryFolder();
     TemporaryFolder(const TemporaryFolder &) = delete;
@@ -39,7 +39,7 @@ class TemporaryFolder
     [[nodiscard]] std::filesystem::path operator/(const std::string &name) const { return m_path / name; }
     [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
 
-  private:
+private:
     std::filesystem::path m_path;
 };
 

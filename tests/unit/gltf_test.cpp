@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-
 #include "glb_file.h"
 #include "gltf/scene.h"
 #include "test_random.h"
@@ -64,8 +63,8 @@ TEST(Gltf, ReadsACard)
 
 TEST(Gltf, AppliesTransforms)
 {
-    const Scene turned = read(cardGlb({{"\"translation\": [0, 2, 0]",
-                                        "\"rotation\": [0, 0, 0.70710678, 0.70710678], \"scale\": [2, 1, 1]"}}));
+    const Scene turned = read(cardGlb(
+        {{"\"translation\": [0, 2, 0]", "\"rotation\": [0, 0, 0.70710678, 0.70710678], \"scale\": [2, 1, 1]"}}));
     EXPECT_NEAR(turned.geometries[0].positions[1][0], 0, 1e-5); // (1, 0, 0) -> (2, 0, 0) -> (0, 2, 0)
     EXPECT_NEAR(turned.geometries[0].positions[1][1], 2, 1e-5);
     const Scene matrix =

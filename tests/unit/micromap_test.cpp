@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-
 #include "core/micromap.h"
 #include "test_random.h"
 
@@ -80,10 +79,8 @@ Micromap example()
 TEST(MicromapModel, CountsItsUsage)
 {
     const Micromap m = example();
-    EXPECT_EQ(m.buildUsage(),
-              (std::vector<MicromapUsage>{{1, 1, Format::TwoState}, {1, 2, Format::FourState}}));
-    EXPECT_EQ(m.geometryUsage(),
-              (std::vector<MicromapUsage>{{2, 1, Format::TwoState}, {1, 2, Format::FourState}}));
+    EXPECT_EQ(m.buildUsage(), (std::vector<MicromapUsage>{{1, 1, Format::TwoState}, {1, 2, Format::FourState}}));
+    EXPECT_EQ(m.geometryUsage(), (std::vector<MicromapUsage>{{2, 1, Format::TwoState}, {1, 2, Format::FourState}}));
 }
 
 TEST(MicromapModel, BaseTriangleMovesIndices)

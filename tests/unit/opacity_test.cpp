@@ -21,11 +21,16 @@ struct StateRow {
 };
 
 constexpr StateRow kStates[] = {
-    {kStateTransparent, false, 'I', 'I', 'N'},        {kStateTransparent, true, 'I', 'I', 'O'},
-    {kStateOpaque, false, 'O', 'O', 'N'},             {kStateOpaque, true, 'O', 'O', 'O'},
-    {kStateUnknownTransparent, false, 'N', 'I', 'N'}, {kStateUnknownTransparent, true, 'N', 'I', 'O'},
-    {kStateUnknownOpaque, false, 'N', 'O', 'N'},      {kStateUnknownOpaque, true, 'N', 'O', 'O'},
-    {kStateNone, false, 'N', 'N', 'N'},               {kStateNone, true, 'O', 'O', 'O'},
+    {kStateTransparent, false, 'I', 'I', 'N'},
+    {kStateTransparent, true, 'I', 'I', 'O'},
+    {kStateOpaque, false, 'O', 'O', 'N'},
+    {kStateOpaque, true, 'O', 'O', 'O'},
+    {kStateUnknownTransparent, false, 'N', 'I', 'N'},
+    {kStateUnknownTransparent, true, 'N', 'I', 'O'},
+    {kStateUnknownOpaque, false, 'N', 'O', 'N'},
+    {kStateUnknownOpaque, true, 'N', 'O', 'O'},
+    {kStateNone, false, 'N', 'N', 'N'},
+    {kStateNone, true, 'O', 'O', 'O'},
 };
 
 constexpr uint kRayOpacity[] = {0, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque};
@@ -67,7 +72,7 @@ TEST(Opacity, WholeTable)
 TEST(Opacity, OtherFlagsDoNotMatter)
 {
     constexpr uint kOtherRay = 0x004 | 0x008 | 0x010 | 0x020 | 0x100 | 0x200; // terminate, skip, facing, primitives
-    constexpr uint kOtherInstance = 0x01 | 0x02;                             // facing
+    constexpr uint kOtherInstance = 0x01 | 0x02;                              // facing
     for (const StateRow &row : kStates)
         for (const uint i : kInstanceOpacity)
             for (const uint r : kRayOpacity)

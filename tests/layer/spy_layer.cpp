@@ -1,0 +1,361 @@
+// A layer for the tests, below Vellum's: it stands for a driver that knows nothing of micromaps, and tells the debug
+// messengers of every flag, structure and extension name of theirs that reaches it. (The validation layer does not: it
+// knows the extension and lets most of its bits pass.)
+#include <vulkan/vk_layer.h>
+#include <vulkan/vulkan.h>
+
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace
+{
+
+struct Messenger {
+    VkDebugUtilsMessengerEXT handle;
+    PFN_vkDebugUtilsMessengerCallbackEXT callback;
+    void *user;
+};
+
+std::mutex mutex;
+// By dispatch key; entries stay, a later handle with the same key replaces them.
+// Looked up at creation: later, the loader's end of the chain may answer with the chain's beginning.
+struct InstanceTable {
+    VkInstance handle = VK_NULL_HANDLE;
+    PFN_vkGetInstanceProcAddr getProcAddr = nullptr;
+    PFN_vkCreateDebugUtilsMessengerEXT createMessenger = nullptr;
+    PFN_vkDestroyDebugUtilsMessengerEXT destroyMessenger = nullptr;
+};
+std::map<void *, InstanceTable> instances;
+std::map<void *, PFN_vkGetDeviceProcAddr> devices;
+std::map<void *, VkDevice> deviceHandles;
+std::vector<Messenger> messengers;
+
+template <class Handle>
+void *keyOf(Handle handle)
+{
+    return *reinterpret_cast<void **>(handle);
+}
+
+InstanceTable tableOf(void *key)
+{
+    std::lock_guard lock(mutex);
+    return instances.at(key);
+}
+
+template <class Function>
+Function nextOfDevice(void *key, const char *name)
+{
+    std::lock_guard lock(mutex);
+    return reinterpret_cast<Function>(devices.at(key)(deviceHandles.at(key), name));
+}
+
+void tell(const std::string &text)
+{
+    std::vector<Messenger> all;
+    {
+        std::lock_guard lock(mutex);
+        all = messengers;
+    }
+    VkDebugUtilsMessengerCallbackDataEXT data{};
+    data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
+    data.pMessageIdName = "SPY";
+    data.pMessage = text.c_str();
+    for (const Messenger &m : all)
+        m.callback(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT, &data,
+                   m.user);
+}
+
+void expectStages(const char *where, VkPipelineStageFlags2 stages)
+{
+    if ((stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0)
+        tell(std::string(where) + ": MICROMAP_BUILD stage");
+}
+
+void expectAccess(const char *where, VkAccessFlags2 access)
+{
+    if ((access & (VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT)) != 0)
+        tell(std::string(where) + ": MICROMAP_READ or MICROMAP_WRITE access");
+}
+
+template <class Barrier>
+void expectBarrier(const char *where, const Barrier &barrier)
+{
+    expectStages(where, barrier.srcStageMask);
+    expectStages(where, barrier.dstStageMask);
+    expectAccess(where, barrier.srcAccessMask);
+    expectAccess(where, barrier.dstAccessMask);
+}
+
+void expectDependency(const char *where, const VkDependencyInfo &info)
+{
+    for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
+        expectBarrier(where, b);
+    for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
+        expectBarrier(where, b);
+    for (const VkImageMemoryBarrier2 &b : std::span(info.pImageMemoryBarriers, info.imageMemoryBarrierCount))
+        expectBarrier(where, b);
+}
+
+const void *inChain(const void *chain, VkStructureType type)
+{
+    const auto *structure = static_cast<const VkBaseInStructure *>(chain);
+    while (structure != nullptr && structure->sType != type)
+        structure = structure->pNext;
+    return structure;
+}
+
+void expectBuild(const char *where, const VkAccelerationStructureBuildGeometryInfoKHR &info)
+{
+    constexpr VkFlags ours = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
+                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
+                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
+    if ((info.flags & ours) != 0)
+        tell(std::string(where) + ": micromap build flags");
+    for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
+        const VkAccelerationStructureGeometryKHR &geometry =
+            info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
+        if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
+            inChain(geometry.geometry.triangles.pNext,
+                    VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT) != nullptr)
+            tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapEXT");
+    }
+}
+
+#define SPY_NEXT(function) nextOfDevice<PFN_##function>(keyOf(handle), #function)
+
+VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
+{
+    expectDependency("vkCmdPipelineBarrier2", *info);
+    SPY_NEXT(vkCmdPipelineBarrier2)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdSetEvent2(VkCommandBuffer handle, VkEvent event, const VkDependencyInfo *info)
+{
+    expectDependency("vkCmdSetEvent2", *info);
+    SPY_NEXT(vkCmdSetEvent2)(handle, event, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer handle, VkEvent event, VkPipelineStageFlags2 stages)
+{
+    expectStages("vkCmdResetEvent2", stages);
+    SPY_NEXT(vkCmdResetEvent2)(handle, event, stages);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer handle, std::uint32_t count, const VkEvent *events,
+                                          const VkDependencyInfo *infos)
+{
+    for (std::uint32_t i = 0; i < count; ++i)
+        expectDependency("vkCmdWaitEvents2", infos[i]);
+    SPY_NEXT(vkCmdWaitEvents2)(handle, count, events, infos);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkQueryPool pool,
+                                              std::uint32_t query)
+{
+    expectStages("vkCmdWriteTimestamp2", stage);
+    SPY_NEXT(vkCmdWriteTimestamp2)(handle, stage, pool, query);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, std::uint32_t count, const VkSubmitInfo2 *submits,
+                                            VkFence fence)
+{
+    for (const VkSubmitInfo2 &s : std::span(submits, count)) {
+        for (const VkSemaphoreSubmitInfo &w : std::span(s.pWaitSemaphoreInfos, s.waitSemaphoreInfoCount))
+            expectStages("vkQueueSubmit2", w.stageMask);
+        for (const VkSemaphoreSubmitInfo &w : std::span(s.pSignalSemaphoreInfos, s.signalSemaphoreInfoCount))
+            expectStages("vkQueueSubmit2", w.stageMask);
+    }
+    return SPY_NEXT(vkQueueSubmit2)(handle, count, submits, fence);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRenderPassCreateInfo2 *info,
+                                                 const VkAllocationCallbacks *allocator, VkRenderPass *pass)
+{
+    for (const VkSubpassDependency2 &d : std::span(info->pDependencies, info->dependencyCount)) {
+        if (const void *barrier = inChain(d.pNext, VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
+            expectBarrier("vkCreateRenderPass2", *static_cast<const VkMemoryBarrier2 *>(barrier));
+    }
+    return SPY_NEXT(vkCreateRenderPass2)(handle, info, allocator, pass);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+{
+    if ((info->usage &
+         (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
+        tell("vkCreateBuffer: micromap usage");
+    return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
+}
+
+VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
+                                         const VkAccelerationStructureBuildGeometryInfoKHR *info,
+                                         const std::uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
+{
+    expectBuild("vkGetAccelerationStructureBuildSizesKHR", *info);
+    SPY_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, sizes);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
+                                    const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                    const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
+{
+    for (std::uint32_t i = 0; i < count; ++i)
+        expectBuild("vkCmdBuildAccelerationStructuresKHR", infos[i]);
+    SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
+}
+
+PFN_vkVoidFunction deviceFunction(const char *name)
+{
+    struct Row {
+        const char *name;
+        PFN_vkVoidFunction function;
+    };
+    const auto is = [name](const char *other) {
+        // With or without the KHR of the extension it came from.
+        const std::size_t length = std::strlen(other);
+        return std::strncmp(name, other, length) == 0 && (name[length] == 0 || std::strcmp(name + length, "KHR") == 0);
+    };
+    const Row rows[]{
+        {"vkCmdPipelineBarrier2", reinterpret_cast<PFN_vkVoidFunction>(cmdPipelineBarrier2)},
+        {"vkCmdSetEvent2", reinterpret_cast<PFN_vkVoidFunction>(cmdSetEvent2)},
+        {"vkCmdResetEvent2", reinterpret_cast<PFN_vkVoidFunction>(cmdResetEvent2)},
+        {"vkCmdWaitEvents2", reinterpret_cast<PFN_vkVoidFunction>(cmdWaitEvents2)},
+        {"vkCmdWriteTimestamp2", reinterpret_cast<PFN_vkVoidFunction>(cmdWriteTimestamp2)},
+        {"vkQueueSubmit2", reinterpret_cast<PFN_vkVoidFunction>(queueSubmit2)},
+        {"vkCreateRenderPass2", reinterpret_cast<PFN_vkVoidFunction>(createRenderPass2)},
+        {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
+        {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
+        {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
+    };
+    for (const Row &row : rows) {
+        if (is(row.name))
+            return row.function;
+    }
+    return nullptr;
+}
+
+VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, const char *name)
+{
+    if (std::strcmp(name, "vkGetDeviceProcAddr") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
+    PFN_vkGetDeviceProcAddr next = nullptr;
+    {
+        std::lock_guard lock(mutex);
+        next = devices.at(keyOf(device));
+    }
+    const PFN_vkVoidFunction below = next(device, name);
+    const PFN_vkVoidFunction ours = below != nullptr ? deviceFunction(name) : nullptr;
+    return ours != nullptr ? ours : below;
+}
+
+// The loader's link to the layer below, which is moved on for that layer's own use.
+template <class Link>
+Link *linkOf(const void *chain, VkStructureType type)
+{
+    auto *structure = static_cast<Link *>(const_cast<void *>(chain));
+    while (structure != nullptr && !(structure->sType == type && structure->function == VK_LAYER_LINK_INFO))
+        structure = static_cast<Link *>(const_cast<void *>(structure->pNext));
+    return structure;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
+                                              VkInstance *instance)
+{
+    auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);
+    const PFN_vkGetInstanceProcAddr next = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
+    link->u.pLayerInfo = link->u.pLayerInfo->pNext;
+    const auto create = reinterpret_cast<PFN_vkCreateInstance>(next(VK_NULL_HANDLE, "vkCreateInstance"));
+    const VkResult result = create(info, allocator, instance);
+    if (result == VK_SUCCESS) {
+        InstanceTable table{*instance, next};
+        table.createMessenger =
+            reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(next(*instance, "vkCreateDebugUtilsMessengerEXT"));
+        table.destroyMessenger =
+            reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(next(*instance, "vkDestroyDebugUtilsMessengerEXT"));
+        std::lock_guard lock(mutex);
+        instances[keyOf(*instance)] = table;
+    }
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount)) {
+        if (std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0)
+            tell("vkCreateDevice: VK_EXT_opacity_micromap");
+    }
+    if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
+        tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+    auto *link = linkOf<VkLayerDeviceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO);
+    const PFN_vkGetInstanceProcAddr nextInstance = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
+    const PFN_vkGetDeviceProcAddr next = link->u.pLayerInfo->pfnNextGetDeviceProcAddr;
+    link->u.pLayerInfo = link->u.pLayerInfo->pNext;
+    const VkInstance instance = tableOf(keyOf(physical)).handle;
+    const auto create = reinterpret_cast<PFN_vkCreateDevice>(nextInstance(instance, "vkCreateDevice"));
+    const VkResult result = create(physical, info, allocator, device);
+    if (result == VK_SUCCESS) {
+        std::lock_guard lock(mutex);
+        devices[keyOf(*device)] = next;
+        deviceHandles[keyOf(*device)] = *device;
+    }
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createMessenger(VkInstance instance, const VkDebugUtilsMessengerCreateInfoEXT *info,
+                                               const VkAllocationCallbacks *allocator, VkDebugUtilsMessengerEXT *out)
+{
+    const VkResult result = tableOf(keyOf(instance)).createMessenger(instance, info, allocator, out);
+    if (result == VK_SUCCESS) {
+        std::lock_guard lock(mutex);
+        messengers.push_back({*out, info->pfnUserCallback, info->pUserData});
+    }
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyMessenger(VkInstance instance, VkDebugUtilsMessengerEXT messenger,
+                                            const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        std::erase_if(messengers, [messenger](const Messenger &m) { return m.handle == messenger; });
+    }
+    tableOf(keyOf(instance)).destroyMessenger(instance, messenger, allocator);
+}
+
+VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance, const char *name)
+{
+    if (std::strcmp(name, "vkGetInstanceProcAddr") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getInstanceProcAddr);
+    if (std::strcmp(name, "vkCreateInstance") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(createInstance);
+    if (std::strcmp(name, "vkGetDeviceProcAddr") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
+    if (std::strcmp(name, "vkCreateDevice") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(createDevice);
+    if (std::strcmp(name, "vkCreateDebugUtilsMessengerEXT") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(createMessenger);
+    if (std::strcmp(name, "vkDestroyDebugUtilsMessengerEXT") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(destroyMessenger);
+    if (const PFN_vkVoidFunction ours = deviceFunction(name))
+        return ours;
+    if (instance == VK_NULL_HANDLE)
+        return nullptr;
+    return tableOf(keyOf(instance)).getProcAddr(instance, name);
+}
+
+} // namespace
+
+extern "C" __attribute__((visibility("default"))) VKAPI_ATTR VkResult VKAPI_CALL
+vkNegotiateLoaderLayerInterfaceVersion(VkNegotiateLayerInterface *version)
+{
+    version->loaderLayerInterfaceVersion = 2;
+    version->pfnGetInstanceProcAddr = getInstanceProcAddr;
+    version->pfnGetDeviceProcAddr = getDeviceProcAddr;
+    version->pfnGetPhysicalDeviceProcAddr = nullptr;
+    return VK_SUCCESS;
+}
