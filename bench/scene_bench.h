@@ -1,6 +1,7 @@
 // What one scene costs, with and without micromaps.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <vector>

@@ -1,6 +1,7 @@
 // Acceleration structures, and the micromaps that they refer to.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 

@@ -1,6 +1,7 @@
 // Vulkan instances and devices.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>

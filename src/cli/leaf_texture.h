@@ -1,6 +1,8 @@
 // Painted twigs: the textures of the built-in grove.
 #pragma once
 
+#include <cstdint>
+
 #include "gltf/scene.h"
 
 namespace vellum::cli

@@ -1,6 +1,8 @@
 // The picture: one compute shader, with or without micromaps in the structures that it traces.
 #pragma once
 
+#include <cstdint>
+
 #include "cli/acceleration.h"
 #include "cli/camera.h"
 #include "cli/picture.h"

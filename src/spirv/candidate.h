@@ -2,6 +2,8 @@
 // application reaches a query.
 #pragma once
 
+#include <cstdint>
+
 #include "spirv/code.h"
 #include "spirv/link.h"
 

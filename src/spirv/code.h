@@ -1,6 +1,8 @@
 // Writes instructions one after the other.
 #pragma once
 
+#include <cstdint>
+
 #include "spirv/module.h"
 
 namespace vellum::spirv

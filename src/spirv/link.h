@@ -4,6 +4,7 @@
 #include "spirv/module.h"
 #include "spirv/types.h"
 
+#include <cstdint>
 #include <map>
 #include <set>
 #include <string_view>

@@ -3,6 +3,7 @@
 
 #include "spirv/module.h"
 
+#include <cstdint>
 #include <map>
 
 namespace vellum::spirv

@@ -1,4 +1,6 @@
 // Whatever the command is given: one clear line on stderr, exit code not 0, and no file left behind.
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 #include "command.h"

@@ -2,6 +2,7 @@
 // with custom index 4242; one ray down each column.
 #pragma once
 
+#include <cstdint>
 #include <random>
 
 #include "expected.h"

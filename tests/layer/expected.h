@@ -2,6 +2,8 @@
 // Culling" of raytraversal.adoc). On purpose not Vellum's own code: this is what that code is compared with.
 #pragma once
 
+#include <cstdint>
+
 #include "tracer.h"
 
 namespace vt

@@ -1,6 +1,8 @@
 // Graphics pipelines for the tests: points or one big triangle, drawn into an image of one row with dynamic rendering.
 #pragma once
 
+#include <cstdint>
+
 #include "tracer.h"
 
 namespace vt

@@ -5,6 +5,7 @@
 #include "harness.h"
 
 #include <array>
+#include <cstdint>
 #include <optional>
 
 namespace vt

@@ -1,6 +1,8 @@
 // A micromap, a BLAS and a TLAS that are built where a test says, and looked at afterwards.
 #pragma once
 
+#include <cstdint>
+
 #include "tracer.h"
 
 namespace vt

@@ -1,6 +1,8 @@
 // Traces rays with shaders/tracer.comp and gives back what the shader saw.
 #pragma once
 
+#include <cstdint>
+
 #include "scene.h"
 
 namespace vt

@@ -2,6 +2,8 @@
 // specification. Shares no code with Vellum.
 #pragma once
 
+#include <cstdint>
+
 #include "random_scene.h"
 
 namespace oracle

@@ -1,6 +1,7 @@
 // Random scenes: triangle soups with random micromaps, boxes, instances and rays, as plain data.
 #pragma once
 
+#include <cstdint>
 #include <random>
 
 #include "tracer.h"

@@ -4,6 +4,7 @@
 
 #include "spirv/module.h"
 
+#include <cstdint>
 #include <map>
 
 namespace vellum::test
