@@ -41,16 +41,24 @@ VELLUM_CONST uint kMicromapHeaderTriangles = 1u; // number of triangle records
 VELLUM_CONST uint kMicromapHeaderUnits = 2u;     // data units in use
 
 // --- geometry record ---
-// word 0, 1: address of its triangle records; bit 0 of word 0: VK_GEOMETRY_OPAQUE_BIT_KHR; address 0: no micromap
+// word 0: bit 0: VK_GEOMETRY_OPAQUE_BIT_KHR; the other 31: index of its first triangle record, counted in triangle
+// records
+//         from the first geometry record of the BLAS; 0: no micromap
+// word 1: 0
 // word 2, 3: address of the micromap's data units
 VELLUM_CONST uint kGeometryRecordWords = 4u;
 VELLUM_CONST uint kGeometryRecordOpaque = 1u;
+VELLUM_CONST uint kGeometryTrianglesShift = 1u;
 
 // --- instance record ---
-// word 0: instanceCustomIndex in the low 24 bits, instance flags in the high 8
-// word 1: number of geometry records
-// word 2, 3: address of the geometry records; 0: no geometry of the instance has a micromap
+// word 0: instanceCustomIndex in the low 24 bits
+// word 1: 0
+// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: no geometry of the instance has a
+//         micromap. The low 4 bits of word 2 hold instance flags 2..5: all of those that resolution needs (opacity.h).
+// Lookup reads as few words as can be: a driver for the CPU gathers each one lane by lane.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
+VELLUM_CONST uint kInstanceFlagsShift = 2u;
+VELLUM_CONST uint kInstanceFlagsMask = 15u;
 VELLUM_CONST uint kSlotsPerPageLog2 = 12u;
 VELLUM_CONST uint kDirectoryPages = 4096u;
 
@@ -65,7 +73,7 @@ VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- BLAS cell: written by the GPU when a build with that reference executes ---
-// word 0, 1: address of the geometry records, 0: none; word 2: number of geometry records
+// word 0, 1: address of the geometry records, 0: none
 VELLUM_CONST uint kBlasCellWords = 4u;
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)

@@ -298,12 +298,13 @@ private:
             BlasRecordsPush push{};
             push.geometryRecord = part.tail + g * kGeometryRecordBytes;
             push.firstGeometryRecord = part.tail;
-            push.geometryCount = geometries;
-            push.geometryOpaque = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
+            push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell : 0;
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges[g].primitiveCount;
                 push.triangleRecords = triangles;
+                push.geometryWord |= static_cast<uint32_t>((triangles - part.tail) / kTriangleRecordBytes)
+                                     << kGeometryTrianglesShift;
                 push.micromap = micromapAddress(device_, micromap->micromap);
                 push.baseTriangle = micromap->baseTriangle;
                 setIndices(push, *micromap);

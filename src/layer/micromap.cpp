@@ -97,11 +97,12 @@ std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info)
         return offence;
     const Micromap *destination = fromHandle(info.dstMicromap);
     if (!destination)
-        return Offence{"VELLUM-VUID-VkMicromapBuildInfoEXT-dstMicromap-parameter", "dstMicromap is VK_NULL_HANDLE"};
+        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstMicromap is VK_NULL_HANDLE"};
     const uint64_t needed = extentOf(info).bytes();
     if (destination->size < needed)
-        return Offence{"VELLUM-micromap-size", "dstMicromap has " + std::to_string(destination->size) +
-                                                   " bytes, the build needs " + std::to_string(needed)};
+        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
+                       "dstMicromap has " + std::to_string(destination->size) + " bytes, the build needs " +
+                           std::to_string(needed)};
     const Extent extent = extentOf(info);
     if (extent.triangles == 0)
         return std::nullopt;

@@ -10,19 +10,18 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 geometryRecord;
+    uvec2 geometryRecord;  // 0: none, only the cell is to be cleared
     uvec2 triangleRecords; // 0: the geometry has no micromap
     uvec2 micromap;        // 0: special indices only
     uvec2 indices;         // 0: the index is the triangle's number
     uvec2 cell;            // where the TLAS build finds this BLAS; 0: not with this dispatch
     uvec2 firstGeometryRecord;
-    uint geometryCount;
     uint triangleCount;
     uint indexBytes; // 2 or 4
     uint indexStride;
     uint readable; // indices that lie inside their buffer
     uint baseTriangle;
-    uint geometryOpaque;
+    uint geometryWord; // word 0 of the geometry record
 } push;
 
 const uint kUnknownOpaque = ~0u; // all sixteen states
@@ -71,12 +70,12 @@ void main()
     }
     if (triangle != 0u)
         return;
-    if (push.geometryCount > 0u) {
+    if (any(notEqual(push.geometryRecord, uvec2(0)))) {
         const uvec2 units = elementAddress(addressPlus(push.micromap, kMicromapHeaderWords * 4u), micromapTriangles + 1u >> 1u,
                                            2u * kTriangleRecordWords * 4u);
         Words geometry = Words(push.geometryRecord);
-        geometry.w[0] = push.triangleRecords.x | push.geometryOpaque;
-        geometry.w[1] = push.triangleRecords.y;
+        geometry.w[0] = push.geometryWord;
+        geometry.w[1] = 0u;
         geometry.w[2] = units.x;
         geometry.w[3] = units.y;
     }
@@ -84,6 +83,5 @@ void main()
         Words cell = Words(push.cell);
         cell.w[0] = push.firstGeometryRecord.x;
         cell.w[1] = push.firstGeometryRecord.y;
-        cell.w[2] = push.geometryCount;
     }
 }

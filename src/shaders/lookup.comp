@@ -20,14 +20,15 @@ layout(constant_id = 1) const uint kRootHigh = 0u;
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { uvec2 at[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
 
-// Records by their members (core/records.h): drivers for the CPU pay for each word that is loaded.
+// Records by their members (core/records.h), so that only the words that are needed are loaded.
 struct InstanceRecord {
-    uint customIndexAndFlags;
-    uint geometryCount;
+    uint customIndex;
+    uint unused;
     uvec2 geometries;
 };
 struct GeometryRecord {
-    uvec2 triangles;
+    uint triangles;
+    uint unused;
     uvec2 units;
 };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instances { InstanceRecord at[]; };
@@ -45,12 +46,12 @@ uint vellumInPage(const in uint slot)
 }
 
 // State of the micro-triangle at barycentrics uv.
-//   records   address of the geometry's triangle records
-//   geometry  index of the geometry record in `geometries`
-uint vellumState(const in uvec2 records, const in uvec2 geometries, const in uint geometry, const in uint primitive,
-                 const in vec2 uv)
+//   geometries  address of the BLAS's geometry records
+//   geometry    index of the geometry
+//   triangle    index of the triangle's record, from the same address on
+uint vellumState(const in uvec2 geometries, const in uint geometry, const in uint triangle, const in vec2 uv)
 {
-    const uvec2 record = Pairs(records).at[primitive];
+    const uvec2 record = Pairs(geometries).at[triangle];
     const uint kind = record.x & kKindMask;
     const bool far = kind == kKindFar;
     const uint n = far ? (record.x >> kUnitShift) & kKindMask : kind - kKindData;
@@ -74,21 +75,19 @@ uint vellumState(const in uvec2 records, const in uvec2 geometries, const in uin
 uint vellumResolve(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
                    const in uint rayFlags)
 {
-    Instances page = Instances(vellumPage(slot));
-    const uint inPage = vellumInPage(slot);
-    const uvec2 geometries = page.at[inPage].geometries;
-    uint flags = page.at[inPage].customIndexAndFlags >> 24u;
+    const uvec2 tagged = Instances(vellumPage(slot)).at[vellumInPage(slot)].geometries;
+    const uint flags = (tagged.x & kInstanceFlagsMask) << kInstanceFlagsShift;
+    const uvec2 geometries = uvec2(tagged.x & ~kInstanceFlagsMask, tagged.y);
     uint state = kStateNone;
     bool opaque = false;
-    if ((geometries.x | geometries.y) == 0u) {
-        // The driver has seen this instance's FORCE flags and the geometry's: the candidate already is their result.
-        flags = 0u;
-    } else {
-        const uvec2 triangles = Geometries(geometries).at[geometry].triangles;
-        opaque = (triangles.x & kGeometryRecordOpaque) != 0u;
-        const uvec2 records = uvec2(triangles.x & ~7u, triangles.y);
-        if ((records.x | records.y) != 0u && (flags & kInstanceDisableMicromaps) == 0u)
-            state = vellumState(records, geometries, geometry, primitive, uv);
+    // Without geometry records there are no flags either: the driver has seen the instance's FORCE flags and the geometry's,
+    // and the candidate already is their result.
+    if ((geometries.x | geometries.y) != 0u) {
+        const uint word = Geometries(geometries).at[geometry].triangles;
+        const uint triangles = word >> kGeometryTrianglesShift;
+        opaque = (word & kGeometryRecordOpaque) != 0u;
+        if (triangles != 0u && (flags & kInstanceDisableMicromaps) == 0u)
+            state = vellumState(geometries, geometry, triangles + primitive, uv);
     }
     return resolveHit(state, opaque, flags, rayFlags);
 }
@@ -96,7 +95,7 @@ uint vellumResolve(const in uint slot, const in uint geometry, const in uint pri
 // The application's instanceCustomIndex.
 uint vellumCustomIndex(const in uint slot)
 {
-    return Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndexAndFlags & 0xffffffu;
+    return Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndex & 0xffffffu;
 }
 
 // Ray flags as the driver gets them. Opaque and CullNoOpaque would make it decide without us, and it does not know
