@@ -1,6 +1,9 @@
 // VK_EXT_shader_object: ray queries in a shader object, and a bound one that survives builds. The types are written out
 // here because the oldest headers this project builds with lack them; the validation layer of that age, too, so it is
 // off.
+#include <cstddef>
+#include <vector>
+
 #include "state_scene.h"
 
 #include "shaders/tracer_comp.h"
@@ -77,6 +80,55 @@ TEST_F(ShaderObject, TracesAndSurvivesBuilds)
     });
     StateScene::expectRight(tracer.results());
     destroy(gpu().device(), shader, nullptr);
+}
+
+// A rewritten shader holds the address of its device's tables: its binary must come back on that device, and on no
+// other.
+TEST_F(ShaderObject, BinariesFitOnlyTheDeviceThatMadeThem)
+{
+    if (!gpu().has("VK_EXT_shader_object"))
+        GTEST_SKIP() << "no VK_EXT_shader_object";
+    using GetBinary = VkResult(VKAPI_PTR *)(VkDevice, ShaderHandle, std::size_t *, void *);
+    const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
+    const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
+    const auto binaryOf = reinterpret_cast<GetBinary>(vkGetDeviceProcAddr(gpu().device(), "vkGetShaderBinaryDataEXT"));
+    ASSERT_TRUE(create != nullptr && destroy != nullptr && binaryOf != nullptr);
+
+    Tracer tracer(gpu());
+    const VkDescriptorSetLayout setLayout = tracer.setLayout();
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
+    ShaderCreateInfo info;
+    info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.codeSize = sizeof(tracer_comp);
+    info.pCode = tracer_comp;
+    info.setLayoutCount = 1;
+    info.pSetLayouts = &setLayout;
+    info.pushConstantRangeCount = 1;
+    info.pPushConstantRanges = &range;
+    ShaderHandle shader = 0;
+    VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
+
+    std::size_t size = 0;
+    VT_CHECK(binaryOf(gpu().device(), shader, &size, nullptr));
+    std::vector<std::max_align_t> storage(size / sizeof(std::max_align_t) + 1);
+    auto *bytes = reinterpret_cast<std::uint8_t *>(storage.data());
+    std::size_t small = size - 1;
+    EXPECT_EQ(binaryOf(gpu().device(), shader, &small, bytes), VK_INCOMPLETE);
+    VT_CHECK(binaryOf(gpu().device(), shader, &size, bytes));
+    destroy(gpu().device(), shader, nullptr);
+
+    info.codeType = 0; // VK_SHADER_CODE_TYPE_BINARY_EXT
+    info.codeSize = size;
+    info.pCode = bytes;
+    EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), VK_SUCCESS);
+    destroy(gpu().device(), shader, nullptr);
+
+    constexpr auto incompatible = static_cast<VkResult>(1000482000); // VK_INCOMPATIBLE_SHADER_BINARY_EXT
+    bytes[20] ^= 1;                                                  // as another device's would differ
+    EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), incompatible);
+    EXPECT_EQ(shader, 0u);
+    info.codeSize = 7;
+    EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), incompatible);
 }
 
 } // namespace
