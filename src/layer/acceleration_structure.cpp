@@ -45,13 +45,6 @@ VkDeviceSize patchedInstancesBytes(uint32_t count)
     return kAlignment + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
 }
 
-VkDeviceAddress referenceOf(const Device &device, VkAccelerationStructureKHR handle)
-{
-    const VkAccelerationStructureDeviceAddressInfoKHR info{
-        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, handle};
-    return device.next.GetAccelerationStructureDeviceAddressKHR(device.handle, &info);
-}
-
 // A structure that is copied and built again in turn would collect ranges without end. Work that was recorded so many
 // builds ago is taken to be done.
 constexpr size_t kMostOutgrown = 32;
@@ -100,7 +93,7 @@ VkDeviceAddress acquireCell(Device &device, AccelerationStructure &structure, Vk
 void forgetMicromaps(Device &device, VkCommandBuffer commandBuffer, VkAccelerationStructureKHR handle)
 {
     const auto structure = device.accelerationStructures.get(handle);
-    const VkDeviceAddress reference = referenceOf(device, handle);
+    const VkDeviceAddress reference = device.structureAddress(handle);
     if (!structure || !device.root.findCell(reference))
         return;
     BlasRecordsPush push{};
@@ -110,11 +103,6 @@ void forgetMicromaps(Device &device, VkCommandBuffer commandBuffer, VkAccelerati
     work.barrier();
     work.dispatch(InjectedShader::BlasRecords, push, 1, 64);
     work.barrier();
-}
-
-void refuseCommand(const Device &device, const char *what)
-{
-    device.report().error("VELLUM-not-available", std::string(what) + " is not available in this version of the layer");
 }
 
 // One vkCmdBuildAccelerationStructuresKHR: the patched copies, and the work around the driver's build.
@@ -177,7 +165,7 @@ private:
     void prepareBottomLevel(Part &part, uint32_t i)
     {
         AccelerationStructure &target = *part.target;
-        const VkDeviceAddress reference = referenceOf(device_, infos_[i].dstAccelerationStructure);
+        const VkDeviceAddress reference = device_.structureAddress(infos_[i].dstAccelerationStructure);
         if (!part.build.hasMicromaps()) {
             // A structure of the same address had micromaps once: the TLAS must no longer find them.
             if (device_.root.findCell(reference))
@@ -397,12 +385,13 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandB
     if (source && target && source != target) {
         std::scoped_lock lock(source->mutex, target->mutex);
         if (source->hasMicromaps) {
-            refuseCommand(device, "vkCmdCopyAccelerationStructureKHR of a bottom-level structure with micromaps");
+            device.report().notAvailable(
+                "vkCmdCopyAccelerationStructureKHR of a bottom-level structure with micromaps");
             return;
         }
         if (source->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR && !source->slots) {
-            refuseCommand(device,
-                          "vkCmdCopyAccelerationStructureKHR of a top-level structure, recorded before its build,");
+            device.report().notAvailable(
+                "vkCmdCopyAccelerationStructureKHR of a top-level structure, recorded before its build,");
             return;
         }
         // The copy holds the same slots as its source, which gets new ones when it is built again.
@@ -427,13 +416,13 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffe
                                                                   const BuildInfo *, const VkDeviceAddress *,
                                                                   const uint32_t *, const uint32_t *const *)
 {
-    refuseCommand(deviceOf(commandBuffer), "vkCmdBuildAccelerationStructuresIndirectKHR");
+    deviceOf(commandBuffer).report().notAvailable("vkCmdBuildAccelerationStructuresIndirectKHR");
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice handle, VkDeferredOperationKHR, uint32_t,
                                                            const BuildInfo *, const RangeInfo *const *)
 {
-    refuseCommand(deviceOf(handle), "vkBuildAccelerationStructuresKHR");
+    deviceOf(handle).report().notAvailable("vkBuildAccelerationStructuresKHR");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
@@ -444,8 +433,8 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer 
     if (const auto source = device.accelerationStructures.get(info->src)) {
         std::lock_guard lock(source->mutex);
         if (source->cell) {
-            refuseCommand(device,
-                          "vkCmdCopyAccelerationStructureToMemoryKHR of a bottom-level structure with micromaps");
+            device.report().notAvailable(
+                "vkCmdCopyAccelerationStructureToMemoryKHR of a bottom-level structure with micromaps");
             return;
         }
         if (source->slots)

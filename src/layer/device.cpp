@@ -135,6 +135,13 @@ VkDeviceAddress Device::bufferAddress(VkBuffer buffer) const
     return next.GetBufferDeviceAddress(handle, &info);
 }
 
+VkDeviceAddress Device::structureAddress(VkAccelerationStructureKHR structure) const
+{
+    const VkAccelerationStructureDeviceAddressInfoKHR info{
+        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, structure};
+    return next.GetAccelerationStructureDeviceAddressKHR(handle, &info);
+}
+
 Device *deviceOfKey(void *key)
 {
     std::shared_lock lock(devicesMutex);

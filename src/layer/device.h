@@ -84,6 +84,8 @@ struct Device {
 
     [[nodiscard]] Reporter &report() const { return instance->report; }
     [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;
+    // The reference that instances name a bottom-level structure by.
+    [[nodiscard]] VkDeviceAddress structureAddress(VkAccelerationStructureKHR structure) const;
 };
 
 Device *deviceOfKey(void *key);

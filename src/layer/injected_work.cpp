@@ -93,9 +93,8 @@ bool InjectedWork::refusedIn(const Device &device, VkCommandBuffer commandBuffer
     const auto state = commandState(commandBuffer);
     if (!state || !state->inheritsConditionalRendering)
         return false;
-    device.report().error("VELLUM-not-available",
-                          std::string(command) +
-                              " in a secondary command buffer that inherits conditional rendering is not available");
+    device.report().notAvailable(std::string(command) +
+                                 " in a secondary command buffer that inherits conditional rendering");
     return true;
 }
 

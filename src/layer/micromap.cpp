@@ -98,12 +98,12 @@ std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info)
     const Micromap *destination = fromHandle(info.dstMicromap);
     if (!destination)
         return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstMicromap is VK_NULL_HANDLE"};
-    const uint64_t needed = extentOf(info).bytes();
+    const Extent extent = extentOf(info);
+    const uint64_t needed = extent.bytes();
     if (destination->size < needed)
         return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
                        "dstMicromap has " + std::to_string(destination->size) + " bytes, the build needs " +
                            std::to_string(needed)};
-    const Extent extent = extentOf(info);
     if (extent.triangles == 0)
         return std::nullopt;
     if (info.triangleArray.deviceAddress == 0 || info.data.deviceAddress == 0)
@@ -136,12 +136,6 @@ MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
     push.readable = static_cast<uint32_t>(std::min<VkDeviceSize>(readable, UINT32_MAX));
     push.dataBytes = static_cast<uint32_t>(std::min<VkDeviceSize>(device.addresses.bytesFrom(push.data), UINT32_MAX));
     return push;
-}
-
-void reportUnavailable(const Device &device, const char *command)
-{
-    device.report().error("VELLUM-not-available",
-                          std::string(command) + " is not available in this version of the layer");
 }
 
 } // namespace
@@ -267,51 +261,51 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer commandBuffer, const 
 VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice handle, VkDeferredOperationKHR, uint32_t,
                                               const VkMicromapBuildInfoEXT *)
 {
-    reportUnavailable(deviceOf(handle), "vkBuildMicromapsEXT (micromapHostCommands)");
+    deviceOf(handle).report().notAvailable("vkBuildMicromapsEXT (micromapHostCommands)");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL copyMicromap(VkDevice handle, VkDeferredOperationKHR, const VkCopyMicromapInfoEXT *)
 {
-    reportUnavailable(deviceOf(handle), "vkCopyMicromapEXT (micromapHostCommands)");
+    deviceOf(handle).report().notAvailable("vkCopyMicromapEXT (micromapHostCommands)");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL copyMicromapToMemory(VkDevice handle, VkDeferredOperationKHR,
                                                     const VkCopyMicromapToMemoryInfoEXT *)
 {
-    reportUnavailable(deviceOf(handle), "vkCopyMicromapToMemoryEXT (micromapHostCommands)");
+    deviceOf(handle).report().notAvailable("vkCopyMicromapToMemoryEXT (micromapHostCommands)");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToMicromap(VkDevice handle, VkDeferredOperationKHR,
                                                     const VkCopyMemoryToMicromapInfoEXT *)
 {
-    reportUnavailable(deviceOf(handle), "vkCopyMemoryToMicromapEXT (micromapHostCommands)");
+    deviceOf(handle).report().notAvailable("vkCopyMemoryToMicromapEXT (micromapHostCommands)");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL writeMicromapsProperties(VkDevice handle, uint32_t, const VkMicromapEXT *, VkQueryType,
                                                         size_t, void *, size_t)
 {
-    reportUnavailable(deviceOf(handle), "vkWriteMicromapsPropertiesEXT (micromapHostCommands)");
+    deviceOf(handle).report().notAvailable("vkWriteMicromapsPropertiesEXT (micromapHostCommands)");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer commandBuffer, const VkCopyMicromapToMemoryInfoEXT *)
 {
-    reportUnavailable(deviceOf(commandBuffer), "vkCmdCopyMicromapToMemoryEXT");
+    deviceOf(commandBuffer).report().notAvailable("vkCmdCopyMicromapToMemoryEXT");
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer commandBuffer, const VkCopyMemoryToMicromapInfoEXT *)
 {
-    reportUnavailable(deviceOf(commandBuffer), "vkCmdCopyMemoryToMicromapEXT");
+    deviceOf(commandBuffer).report().notAvailable("vkCmdCopyMemoryToMicromapEXT");
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer commandBuffer, uint32_t, const VkMicromapEXT *,
                                                        VkQueryType, VkQueryPool, uint32_t)
 {
-    reportUnavailable(deviceOf(commandBuffer), "vkCmdWriteMicromapsPropertiesEXT");
+    deviceOf(commandBuffer).report().notAvailable("vkCmdWriteMicromapsPropertiesEXT");
 }
 
 } // namespace vellum::layer

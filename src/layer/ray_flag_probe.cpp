@@ -91,7 +91,7 @@ private:
         for (int i = 0; i < 3; ++i)
             instance.transform.matrix[i][i] = 1;
         instance.mask = 0xff;
-        instance.accelerationStructureReference = addressOf(bottom_);
+        instance.accelerationStructureReference = device_.structureAddress(bottom_);
         if (!makeInput(instances_, &instance, sizeof instance))
             return false;
         VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
@@ -146,7 +146,7 @@ private:
     {
         if (results_.create(device_.gpu, 16) != VK_SUCCESS)
             return false;
-        const RayFlagProbePush push{addressOf(top_), results_.address(), kProbedBits, 0};
+        const RayFlagProbePush push{device_.structureAddress(top_), results_.address(), kProbedBits, 0};
         InjectedWork work(device_, commands_);
         const bool traced = work.dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
         work.barrier();
@@ -160,13 +160,6 @@ private:
         info.pCommandBuffers = &commands_;
         return next_.QueueSubmit(queue_, 1, &info, VK_NULL_HANDLE) == VK_SUCCESS &&
                next_.QueueWaitIdle(queue_) == VK_SUCCESS;
-    }
-
-    [[nodiscard]] VkDeviceAddress addressOf(VkAccelerationStructureKHR structure) const
-    {
-        const VkAccelerationStructureDeviceAddressInfoKHR info{
-            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, structure};
-        return next_.GetAccelerationStructureDeviceAddressKHR(device_.handle, &info);
     }
 
     Device &device_;

@@ -26,6 +26,11 @@ public:
     {
         send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text, type, object);
     }
+    // What the layer refuses to do, because doing it in part would be silently wrong.
+    void notAvailable(const std::string &what)
+    {
+        error("VELLUM-not-available", what + " is not available in this version of the layer");
+    }
     void warning(const char *id, const std::string &text)
     {
         send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT, id, text, VK_OBJECT_TYPE_UNKNOWN, 0);

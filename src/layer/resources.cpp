@@ -137,8 +137,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice handle, const VkQueryPoo
     Device &device = deviceOf(handle);
     if (info->queryType == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
         info->queryType == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT) {
-        device.report().error("VELLUM-not-available",
-                              "queries of micromap sizes are not available in this version of the layer");
+        device.report().notAvailable("a query pool of micromap sizes");
         return VK_ERROR_FEATURE_NOT_PRESENT;
     }
     return device.next.CreateQueryPool(handle, info, allocator, pool);

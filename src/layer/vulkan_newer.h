@@ -36,7 +36,6 @@ using PFN_CmdPushConstants2 = void(VKAPI_PTR *)(VkCommandBuffer, const PushConst
 // VK_EXT_shader_object
 struct Shader_T;
 using ShaderEXT = Shader_T *;
-inline constexpr auto kShaderCreateInfo = static_cast<VkStructureType>(1000482002);
 struct ShaderCreateInfo {
     VkStructureType sType;
     const void *pNext;

@@ -5,6 +5,7 @@
 #include "shared.h"
 #include "records.h"
 #include "memory.glsl"
+#include "micromap_layout.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -46,7 +47,7 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
     const uint target = index + push.baseTriangle;
     if (target < index || target >= micromapTriangles)
         return uvec2(kKindInline, kUnknownOpaque);
-    Words record = Words(elementAddress(addressPlus(push.micromap, kMicromapHeaderWords * 4u), target, kTriangleRecordWords * 4u));
+    Words record = micromapRecord(push.micromap, target);
     return uvec2(record.w[0], record.w[1]);
 }
 
@@ -71,8 +72,7 @@ void main()
     if (triangle != 0u)
         return;
     if (any(notEqual(push.geometryRecord, uvec2(0)))) {
-        const uvec2 units = elementAddress(addressPlus(push.micromap, kMicromapHeaderWords * 4u), micromapTriangles + 1u >> 1u,
-                                           2u * kTriangleRecordWords * 4u);
+        const uvec2 units = micromapUnits(push.micromap, micromapTriangles);
         Words geometry = Words(push.geometryRecord);
         geometry.w[0] = push.geometryWord;
         geometry.w[1] = 0u;

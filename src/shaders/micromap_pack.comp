@@ -47,7 +47,7 @@ void main()
     const uint unit = (word0 & kKindMask) == kKindFar ? word1 : word0 >> kUnitShift;
     const uint subBits = coarse ? 0u : s.bitsPerState << (2u * (s.level - kCoarseLevel));
     const uvec2 source = addressPlus(push.data, s.dataOffset);
-    const uvec2 target = elementAddress(dataUnits(), unit, kDataUnitBytes);
+    const uvec2 target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
 
     if (live && coarse) {
         const uint bit = (sub >> (2u * (kCoarseLevel - s.level))) * s.bitsPerState;

@@ -3,6 +3,7 @@
 #include "curve.h"
 #include "records.h"
 #include "memory.glsl"
+#include "micromap_layout.glsl"
 
 layout(push_constant, std430) uniform Push
 {
@@ -58,12 +59,5 @@ uint unitsOf(Source s)
 
 Words recordOf(uint triangle)
 {
-    return Words(elementAddress(addressPlus(push.micromap, kMicromapHeaderWords * 4u), triangle, kTriangleRecordWords * 4u));
-}
-
-uvec2 dataUnits()
-{
-    const uvec2 end = elementAddress(addressPlus(push.micromap, kMicromapHeaderWords * 4u), push.triangleCount + 1u >> 1u,
-                                     2u * kTriangleRecordWords * 4u);
-    return end;
+    return micromapRecord(push.micromap, triangle);
 }

@@ -38,6 +38,25 @@ using DestroyShader = void(VKAPI_PTR *)(VkDevice, ShaderHandle, const VkAllocati
 using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkShaderStageFlagBits *,
                                       const ShaderHandle *);
 
+// The tracer as a shader object: what `info` points to lives as long as this.
+struct TracerShader {
+    explicit TracerShader(const Tracer &tracer) : setLayout(tracer.setLayout())
+    {
+        info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+        info.codeSize = sizeof(tracer_comp);
+        info.pCode = tracer_comp;
+        info.setLayoutCount = 1;
+        info.pSetLayouts = &setLayout;
+        info.pushConstantRangeCount = 1;
+        info.pPushConstantRanges = &range;
+    }
+    TracerShader(const TracerShader &) = delete;
+    TracerShader &operator=(const TracerShader &) = delete;
+    VkDescriptorSetLayout setLayout;
+    VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
+    ShaderCreateInfo info;
+};
+
 class ShaderObject : public GpuTest
 {
 protected:
@@ -55,16 +74,8 @@ TEST_F(ShaderObject, TracesAndSurvivesBuilds)
 
     StateScene scene(gpu());
     Tracer tracer(gpu());
-    const VkDescriptorSetLayout setLayout = tracer.setLayout();
-    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
-    ShaderCreateInfo info;
-    info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.codeSize = sizeof(tracer_comp);
-    info.pCode = tracer_comp;
-    info.setLayoutCount = 1;
-    info.pSetLayouts = &setLayout;
-    info.pushConstantRangeCount = 1;
-    info.pPushConstantRanges = &range;
+    TracerShader description(tracer);
+    ShaderCreateInfo &info = description.info;
     ShaderHandle shader = 0;
     VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
 
@@ -95,16 +106,8 @@ TEST_F(ShaderObject, BinariesFitOnlyTheDeviceThatMadeThem)
     ASSERT_TRUE(create != nullptr && destroy != nullptr && binaryOf != nullptr);
 
     Tracer tracer(gpu());
-    const VkDescriptorSetLayout setLayout = tracer.setLayout();
-    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
-    ShaderCreateInfo info;
-    info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.codeSize = sizeof(tracer_comp);
-    info.pCode = tracer_comp;
-    info.setLayoutCount = 1;
-    info.pSetLayouts = &setLayout;
-    info.pushConstantRangeCount = 1;
-    info.pPushConstantRanges = &range;
+    TracerShader description(tracer);
+    ShaderCreateInfo &info = description.info;
     ShaderHandle shader = 0;
     VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
 

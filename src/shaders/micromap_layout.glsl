@@ -1,0 +1,13 @@
+// Where the parts of a micromap lie (core/records.h). Needs records.h and memory.glsl.
+
+// Record of a micromap triangle.
+Words micromapRecord(uvec2 micromap, uint triangle)
+{
+    return Words(elementAddress(addressPlus(micromap, kMicromapHeaderWords * 4u), triangle, kTriangleRecordWords * 4u));
+}
+
+// Address of the data units of a micromap with that many triangles: behind the records, padded to 16 bytes.
+uvec2 micromapUnits(uvec2 micromap, uint triangles)
+{
+    return elementAddress(addressPlus(micromap, kMicromapHeaderWords * 4u), triangles + 1u >> 1u, 2u * kTriangleRecordWords * 4u);
+}
