@@ -11,17 +11,20 @@ function(vellum_embed_glsl TARGET)
   set(spv ${dir}/${ARG_NAME}.spv)
   set(header ${dir}/${ARG_NAME}.h)
   add_custom_command(
-    OUTPUT ${header}
+    OUTPUT ${spv}
     COMMAND ${CMAKE_COMMAND} -E make_directory ${dir}
     COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core ${ARG_FLAGS}
             --depfile ${spv}.d -o ${spv} ${ARG_SOURCE}
     COMMAND ${SPIRV_VAL} --target-env vulkan1.2 --scalar-block-layout ${spv}
+    DEPENDS ${ARG_SOURCE}
+    DEPFILE ${spv}.d # the files that it includes
+    COMMENT "GLSL ${ARG_NAME}"
+    VERBATIM)
+  add_custom_command(
+    OUTPUT ${header}
     COMMAND ${CMAKE_COMMAND} -DIN=${spv} -DOUT=${header} -DSYMBOL=${ARG_NAME}
             -P ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake
-    DEPENDS ${ARG_SOURCE} ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake
-            ${PROJECT_SOURCE_DIR}/src/core/shared.h ${PROJECT_SOURCE_DIR}/src/core/opacity.h
-            ${PROJECT_SOURCE_DIR}/src/core/curve.h ${PROJECT_SOURCE_DIR}/src/core/records.h
-    COMMENT "GLSL ${ARG_NAME}"
+    DEPENDS ${spv} ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake
     VERBATIM)
   target_sources(${TARGET} PRIVATE ${header})
   target_include_directories(${TARGET} PRIVATE ${CMAKE_CURRENT_BINARY_DIR})
