@@ -1,7 +1,9 @@
 // Memory layouts that Vellum's shaders write and read, in 32-bit words. C++ and GLSL; see shared.h.
 //
 //   micromap    header (16 words), one triangle record (2 words) per micromap triangle, padding to 16 bytes, data units
-//   BLAS tail   one geometry record (4 words) per geometry, then triangle records
+//   BLAS tail   one geometry record (4 words) per geometry, then triangle records; in a structure that was deserialized,
+//               then the data units of its micromaps
+//   TLAS tail   the application's instances (16 words each), as the build read them
 //   slot page   kSlotsPerPage instance records (4 words)
 //   root        header (16 words), then kDirectoryPages page addresses (2 words each)
 #ifndef VELLUM_CORE_RECORDS_H
@@ -44,7 +46,7 @@ VELLUM_CONST uint kMicromapHeaderUnits = 2u;     // data units in use
 // word 0: bit 0: VK_GEOMETRY_OPAQUE_BIT_KHR; the other 31: index of its first triangle record, counted in triangle
 // records
 //         from the first geometry record of the BLAS; 0: no micromap
-// word 1: 0
+// word 1: number of the micromap's data units
 // word 2, 3: address of the micromap's data units
 VELLUM_CONST uint kGeometryRecordWords = 4u;
 VELLUM_CONST uint kGeometryRecordOpaque = 1u;
@@ -66,15 +68,64 @@ VELLUM_CONST uint kDirectoryPages = 4096u;
 VELLUM_CONST uint kRootHeaderWords = 16u;
 VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash table
 
-// --- BLAS hash table: header (4 words: mask of the bucket index), then buckets ---
-// bucket word 0, 1: key, the BLAS's acceleration structure reference; 0 empty, ~0 deleted
-// bucket word 2, 3: address of a BLAS cell
+VELLUM_CONST uint kRootNotices = 2u;   // word 2: bits of the notices that the GPU has for the host
+
+// Notices: what only the GPU can find out about a copy. Bit numbers.
+VELLUM_CONST uint kNoticeForeignData = 0u;      // UUIDs of another driver or layer version
+VELLUM_CONST uint kNoticeDamagedData = 1u;      // serialized data that is no such data, or not all of it
+VELLUM_CONST uint kNoticeWrongType = 2u;        // serialized data of the other type of structure
+VELLUM_CONST uint kNoticeTargetTooSmall = 3u;   // acceleration structure that is too small for the data
+VELLUM_CONST uint kNoticeMemoryTooSmall = 4u;   // buffer that is too small for the serialized data
+VELLUM_CONST uint kNoticeUnknownReference = 5u; // instance of a bottom-level structure that does not exist
+VELLUM_CONST uint kNoticeUnbuiltReference = 6u; // instance of a bottom-level structure that was never built
+VELLUM_CONST uint kNoticeCopyTooSmall = 7u;     // acceleration structure that is too small for a copy of another
+VELLUM_CONST uint kNotices = 8u;
+
+// --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
+// bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
+// bucket word 2, 3: address of a cell
 VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
-// --- BLAS cell: written by the GPU when a build with that reference executes ---
-// word 0, 1: address of the geometry records, 0: none
-VELLUM_CONST uint kBlasCellWords = 4u;
+// --- cell: what is at an acceleration structure's address; written by the GPU when a build or a copy executes ---
+// word 0, 1: address of the tail
+// word 2: kCell*
+// word 3: 16-byte units of the tail
+// word 4: number of geometry records or of instances
+// word 5: of a BLAS: 16-byte units of the tail without data units, which come last
+// word 6: of a BLAS: 16-byte units of the driver's part of a compacted copy; 0: nobody has asked
+//         in the place of a cell that describes serialized data: address (words 6, 7) of the handles
+VELLUM_CONST uint kCellWords = 8u;
+VELLUM_CONST uint kCellUnbuilt = 0u; // nothing was built there
+VELLUM_CONST uint kCellBottom = 1u;  // a BLAS with geometry records
+VELLUM_CONST uint kCellTop = 2u;     // a TLAS
+VELLUM_CONST uint kCellBroken = 3u;  // a copy that was not carried out: not to be instanced
+VELLUM_CONST uint kCellPlain = 4u;   // a BLAS without geometry records; every word holds this
+
+// --- serialized acceleration structures: the header of the specification, padded to 16 bytes; for a BLAS the driver's
+// serialized data; the layer's block: header (16 words), then the tail, with places of data units as units from the
+// tail's beginning ---
+VELLUM_CONST uint kSerializedHeaderWords = 14u; // two UUIDs, total and deserialized size, number of handles
+VELLUM_CONST uint kBlockMagic = 0x534d4f56u;    // "VOMS"
+VELLUM_CONST uint kBlockVersion = 1u;
+VELLUM_CONST uint kBlockUnits = 4u;
+// words of the block's header
+VELLUM_CONST uint kBlockHeaderMagic = 0u;
+VELLUM_CONST uint kBlockHeaderVersion = 1u;
+VELLUM_CONST uint kBlockHeaderKind = 2u;
+VELLUM_CONST uint kBlockHeaderCount = 3u;
+VELLUM_CONST uint kBlockHeaderRecordUnits = 4u;
+VELLUM_CONST uint kBlockHeaderTailUnits = 5u;
+VELLUM_CONST uint kBlockHeaderTailOffset = 6u; // 16-byte units from the beginning of the structure
+VELLUM_CONST uint kBlockHeaderChecksum = 7u;   // of the driver's data and the tail
+// The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
+// indices, and the layer finds no block in the driver's own data.
+VELLUM_CONST uint kCompatibilityWord = 0x564d4f01u; // changes with kBlockVersion
+// The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that the type is known of a
+// VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR structure that was made for serialized data.
+VELLUM_CONST uint kTopLevelSizeMark = 128u;
+
+VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStructureInstanceKHR
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "layer/acceleration_structure.h"
 #include "layer/device.h"
 #include "layer/pnext.h"
 
@@ -83,6 +84,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
     // A command buffer is implicitly reset when it is begun again.
     if (const auto state = commandState(commandBuffer)) {
         state->forgetBindings();
+        state->memory.reset();
         state->conditionalRendering.reset();
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
@@ -92,7 +94,9 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
                                     : nullptr;
         state->inheritsConditionalRendering = inherited && inherited->conditionalRenderingEnable;
     }
-    return deviceOf(commandBuffer).next.BeginCommandBuffer(commandBuffer, info);
+    Device &device = deviceOf(commandBuffer);
+    reportNotices(device);
+    return device.next.BeginCommandBuffer(commandBuffer, info);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBindPipeline(VkCommandBuffer commandBuffer, VkPipelineBindPoint point,

@@ -8,6 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/transient_memory.h"
 #include "layer/vulkan_newer.h"
 
 namespace vellum::layer
@@ -31,6 +32,8 @@ struct CommandState {
     std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
+
+    TransientMemory memory; // of injected work; lives as long as what is recorded
 
     void forgetBindings();
 };

@@ -7,6 +7,7 @@
 
 #include <vulkan/vk_layer.h>
 
+#include "layer/acceleration_structure.h"
 #include "layer/pnext.h"
 #include "layer/ray_flag_probe.h"
 
@@ -18,10 +19,10 @@ namespace
 std::shared_mutex devicesMutex;
 std::unordered_map<void *, std::unique_ptr<Device>> devices;
 
-bool asksForMicromaps(const VkDeviceCreateInfo &info)
+bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
 {
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
-        if (std::strcmp(info.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0)
+        if (std::strcmp(info.ppEnabledExtensionNames[i], extension) == 0)
             return true;
     }
     return false;
@@ -163,7 +164,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (!nextCreate)
         return VK_ERROR_INITIALIZATION_FAILED;
 
-    const bool asked = asksForMicromaps(*info);
+    const bool asked = asksFor(*info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     const Implementation implementation = asked ? implementationOn(instance, physicalDevice) : Implementation::None;
     if (asked && implementation == Implementation::None) {
         instance.report.error(
@@ -208,6 +209,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             *handle = VK_NULL_HANDLE;
             return result;
         }
+        device->queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
         device->carriesRayFlagBits = carriesRayFlagBits(*device, *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "VK_EXT_opacity_micromap is emulated on this device");
     }
@@ -229,6 +231,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         device = std::move(it->second);
         devices.erase(it);
     }
+    reportNotices(*device);
     forgetCommandBuffers(*device);
     const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
     device.reset();

@@ -39,8 +39,10 @@ struct AccelerationStructure {
 
     std::mutex mutex;              // guards what is below
     VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell
-    VkDeviceAddress cell = 0;
-    bool hasMicromaps = false; // of the build recorded last
+    CellPlace cell;
+    // Of what was recorded last into a GENERIC structure; itself, of others.
+    VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    uint32_t mostInstances = 0; // of all builds recorded
     std::shared_ptr<SlotRange> slots;
     std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
 };
@@ -65,6 +67,15 @@ private:
     std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
 };
 
+// A bottom-level structure of one triangle as the driver serializes it. It begins with the driver's UUIDs, and stands in
+// for serialized data that the driver must not see.
+struct BlankStructure {
+    GpuBuffer memory;
+    uint32_t units = 0; // of 16 bytes; 0: there is none
+    // The driver serializes and deserializes as many bytes as the structure was created with.
+    bool wholeCopies = false;
+};
+
 struct Device {
     VkDevice handle = VK_NULL_HANDLE;
     VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
@@ -73,6 +84,8 @@ struct Device {
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
 
     bool carriesRayFlagBits = true; // see ray_flag_probe.h
+    BlankStructure blank;
+    bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
 
     GpuContext gpu;
     RootTable root;

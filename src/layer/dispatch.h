@@ -51,6 +51,7 @@ namespace vellum::layer
     X(DestroyAccelerationStructureKHR, DestroyAccelerationStructureKHR)                                                \
     X(GetAccelerationStructureBuildSizesKHR, GetAccelerationStructureBuildSizesKHR)                                    \
     X(GetAccelerationStructureDeviceAddressKHR, GetAccelerationStructureDeviceAddressKHR)                              \
+    X(GetDeviceAccelerationStructureCompatibilityKHR, GetDeviceAccelerationStructureCompatibilityKHR)                  \
     X(CmdBuildAccelerationStructuresKHR, CmdBuildAccelerationStructuresKHR)                                            \
     X(CmdCopyAccelerationStructureToMemoryKHR, CmdCopyAccelerationStructureToMemoryKHR)                                \
     X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
@@ -70,6 +71,7 @@ namespace vellum::layer
     X(CmdDispatch, CmdDispatch)                                                                                        \
     X(CmdPipelineBarrier, CmdPipelineBarrier)                                                                          \
     X(CmdCopyBuffer, CmdCopyBuffer)                                                                                    \
+    X(CmdFillBuffer, CmdFillBuffer)                                                                                    \
     X(CmdBeginConditionalRenderingEXT, CmdBeginConditionalRenderingEXT)                                                \
     X(CmdEndConditionalRenderingEXT, CmdEndConditionalRenderingEXT)                                                    \
     X(CmdPipelineBarrier2, CmdPipelineBarrier2KHR)                                                                     \

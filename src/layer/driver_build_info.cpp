@@ -3,6 +3,13 @@
 namespace vellum::layer
 {
 
+VkBuildAccelerationStructureFlagsKHR topLevelFlags(VkBuildAccelerationStructureFlagsKHR application)
+{
+    return application & (VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
+                          VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR |
+                          VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR);
+}
+
 DriverBuildInfo::DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoKHR &application) : info_(application)
 {
     const VkBuildAccelerationStructureFlagsKHR micromapFlags =
@@ -31,6 +38,13 @@ DriverBuildInfo::DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoK
         }
         geometries_.push_back(g);
         micromaps_.push_back(micromap);
+    }
+    if (topLevel_) {
+        // An update is carried out as a build, since a copy may have more instances, inactive ones, than the application
+        // knows of. Copies of top-level structures are builds too.
+        info_.flags = topLevelFlags(info_.flags);
+        info_.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+        info_.srcAccelerationStructure = VK_NULL_HANDLE;
     }
 }
 

@@ -1,5 +1,5 @@
 // An acceleration structure build as the driver is to see it: without micromaps, and with every geometry that has one
-// non-opaque, so that each hit on it is handed to a shader.
+// non-opaque, so that each hit on it is handed to a shader; of a top-level structure never an update.
 #pragma once
 
 #include <deque>
@@ -11,6 +11,9 @@
 
 namespace vellum::layer
 {
+
+// What is left of the flags of a top-level build: the driver neither updates nor copies what it builds.
+VkBuildAccelerationStructureFlagsKHR topLevelFlags(VkBuildAccelerationStructureFlagsKHR application);
 
 class DriverBuildInfo
 {

@@ -15,6 +15,8 @@
 #include "layer/resources.h"
 #include "layer/shader_binary.h"
 #include "layer/shaders.h"
+#include "layer/structure_build.h"
+#include "layer/structure_copy.h"
 #include "layer/sync.h"
 
 namespace vellum::layer
@@ -116,6 +118,9 @@ const Row kRows[] = {
     row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Emulated),
     row<destroyAccelerationStructure>("vkDestroyAccelerationStructureKHR", Scope::Emulated),
     row<getAccelerationStructureBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated),
+    row<getAccelerationStructureDeviceAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Emulated),
+    row<getDeviceAccelerationStructureCompatibility>("vkGetDeviceAccelerationStructureCompatibilityKHR",
+                                                     Scope::Emulated),
     row<cmdBuildAccelerationStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated),
 
     row<cmdBuildAccelerationStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Emulated),

@@ -36,7 +36,8 @@ GpuBuffer &GpuBuffer::operator=(GpuBuffer &&other) noexcept
     return *this;
 }
 
-VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage)
+VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage,
+                           Content content)
 {
     reset();
     context_ = context;
@@ -67,7 +68,8 @@ VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBuff
         return result;
     }
     mapped_ = static_cast<uint32_t *>(mapped);
-    std::memset(mapped_, 0, bytes);
+    if (content == Content::Zero)
+        std::memset(mapped_, 0, bytes);
     const VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer_};
     address_ = next.GetBufferDeviceAddress(context.device, &addressInfo);
     return VK_SUCCESS;

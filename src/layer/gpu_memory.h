@@ -24,8 +24,10 @@ public:
     GpuBuffer(const GpuBuffer &) = delete;
     GpuBuffer &operator=(const GpuBuffer &) = delete;
 
-    // Zero-filled. On failure nothing is left behind.
-    VkResult create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0);
+    enum class Content { Zero, Undefined };
+    // On failure nothing is left behind.
+    VkResult create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0,
+                    Content content = Content::Zero);
     void reset();
 
     [[nodiscard]] VkBuffer buffer() const { return buffer_; }

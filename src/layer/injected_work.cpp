@@ -5,7 +5,12 @@
 #include "shaders/micromap_pack.h"
 #include "shaders/micromap_place.h"
 #include "shaders/ray_flag_probe.h"
+#include "shaders/structure_copy.h"
+#include "shaders/structure_restore.h"
+#include "shaders/structure_save.h"
+#include "shaders/structure_size.h"
 #include "shaders/tlas_instances.h"
+#include "shaders/top_save.h"
 
 namespace vellum::layer
 {
@@ -24,6 +29,11 @@ Code codeOf(InjectedShader shader)
     case InjectedShader::MicromapPack: return {micromap_pack, sizeof micromap_pack};
     case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
     case InjectedShader::RayFlagProbe: return {ray_flag_probe, sizeof ray_flag_probe};
+    case InjectedShader::StructureCopy: return {structure_copy, sizeof structure_copy};
+    case InjectedShader::StructureSave: return {structure_save, sizeof structure_save};
+    case InjectedShader::StructureRestore: return {structure_restore, sizeof structure_restore};
+    case InjectedShader::StructureSize: return {structure_size, sizeof structure_size};
+    case InjectedShader::TopSave: return {top_save, sizeof top_save};
     default: return {tlas_instances, sizeof tlas_instances};
     }
 }

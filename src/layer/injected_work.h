@@ -16,7 +16,19 @@ namespace vellum::layer
 
 struct Device;
 
-enum class InjectedShader { MicromapPlace, MicromapPack, BlasRecords, TlasInstances, RayFlagProbe, Count };
+enum class InjectedShader {
+    MicromapPlace,
+    MicromapPack,
+    BlasRecords,
+    TlasInstances,
+    RayFlagProbe,
+    StructureCopy,
+    StructureSave,
+    StructureRestore,
+    StructureSize,
+    TopSave,
+    Count
+};
 
 // Push constants of the shaders: the structures match the `Push` blocks in src/shaders.
 struct MicromapPush {
@@ -25,11 +37,33 @@ struct MicromapPush {
 };
 struct BlasRecordsPush {
     VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord;
-    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord;
+    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits;
 };
+enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {
-    VkDeviceAddress source, target, root;
-    uint32_t count, firstSlot, arrayOfPointers;
+    VkDeviceAddress source, target, root, tail, cell;
+    uint32_t count, firstSlot;
+    InstancesFrom from;
+};
+struct StructureCopyPush {
+    VkDeviceAddress sourceCell, targetCell, sourceBegin, targetBegin, root;
+    uint32_t sourceUnits, targetUnits, compact;
+};
+struct StructureSavePush {
+    VkDeviceAddress cell, begin, staging, blob, root;
+    uint32_t structureUnits, stagingUnits, capacity, wholeCopies, pass;
+};
+struct StructureRestorePush {
+    VkDeviceAddress blob, staging, cell, begin, root, blank;
+    uint32_t blankUnits, capacity, stagingUnits, targetUnits, kind, pass;
+};
+struct StructureSizePush {
+    VkDeviceAddress cell, begin, value;
+    uint32_t structureUnits, property, wholeCopies;
+};
+struct TopSavePush {
+    VkDeviceAddress cell, begin, blob, root, blank;
+    uint32_t structureUnits, capacity, pass;
 };
 struct RayFlagProbePush {
     VkDeviceAddress scene, result;

@@ -122,20 +122,23 @@ void RootTable::freeSlots(uint32_t first, uint32_t count)
     freeSlots_[first] = count;
 }
 
-VkDeviceAddress RootTable::cellAddress(uint32_t index) const
+CellPlace RootTable::cellPlace(uint32_t index) const
 {
-    return cellBuffers_[index / kCellsPerBuffer].address() + VkDeviceSize{index % kCellsPerBuffer} * kBlasCellWords * 4;
+    const GpuBuffer &buffer = cellBuffers_[index / kCellsPerBuffer];
+    const VkDeviceSize offset = VkDeviceSize{index % kCellsPerBuffer} * kCellWords * 4;
+    return {buffer.address() + offset, buffer.buffer(), offset};
 }
 
 uint32_t *RootTable::cellWords(uint32_t index) const
 {
-    return cellBuffers_[index / kCellsPerBuffer].words() + size_t{index % kCellsPerBuffer} * kBlasCellWords;
+    return cellBuffers_[index / kCellsPerBuffer].words() + size_t{index % kCellsPerBuffer} * kCellWords;
 }
 
 bool RootTable::growCells()
 {
     GpuBuffer buffer;
-    if (buffer.create(context_, VkDeviceSize{kCellsPerBuffer} * kBlasCellWords * 4) != VK_SUCCESS)
+    if (buffer.create(context_, VkDeviceSize{kCellsPerBuffer} * kCellWords * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT) !=
+        VK_SUCCESS)
         return false;
     const auto first = static_cast<uint32_t>(cellBuffers_.size()) * kCellsPerBuffer;
     cellBuffers_.push_back(std::move(buffer));
@@ -144,30 +147,23 @@ bool RootTable::growCells()
     return true;
 }
 
-VkDeviceAddress RootTable::acquireCell(VkDeviceAddress reference)
+CellPlace RootTable::acquireCell(VkDeviceAddress reference)
 {
     std::lock_guard lock(mutex_);
     if (const auto it = cells_.find(reference); it != cells_.end()) {
         ++it->second.users;
-        return cellAddress(it->second.index);
+        return cellPlace(it->second.index);
     }
     if (freeCells_.empty() && !growCells())
-        return 0;
+        return {};
     if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
-        return 0;
+        return {};
     const uint32_t index = freeCells_.back();
     freeCells_.pop_back();
-    std::fill_n(cellWords(index), kBlasCellWords, 0u);
+    std::fill_n(cellWords(index), kCellWords, 0u);
     cells_[reference] = {index, 1};
-    insertBucket(reference, cellAddress(index));
-    return cellAddress(index);
-}
-
-VkDeviceAddress RootTable::findCell(VkDeviceAddress reference)
-{
-    std::lock_guard lock(mutex_);
-    const auto it = cells_.find(reference);
-    return it == cells_.end() ? 0 : cellAddress(it->second.index);
+    insertBucket(reference, cellPlace(index).address);
+    return cellPlace(index);
 }
 
 void RootTable::releaseCell(VkDeviceAddress reference)
@@ -179,6 +175,14 @@ void RootTable::releaseCell(VkDeviceAddress reference)
     removeBucket(reference);
     freeCells_.push_back(it->second.index);
     cells_.erase(it);
+}
+
+uint32_t RootTable::takeNotices()
+{
+    if (!root_.words())
+        return 0;
+    const std::atomic_ref<uint32_t> word(root_.words()[kRootNotices]);
+    return word.load(std::memory_order_relaxed) == 0 ? 0 : word.exchange(0);
 }
 
 void RootTable::insertBucket(VkDeviceAddress reference, VkDeviceAddress cell)
@@ -229,7 +233,7 @@ bool RootTable::growHashTable()
     buckets_ = buckets;
     usedBuckets_ = 0;
     for (const auto &[reference, cell] : cells_)
-        insertBucket(reference, cellAddress(cell.index));
+        insertBucket(reference, cellPlace(cell.index).address);
     store64(root_.words() + kRootHashTable, hashTables_.back().address());
     return true;
 }

@@ -18,6 +18,13 @@ namespace vellum::layer
 
 class RootTable;
 
+// Where the cell of an acceleration structure lies (core/records.h).
+struct CellPlace {
+    VkDeviceAddress address = 0;
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+};
+
 // Consecutive instance slots. They return to the table when the last owner lets go.
 class SlotRange
 {
@@ -44,12 +51,14 @@ public:
     // Null where the 2^24 slots, or memory, are used up.
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
 
-    // The cell of the BLAS with this reference; made when it is asked for first. Every call is paired with a
-    // releaseCell: acceleration structures that alias have the same reference, and share the cell. 0: out of memory.
-    VkDeviceAddress acquireCell(VkDeviceAddress reference);
+    // The cell of the acceleration structure with this reference; made when it is asked for first. Every call is paired
+    // with a releaseCell: acceleration structures that alias have the same reference, and share the cell. Its address is
+    // 0 where there is no memory.
+    CellPlace acquireCell(VkDeviceAddress reference);
     void releaseCell(VkDeviceAddress reference);
-    // The cell, if some acceleration structure with this reference ever had micromaps; else 0.
-    VkDeviceAddress findCell(VkDeviceAddress reference);
+
+    // What shaders had to tell since the last call: bits kNotice*.
+    uint32_t takeNotices();
 
 private:
     friend class SlotRange;
@@ -63,7 +72,7 @@ private:
     bool growCells();
     void insertBucket(VkDeviceAddress reference, VkDeviceAddress cell);
     void removeBucket(VkDeviceAddress reference);
-    [[nodiscard]] VkDeviceAddress cellAddress(uint32_t index) const;
+    [[nodiscard]] CellPlace cellPlace(uint32_t index) const;
     [[nodiscard]] uint32_t *cellWords(uint32_t index) const;
 
     GpuContext context_;

@@ -6,16 +6,17 @@
 #include "records.h"
 #include "memory.glsl"
 #include "micromap_layout.glsl"
+#include "cell.glsl"
 
 layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 geometryRecord;  // 0: none, only the cell is to be cleared
+    uvec2 geometryRecord;
     uvec2 triangleRecords; // 0: the geometry has no micromap
     uvec2 micromap;        // 0: special indices only
     uvec2 indices;         // 0: the index is the triangle's number
-    uvec2 cell;            // where the TLAS build finds this BLAS; 0: not with this dispatch
+    uvec2 cell;            // to be written; 0: not with this dispatch
     uvec2 firstGeometryRecord;
     uint triangleCount;
     uint indexBytes; // 2 or 4
@@ -23,6 +24,8 @@ layout(push_constant, std430) uniform Push
     uint readable; // indices that lie inside their buffer
     uint baseTriangle;
     uint geometryWord; // word 0 of the geometry record
+    uint geometryCount;
+    uint tailUnits; // of all records
 } push;
 
 const uint kUnknownOpaque = ~0u; // all sixteen states
@@ -57,11 +60,14 @@ void main()
     const uint triangle = group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
 
     uint micromapTriangles = 0u;
+    uint dataUnits = 0u;
     if (any(notEqual(push.micromap, uvec2(0)))) {
         Words header = Words(push.micromap);
         // A micromap that was never built holds whatever its memory holds.
-        if (header.w[kMicromapHeaderMagic] == kMicromapMagic)
+        if (header.w[kMicromapHeaderMagic] == kMicromapMagic) {
             micromapTriangles = header.w[kMicromapHeaderTriangles];
+            dataUnits = header.w[kMicromapHeaderUnits];
+        }
     }
     if (triangle < push.triangleCount && any(notEqual(push.triangleRecords, uvec2(0)))) {
         const uvec2 value = recordOf(triangle, micromapTriangles);
@@ -71,17 +77,12 @@ void main()
     }
     if (triangle != 0u)
         return;
-    if (any(notEqual(push.geometryRecord, uvec2(0)))) {
-        const uvec2 units = micromapUnits(push.micromap, micromapTriangles);
-        Words geometry = Words(push.geometryRecord);
-        geometry.w[0] = push.geometryWord;
-        geometry.w[1] = 0u;
-        geometry.w[2] = units.x;
-        geometry.w[3] = units.y;
-    }
-    if (any(notEqual(push.cell, uvec2(0)))) {
-        Words cell = Words(push.cell);
-        cell.w[0] = push.firstGeometryRecord.x;
-        cell.w[1] = push.firstGeometryRecord.y;
-    }
+    const uvec2 units = micromapUnits(push.micromap, micromapTriangles);
+    Words geometry = Words(push.geometryRecord);
+    geometry.w[0] = push.geometryWord;
+    geometry.w[1] = dataUnits;
+    geometry.w[2] = units.x;
+    geometry.w[3] = units.y;
+    if (any(notEqual(push.cell, uvec2(0))))
+        storeCell(push.cell, Cell(push.firstGeometryRecord, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
 }

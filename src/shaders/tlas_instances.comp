@@ -6,18 +6,26 @@
 #include "opacity.h"
 #include "records.h"
 #include "memory.glsl"
+#include "cell.glsl"
 
 layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 source;
-    uvec2 target;
+    uvec2 source; // instances, pointers to them, or a cell that leads to them
+    uvec2 target; // instances for the driver
     uvec2 root;
-    uint count;
+    uvec2 tail; // where the instances are kept for copies of the structure
+    uvec2 cell; // of the structure that is built
+    uint count; // the driver builds so many
     uint firstSlot;
-    uint arrayOfPointers;
+    uint from; // kFrom*
 } push;
+
+const uint kFromArray = 0u;
+const uint kFromPointers = 1u;
+const uint kFromStructure = 2u;  // a copy: the instances are those of another structure
+const uint kFromSerialized = 3u; // with the references in an array of their own
 
 const uint kInstanceBytes = 64u;
 const uint kCustomIndexWord = 12u; // custom index 24 bits, mask 8
@@ -30,11 +38,18 @@ uvec2 loadAddress(uvec2 at)
     return uvec2(words.w[0], words.w[1]);
 }
 
-// Address of the geometry records of the BLAS with this reference; zero where it has no micromaps.
-uvec2 findRecords(uvec2 reference)
+struct Referenced {
+    bool known;    // there is such a structure
+    bool built;
+    bool broken;   // it must not be traced
+    uvec2 records; // its geometry records; zero where it has no micromaps
+};
+
+Referenced findReferenced(uvec2 reference)
 {
+    Referenced found = Referenced(false, false, false, uvec2(0));
     if (all(equal(reference, uvec2(0))))
-        return uvec2(0);
+        return found;
     Words table = Words(loadAddress(push.root));
     const uint mask = table.w[0];
     uint bucket = hashReference(reference.x, reference.y) & mask;
@@ -43,13 +58,18 @@ uvec2 findRecords(uvec2 reference)
         const uvec2 key = uvec2(table.w[at], table.w[at + 1u]);
         if (all(equal(key, reference))) {
             Words cell = Words(uvec2(table.w[at + 2u], table.w[at + 3u]));
-            return uvec2(cell.w[0], cell.w[1]);
+            found.known = true;
+            found.built = cell.w[2] != kCellUnbuilt;
+            found.broken = cell.w[2] == kCellBroken;
+            if (cell.w[2] == kCellBottom)
+                found.records = uvec2(cell.w[0], cell.w[1]);
+            break;
         }
         if (all(equal(key, uvec2(0))))
             break;
         bucket = (bucket + 1u) & mask;
     }
-    return uvec2(0);
+    return found;
 }
 
 void writeRecord(uint slot, uint customIndex, uint flags, uvec2 records)
@@ -63,32 +83,76 @@ void writeRecord(uint slot, uint customIndex, uint flags, uvec2 records)
     record.w[3] = records.y;
 }
 
+// Where instance i is read from.
+uvec2 sourceOf(uint i, Cell copied)
+{
+    if (push.from == kFromPointers)
+        return loadAddress(elementAddress(push.source, i, 8u));
+    return elementAddress(push.from == kFromArray ? push.source : copied.tail, i, kInstanceBytes);
+}
+
 void main()
 {
     const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const bool copying = push.from >= kFromStructure;
+    Cell copied = Cell(uvec2(0), kCellTop, 0u, push.count, 0u, uvec2(0));
+    if (copying) {
+        copied = loadCell(push.source);
+        if (copied.kind == kCellTop && copied.count > push.count) {
+            if (i == 0u)
+                notice(push.root, push.from == kFromStructure ? kNoticeCopyTooSmall : kNoticeTargetTooSmall);
+            copied.kind = kCellBroken;
+        }
+        if (copied.kind != kCellTop)
+            copied.count = 0u;
+    }
+    if (i == 0u) {
+        const uint units = copied.count * kInstanceUnits;
+        storeCell(push.cell, Cell(push.tail, kCellTop, units, copied.count, units, uvec2(0)));
+    }
     if (i >= push.count)
         return;
-    const uvec2 at = push.arrayOfPointers != 0u ? loadAddress(elementAddress(push.source, i, 8u))
-                                                : elementAddress(push.source, i, kInstanceBytes);
-    Words source = Words(at);
+    const uint slot = push.firstSlot + i;
     Words target = Words(elementAddress(push.target, i, kInstanceBytes));
-    for (uint w = 0u; w < kCustomIndexWord; ++w)
-        target.w[w] = source.w[w];
-
+    if (i >= copied.count) {
+        // Inactive: the driver builds for as many instances as there may be.
+        for (uint w = 0u; w < kInstanceBytes / 4u; ++w)
+            target.w[w] = 0u;
+        writeRecord(slot, 0u, 0u, uvec2(0));
+        return;
+    }
+    Words source = Words(sourceOf(i, copied));
+    Words kept = Words(elementAddress(push.tail, i, kInstanceBytes));
+    for (uint w = 0u; w < kCustomIndexWord; ++w) {
+        const uint word = source.w[w];
+        target.w[w] = word;
+        kept.w[w] = word;
+    }
     const uint customAndMask = source.w[kCustomIndexWord];
     const uint offsetAndFlags = source.w[kFlagsWord];
-    const uvec2 reference = uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
-    const uvec2 records = findRecords(reference);
+    const uvec2 reference = push.from == kFromSerialized
+                                ? loadAddress(elementAddress(copied.extra, i, 8u))
+                                : uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
+    kept.w[kCustomIndexWord] = customAndMask;
+    kept.w[kFlagsWord] = offsetAndFlags;
+    kept.w[kReferenceWord] = reference.x;
+    kept.w[kReferenceWord + 1u] = reference.y;
+
+    const Referenced found = findReferenced(reference);
+    // The driver follows references when it builds. Those of an application's build are the application's; those of a
+    // copy may have been destroyed since, or come from another process.
+    const bool dead = found.broken || (copying && !found.built);
+    if (dead && !found.built && any(notEqual(reference, uvec2(0))))
+        notice(push.root, found.known ? kNoticeUnbuiltReference : kNoticeUnknownReference);
 
     // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
     uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;
-    if (any(notEqual(records, uvec2(0))))
+    if (any(notEqual(found.records, uvec2(0))))
         hidden |= kInstanceForceOpaque;
 
-    const uint slot = push.firstSlot + i;
     target.w[kCustomIndexWord] = slot | (customAndMask & 0xff000000u);
     target.w[kFlagsWord] = offsetAndFlags & ~(hidden << 24u);
-    target.w[kReferenceWord] = reference.x;
-    target.w[kReferenceWord + 1u] = reference.y;
-    writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, records);
+    target.w[kReferenceWord] = dead ? 0u : reference.x;
+    target.w[kReferenceWord + 1u] = dead ? 0u : reference.y;
+    writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, found.records);
 }

@@ -1,0 +1,289 @@
+#include "layer/structure_build.h"
+
+#include <algorithm>
+#include <string>
+
+#include "core/records.h"
+#include "layer/acceleration_structure.h"
+#include "layer/device.h"
+#include "layer/micromap.h"
+#include "layer/structure_layout.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
+using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
+
+constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
+constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
+
+// One vkCmdBuildAccelerationStructuresKHR: the patched copies, and the work around the driver's build.
+class Build
+{
+public:
+    Build(Device &device, VkCommandBuffer commandBuffer, uint32_t count, const BuildInfo *infos,
+          const RangeInfo *const *ranges)
+        : device_(device), commandBuffer_(commandBuffer), infos_(infos), ranges_(ranges)
+    {
+        parts_.reserve(count);
+        for (uint32_t i = 0; i < count; ++i)
+            parts_.emplace_back(infos[i]);
+    }
+
+    void record()
+    {
+        if (InjectedWork::refusedIn(device_, commandBuffer_, "vkCmdBuildAccelerationStructuresKHR"))
+            return;
+        for (uint32_t i = 0; i < parts_.size(); ++i)
+            prepare(i);
+        InjectedWork work(device_, commandBuffer_);
+        patchInstances(work);
+        runDriver();
+        clearCells();
+        writeRecords(work);
+    }
+
+private:
+    struct Part {
+        explicit Part(const BuildInfo &info) : build(info) {}
+        DriverBuildInfo build;
+        std::shared_ptr<AccelerationStructure> target;
+        VkDeviceAddress tail = 0; // where the records go; 0: there are none
+        VkDeviceSize tailBytes = 0;
+        CellPlace cell;
+        RangeInfo instanceRange{}; // of the patched instances
+        bool skipped = false;
+    };
+
+    void refuse(Part &part, uint32_t i, const char *id, const std::string &text)
+    {
+        device_.report().error(id, "vkCmdBuildAccelerationStructuresKHR: pInfos[" + std::to_string(i) + "]: " + text,
+                               VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                               reinterpret_cast<uint64_t>(infos_[i].dstAccelerationStructure));
+        part.skipped = true;
+    }
+
+    void prepare(uint32_t i)
+    {
+        Part &part = parts_[i];
+        part.target = device_.accelerationStructures.get(infos_[i].dstAccelerationStructure);
+        if (!part.target) {
+            refuse(part, i,
+                   "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
+                   "dstAccelerationStructure is not an acceleration structure of this device");
+            return;
+        }
+        part.cell = cellOf(device_, *part.target, infos_[i].dstAccelerationStructure);
+        if (!part.cell.address) {
+            refuse(part, i, "VELLUM-out-of-memory", "no memory for the layer's tables");
+            return;
+        }
+        if (!part.build.topLevel())
+            prepareBottomLevel(part, i);
+        else if (part.build.geometryCount() != 1)
+            refuse(part, i, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790",
+                   "a top-level structure has one geometry");
+    }
+
+    void refuseSmall(Part &part, uint32_t i)
+    {
+        refuse(part, i, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
+               "dstAccelerationStructure has " + std::to_string(part.target->size) +
+                   " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
+    }
+
+    void prepareBottomLevel(Part &part, uint32_t i)
+    {
+        AccelerationStructure &target = *part.target;
+        {
+            std::lock_guard lock(target.mutex);
+            target.content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        }
+        std::vector<uint32_t> primitives(part.build.geometryCount());
+        for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
+            primitives[g] = ranges_[i][g].primitiveCount;
+        part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
+        if (part.tailBytes == 0)
+            return;
+        VkDeviceSize offset = alignUp(driverSizes(device_, part.build, primitives.data(),
+                                                  VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
+                                          .accelerationStructureSize,
+                                      kPartAlignment);
+        if (part.tailBytes > target.size ||
+            (offset + part.tailBytes > target.size && infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
+            refuseSmall(part, i);
+            return;
+        }
+        // An update in place of a compacted structure: the records come last in it.
+        if (offset + part.tailBytes > target.size)
+            offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
+        part.tail = beginOf(device_, target) + offset;
+    }
+
+    void patchInstances(InjectedWork &work)
+    {
+        std::vector<std::pair<uint32_t, TlasInstancesPush>> pushes;
+        for (uint32_t i = 0; i < parts_.size(); ++i) {
+            Part &part = parts_[i];
+            if (part.skipped || !part.build.topLevel())
+                continue;
+            const uint32_t count = ranges_[i][0].primitiveCount;
+            const VkBuildAccelerationStructureFlagsKHR flags = infos_[i].flags;
+            if (topLevelBytes(device_, flags, count) > part.target->size) {
+                refuseSmall(part, i);
+                continue;
+            }
+            const auto slots = slotsFor(device_, *part.target, count);
+            if (!slots) {
+                refuse(part, i, "VELLUM-out-of-slots",
+                       "more than 2^24 instances in all acceleration structures together, or no "
+                       "memory for the layer's tables");
+                continue;
+            }
+            {
+                std::lock_guard lock(part.target->mutex);
+                part.target->content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+                part.target->mostInstances = std::max(part.target->mostInstances, count);
+            }
+            VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
+            TlasInstancesPush push{};
+            push.source = instances.data.deviceAddress + ranges_[i][0].primitiveOffset;
+            // Behind what the driver itself needs of the scratch memory.
+            push.target = alignUp(infos_[i].scratchData.deviceAddress +
+                                      topLevelDriverSizes(device_, flags, count).buildScratchSize,
+                                  kPatchedAlignment);
+            push.root = device_.root.address();
+            push.tail = beginOf(device_, *part.target) + topLevelTailOffset(device_, flags, count);
+            push.cell = part.cell.address;
+            push.count = count;
+            push.firstSlot = slots->first();
+            push.from = instances.arrayOfPointers ? InstancesFrom::Pointers : InstancesFrom::Array;
+            instances.arrayOfPointers = VK_FALSE;
+            instances.data.deviceAddress = push.target;
+            part.instanceRange = {count, 0, 0, 0};
+            pushes.emplace_back(i, push);
+        }
+        if (pushes.empty())
+            return;
+        work.barrier();
+        for (const auto &[i, push] : pushes)
+            parts_[i].skipped = !work.dispatch(InjectedShader::TlasInstances, push, std::max(push.count, 1u), 64);
+        work.barrier();
+    }
+
+    void runDriver()
+    {
+        std::vector<BuildInfo> infos;
+        std::vector<const RangeInfo *> ranges;
+        for (uint32_t i = 0; i < parts_.size(); ++i) {
+            Part &part = parts_[i];
+            if (part.skipped)
+                continue;
+            infos.push_back(part.build.info());
+            ranges.push_back(part.build.topLevel() ? &part.instanceRange : ranges_[i]);
+        }
+        if (!infos.empty())
+            device_.next.CmdBuildAccelerationStructuresKHR(commandBuffer_, static_cast<uint32_t>(infos.size()),
+                                                           infos.data(), ranges.data());
+    }
+
+    // What an earlier build put there must not be found any more. No barriers: whoever reads or writes a cell in a shader
+    // waits for everything before it, and lets everything after it wait.
+    void clearCells()
+    {
+        for (const Part &part : parts_) {
+            if (!part.skipped && !part.build.topLevel() && !part.tail)
+                device_.next.CmdFillBuffer(commandBuffer_, part.cell.buffer, part.cell.offset,
+                                           VkDeviceSize{kCellWords} * 4, kCellPlain);
+        }
+    }
+
+    void writeRecords(InjectedWork &work)
+    {
+        if (std::none_of(parts_.begin(), parts_.end(), [](const Part &p) { return !p.skipped && p.tail; }))
+            return;
+        work.barrier();
+        for (uint32_t i = 0; i < parts_.size(); ++i) {
+            if (!parts_[i].skipped && parts_[i].tail)
+                writeRecords(work, parts_[i], ranges_[i]);
+        }
+        work.barrier();
+    }
+
+    void writeRecords(InjectedWork &work, const Part &part, const RangeInfo *ranges)
+    {
+        const uint32_t geometries = part.build.geometryCount();
+        VkDeviceAddress triangles = part.tail + geometries * kGeometryRecordBytes;
+        for (uint32_t g = 0; g < geometries; ++g) {
+            BlasRecordsPush push{};
+            push.geometryRecord = part.tail + g * kGeometryRecordBytes;
+            push.firstGeometryRecord = part.tail;
+            push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
+            push.cell = g == 0 ? part.cell.address : 0;
+            push.geometryCount = geometries;
+            push.tailUnits = unitsOf(part.tailBytes);
+            if (const auto *micromap = part.build.micromap(g)) {
+                push.triangleCount = ranges[g].primitiveCount;
+                push.triangleRecords = triangles;
+                push.geometryWord |= static_cast<uint32_t>((triangles - part.tail) / kTriangleRecordBytes)
+                                     << kGeometryTrianglesShift;
+                push.micromap = micromapAddress(device_, micromap->micromap);
+                push.baseTriangle = micromap->baseTriangle;
+                setIndices(push, *micromap);
+                triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
+            }
+            work.dispatch(InjectedShader::BlasRecords, push, std::max(push.triangleCount, 1u), 64);
+        }
+    }
+
+    void setIndices(BlasRecordsPush &push, const VkAccelerationStructureTrianglesOpacityMicromapEXT &micromap)
+    {
+        // VUID-...-indexType-10719: UINT16, UINT32 or NONE_KHR
+        if (micromap.indexType == VK_INDEX_TYPE_NONE_KHR || micromap.indexBuffer.deviceAddress == 0)
+            return;
+        push.indices = micromap.indexBuffer.deviceAddress;
+        push.indexBytes = micromap.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 4;
+        push.indexStride = static_cast<uint32_t>(micromap.indexStride);
+        const VkDeviceSize bytes = device_.addresses.bytesFrom(push.indices);
+        VkDeviceSize readable = bytes < push.indexBytes ? 0 : UINT32_MAX;
+        if (readable > 0 && push.indexStride > 0)
+            readable = std::min<VkDeviceSize>((bytes - push.indexBytes) / push.indexStride + 1, UINT32_MAX);
+        push.readable = static_cast<uint32_t>(readable);
+    }
+
+    Device &device_;
+    VkCommandBuffer commandBuffer_;
+    const BuildInfo *infos_;
+    const RangeInfo *const *ranges_;
+    std::vector<Part> parts_;
+};
+
+} // namespace
+
+VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer commandBuffer, uint32_t count,
+                                                          const BuildInfo *infos, const RangeInfo *const *ranges)
+{
+    Device &device = deviceOf(commandBuffer);
+    reportNotices(device);
+    Build(device, commandBuffer, count, infos, ranges).record();
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer commandBuffer, uint32_t,
+                                                                  const BuildInfo *, const VkDeviceAddress *,
+                                                                  const uint32_t *, const uint32_t *const *)
+{
+    deviceOf(commandBuffer).report().notAvailable("vkCmdBuildAccelerationStructuresIndirectKHR");
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice handle, VkDeferredOperationKHR, uint32_t,
+                                                           const BuildInfo *, const RangeInfo *const *)
+{
+    deviceOf(handle).report().notAvailable("vkBuildAccelerationStructuresKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+} // namespace vellum::layer

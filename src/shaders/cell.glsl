@@ -1,0 +1,76 @@
+// Cells (core/records.h), and 64-bit addresses counted in units of 16 bytes. Needs records.h and memory.glsl.
+
+struct Cell {
+    uvec2 tail;
+    uint kind;
+    uint units;
+    uint count;
+    uint recordUnits;
+    uvec2 extra; // words 6 and 7
+};
+
+layout(buffer_reference, std430, buffer_reference_align = 16) buffer Units { uvec4 at[]; };
+
+Cell loadCell(uvec2 address)
+{
+    Words c = Words(address);
+    return Cell(uvec2(c.w[0], c.w[1]), c.w[2], c.w[3], c.w[4], c.w[5], uvec2(c.w[6], c.w[7]));
+}
+
+void storeCell(uvec2 address, Cell cell)
+{
+    Words c = Words(address);
+    c.w[0] = cell.tail.x;
+    c.w[1] = cell.tail.y;
+    c.w[2] = cell.kind;
+    c.w[3] = cell.units;
+    c.w[4] = cell.count;
+    c.w[5] = cell.recordUnits;
+    c.w[6] = cell.extra.x;
+    c.w[7] = cell.extra.y;
+}
+
+uvec2 addressMinus(uvec2 a, uvec2 b)
+{
+    uint borrow;
+    const uint low = usubBorrow(a.x, b.x, borrow);
+    return uvec2(low, a.y - b.y - borrow);
+}
+
+// address + units * 16
+uvec2 unitAddress(uvec2 address, uint units)
+{
+    return elementAddress(address, units, 16u);
+}
+
+// A number of bytes in units of 16, rounded up; ~0 where that does not fit.
+uint unitsOfBytes(uvec2 bytes)
+{
+    uint carry;
+    const uint low = uaddCarry(bytes.x, 15u, carry);
+    const uint high = bytes.y + carry;
+    return high >= 16u ? ~0u : low >> 4u | high << 28u;
+}
+
+uvec2 bytesOfUnits(uint units)
+{
+    return uvec2(units << 4u, units >> 28u);
+}
+
+// Units from `begin` to `address`; ~0 where address comes before it or far behind.
+uint unitsBetween(uvec2 begin, uvec2 address)
+{
+    const uvec2 bytes = addressMinus(address, begin);
+    return bytes.y >= 16u ? ~0u : bytes.x >> 4u | bytes.y << 28u;
+}
+
+// Whether `units` units from `at` on lie inside `all` units.
+bool fits(uint at, uint units, uint all)
+{
+    return at <= all && units <= all - at;
+}
+
+void notice(uvec2 root, uint bit)
+{
+    atomicOr(Words(addressPlus(root, kRootNotices * 4u)).w[0], 1u << bit);
+}

@@ -1,0 +1,33 @@
+// Serialized acceleration structures (core/records.h). Needs cell.glsl.
+
+const uint kSerializedHeaderUnits = 4u; // the header of a BLAS: 56 bytes, padded
+
+// What the passes of a shader that serializes or deserializes tell each other: words at the beginning of staging memory.
+const uint kPlanUnits = 16u; // keeps what follows aligned to 256 bytes
+const uint kPlanOk = 0u;
+const uint kPlanDriverUnits = 1u;
+const uint kPlanTailUnits = 2u;
+const uint kPlanChecksum = 3u;
+const uint kPlanCell = 8u; // a cell that describes the instances of a serialized TLAS
+
+uint saturatingAdd(uint a, uint b)
+{
+    return a > ~b ? ~0u : a + b;
+}
+
+// Units of the driver's serialized data by the total that it tells. lavapipe tells 0 of an empty structure, and copies all
+// of it.
+uint driverUnitsOf(uvec2 total, uint structureUnits)
+{
+    const uint units = unitsOfBytes(total);
+    return units < kSerializedHeaderUnits ? kSerializedHeaderUnits + structureUnits : units;
+}
+
+// Adds up to the checksum, in any order.
+uint checkOf(uvec4 value, uint place)
+{
+    uint h = place * 0x9e3779b1u;
+    for (uint i = 0u; i < 4u; ++i)
+        h = (h ^ value[i]) * 0x85ebca6bu + 0x1b873593u;
+    return h ^ (h >> 15u);
+}

@@ -1,0 +1,164 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Serializes a bottom-level acceleration structure: the driver's serialized data, and the tail with copies of the data units
+// of its micromaps, since VK_EXT_opacity_micromap has no means to name a micromap to a deserialized structure.
+// Two passes: one invocation plans, then all copy.
+#include "shared.h"
+#include "records.h"
+#include "memory.glsl"
+#include "cell.glsl"
+#include "serialized.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 cell;
+    uvec2 begin;   // of the structure
+    uvec2 staging; // plan (kPlanUnits), then what the driver has serialized
+    uvec2 blob;    // destination
+    uvec2 root;
+    uint structureUnits;
+    uint stagingUnits; // of the driver's data
+    uint capacity;     // units in the destination's buffer
+    uint wholeCopies;  // the driver serializes whole structures, whatever was built in them
+    uint pass;
+} push;
+
+// Units of the geometries' data; where `target` is not 0, writes their records there.
+uint placeData(Cell cell, uvec2 target)
+{
+    Units records = Units(cell.tail);
+    uint units = 0u;
+    uvec4 before = uvec4(0);
+    uint beforePlace = 0u;
+    for (uint g = 0u; g < cell.count; ++g) {
+        const uvec4 record = records.at[g];
+        uint place = cell.recordUnits + units;
+        if (g > 0u && record.yzw == before.yzw)
+            place = beforePlace;
+        else
+            units = saturatingAdd(units, record.y);
+        if (any(notEqual(target, uvec2(0))))
+            Units(target).at[g] = uvec4(record.xy, place, 0u);
+        before = record;
+        beforePlace = place;
+    }
+    return units;
+}
+
+void plan()
+{
+    Words driver = Words(unitAddress(push.staging, kPlanUnits));
+    Cell cell = loadCell(push.cell);
+    const uint offset = unitsBetween(push.begin, cell.tail);
+    if (cell.kind != kCellBottom || !fits(offset, cell.units, push.structureUnits))
+        cell = Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0));
+
+    uint driverUnits = driverUnitsOf(uvec2(driver.w[8], driver.w[9]), push.structureUnits);
+    uint tailOffset = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
+    if (cell.kind == kCellBottom && push.wholeCopies != 0u) {
+        // The driver takes the tail for its own: it is cut off.
+        driverUnits = min(driverUnits, offset + kSerializedHeaderUnits);
+        tailOffset = min(tailOffset, offset);
+        const uvec2 total = bytesOfUnits(driverUnits);
+        const uvec2 size = bytesOfUnits(tailOffset);
+        driver.w[8] = total.x;
+        driver.w[9] = total.y;
+        driver.w[10] = size.x;
+        driver.w[11] = size.y;
+    }
+    tailOffset = tailOffset + 15u & ~15u; // 256 bytes
+    const uint dataUnits = placeData(cell, uvec2(0));
+    const uint tailUnits = saturatingAdd(cell.recordUnits, dataUnits);
+    const uint block = kSerializedHeaderUnits + driverUnits;
+    const uint total = saturatingAdd(block + kBlockUnits, tailUnits);
+
+    Words p = Words(push.staging);
+    p.w[kPlanOk] = 0u;
+    if (driverUnits > push.stagingUnits || total > push.capacity) {
+        notice(push.root, kNoticeMemoryTooSmall);
+        return;
+    }
+    p.w[kPlanOk] = 1u;
+    p.w[kPlanDriverUnits] = driverUnits;
+    p.w[kPlanTailUnits] = tailUnits;
+
+    Words header = Words(push.blob);
+    for (uint w = 0u; w < 8u; ++w)
+        header.w[w] = w < 4u ? driver.w[w] : driver.w[w] ^ kCompatibilityWord;
+    const uvec2 totalBytes = bytesOfUnits(total);
+    const uvec2 size = bytesOfUnits(tailOffset + (tailUnits + 15u & ~15u));
+    header.w[8] = totalBytes.x;
+    header.w[9] = totalBytes.y;
+    header.w[10] = size.x;
+    header.w[11] = size.y;
+    for (uint w = 12u; w < 16u; ++w)
+        header.w[w] = 0u;
+    Words b = Words(unitAddress(push.blob, block));
+    for (uint w = 8u; w < 16u; ++w)
+        b.w[w] = 0u;
+    b.w[kBlockHeaderMagic] = kBlockMagic;
+    b.w[kBlockHeaderVersion] = kBlockVersion;
+    b.w[kBlockHeaderKind] = cell.kind;
+    b.w[kBlockHeaderCount] = cell.count;
+    b.w[kBlockHeaderRecordUnits] = cell.recordUnits;
+    b.w[kBlockHeaderTailUnits] = tailUnits;
+    b.w[kBlockHeaderTailOffset] = tailOffset;
+    b.w[kBlockHeaderChecksum] = 0u;
+    placeData(cell, unitAddress(push.blob, block + kBlockUnits));
+}
+
+void copy(uint me, uint all)
+{
+    Words p = Words(push.staging);
+    if (p.w[kPlanOk] == 0u)
+        return;
+    const uint driverUnits = p.w[kPlanDriverUnits];
+    const uint block = kSerializedHeaderUnits + driverUnits;
+    Units blob = Units(push.blob);
+    Units driver = Units(unitAddress(push.staging, kPlanUnits));
+    uint sum = 0u;
+    for (uint i = me; i < driverUnits; i += all) {
+        const uvec4 value = driver.at[i];
+        blob.at[kSerializedHeaderUnits + i] = value;
+        sum += checkOf(value, i);
+    }
+    // The first units are the geometry records, which the plan has written.
+    const uvec2 tail = unitAddress(push.blob, block + kBlockUnits);
+    Words b = Words(unitAddress(push.blob, block));
+    const Cell cell = loadCell(push.cell);
+    const uint count = b.w[kBlockHeaderCount];
+    const uint recordUnits = b.w[kBlockHeaderRecordUnits];
+    for (uint i = me; i < recordUnits; i += all) {
+        const uvec4 value = i < count ? Units(tail).at[i] : Units(cell.tail).at[i];
+        if (i >= count)
+            Units(tail).at[i] = value;
+        sum += checkOf(value, driverUnits + i);
+    }
+    uint next = recordUnits;
+    for (uint g = 0u; g < count; ++g) {
+        const uvec4 saved = Units(tail).at[g];
+        if (saved.z != next)
+            continue; // the data of the geometry before
+        const uvec4 record = Units(cell.tail).at[g];
+        for (uint i = me; i < record.y; i += all) {
+            const uvec4 value = Units(record.zw).at[i];
+            Units(tail).at[next + i] = value;
+            sum += checkOf(value, driverUnits + next + i);
+        }
+        next += record.y;
+    }
+    atomicAdd(b.w[kBlockHeaderChecksum], sum);
+}
+
+void main()
+{
+    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    if (push.pass == 0u) {
+        if (me == 0u)
+            plan();
+    } else {
+        copy(me, gl_NumWorkGroups.x * gl_WorkGroupSize.x);
+    }
+}
