@@ -1,7 +1,8 @@
 // Memory layouts that Vellum's shaders write and read, in 32-bit words. C++ and GLSL; see shared.h.
 //
 //   micromap    header (16 words), one triangle record (2 words) per micromap triangle, padding to 16 bytes, data units
-//   BLAS tail   one geometry record (4 words) per geometry, then triangle records; in a structure that was deserialized,
+//   BLAS tail   one geometry record (4 words) per geometry, then triangle records; in a structure that was
+//   deserialized,
 //               then the data units of its micromaps
 //   TLAS tail   the application's instances (16 words each), as the build read them
 //   slot page   kSlotsPerPage instance records (4 words)
@@ -68,7 +69,7 @@ VELLUM_CONST uint kDirectoryPages = 4096u;
 VELLUM_CONST uint kRootHeaderWords = 16u;
 VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash table
 
-VELLUM_CONST uint kRootNotices = 2u;   // word 2: bits of the notices that the GPU has for the host
+VELLUM_CONST uint kRootNotices = 2u; // word 2: bits of the notices that the GPU has for the host
 
 // Notices: what only the GPU can find out about a copy. Bit numbers.
 VELLUM_CONST uint kNoticeForeignData = 0u;      // UUIDs of another driver or layer version

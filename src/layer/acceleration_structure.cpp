@@ -22,7 +22,8 @@ struct Notice {
 // In the order of kNotice*.
 constexpr Notice kNoticeTexts[kNotices] = {
     {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
-     "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the layer, "
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the "
+     "layer, "
      "or from a device without the layer. The structure has no geometry now"},
     {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960",
      "vkCmdCopyMemoryToAccelerationStructureKHR: the memory does not hold serialized data, or not all of it, or it was "
@@ -37,9 +38,9 @@ constexpr Notice kNoticeTexts[kNotices] = {
     {"VELLUM-copy-reference",
      "a copied or deserialized top-level structure names a bottom-level structure that does not exist; such instances "
      "are inactive"},
-    {"VELLUM-copy-unbuilt-reference",
-     "a top-level structure was copied or deserialized before the bottom-level structures were built that it names; such "
-     "instances are inactive"},
+    {"VELLUM-copy-unbuilt-reference", "a top-level structure was copied or deserialized before the bottom-level "
+                                      "structures were built that it names; such "
+                                      "instances are inactive"},
     {"VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419",
      "vkCmdCopyAccelerationStructureKHR: dst is too small for the copy, and has no geometry now"},
 };

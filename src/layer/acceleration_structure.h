@@ -20,8 +20,8 @@ struct Device;
 CellPlace cellOf(Device &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);
 
 // The slots that a build of `count` instances into this structure uses: those it has, unless they are too few. Work
-// recorded before may still write or read the old ones, so they stay with the structure; growing by half keeps them few.
-// Null where there are none left.
+// recorded before may still write or read the old ones, so they stay with the structure; growing by half keeps them
+// few. Null where there are none left.
 std::shared_ptr<SlotRange> slotsFor(Device &device, AccelerationStructure &structure, uint32_t count);
 
 VkDeviceAddress beginOf(const Device &device, const AccelerationStructure &structure);

@@ -67,11 +67,12 @@ private:
     std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
 };
 
-// A bottom-level structure of one triangle as the driver serializes it. It begins with the driver's UUIDs, and stands in
-// for serialized data that the driver must not see.
+// A bottom-level structure of one triangle as the driver serializes it. It begins with the driver's UUIDs, and stands
+// in for serialized data that the driver must not see.
 struct BlankStructure {
     GpuBuffer memory;
-    uint32_t units = 0; // of 16 bytes; 0: there is none
+    uint32_t units = 0;              // of 16 bytes; 0: there is none
+    VkDeviceSize structureBytes = 0; // of the structure that it is deserialized to
     // The driver serializes and deserializes as many bytes as the structure was created with.
     bool wholeCopies = false;
 };

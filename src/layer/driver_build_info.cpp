@@ -40,8 +40,8 @@ DriverBuildInfo::DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoK
         micromaps_.push_back(micromap);
     }
     if (topLevel_) {
-        // An update is carried out as a build, since a copy may have more instances, inactive ones, than the application
-        // knows of. Copies of top-level structures are builds too.
+        // An update is carried out as a build, since a copy may have more instances, inactive ones, than the
+        // application knows of. Copies of top-level structures are builds too.
         info_.flags = topLevelFlags(info_.flags);
         info_.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
         info_.srcAccelerationStructure = VK_NULL_HANDLE;

@@ -44,6 +44,7 @@ struct TlasInstancesPush {
     VkDeviceAddress source, target, root, tail, cell;
     uint32_t count, firstSlot;
     InstancesFrom from;
+    uint32_t pass;
 };
 struct StructureCopyPush {
     VkDeviceAddress sourceCell, targetCell, sourceBegin, targetBegin, root;
@@ -51,7 +52,7 @@ struct StructureCopyPush {
 };
 struct StructureSavePush {
     VkDeviceAddress cell, begin, staging, blob, root;
-    uint32_t structureUnits, stagingUnits, capacity, wholeCopies, pass;
+    uint32_t structureUnits, stagingUnits, leastUnits, capacity, wholeCopies, pass;
 };
 struct StructureRestorePush {
     VkDeviceAddress blob, staging, cell, begin, root, blank;
@@ -63,7 +64,7 @@ struct StructureSizePush {
 };
 struct TopSavePush {
     VkDeviceAddress cell, begin, blob, root, blank;
-    uint32_t structureUnits, capacity, pass;
+    uint32_t structureUnits, leastUnits, capacity, pass;
 };
 struct RayFlagProbePush {
     VkDeviceAddress scene, result;

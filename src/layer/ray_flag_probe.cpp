@@ -170,14 +170,25 @@ private:
     {
         const size_t skipped = alignUp(serialized_.address(), 256) - serialized_.address();
         const uint32_t *words = serialized_.words() + skipped / 4;
-        const uint64_t bytes = words[8] | uint64_t{words[9]} << 32; // the header that the specification gives
+        // The header that the specification gives.
+        uint64_t bytes = words[8] | uint64_t{words[9]} << 32;
+        uint64_t size = words[10] | uint64_t{words[11]} << 32;
         BlankStructure &blank = device_.blank;
-        if (bytes < shared::kSerializedHeaderWords * 4 || bytes > bottomBytes_ + kSpareBytes ||
-            blank.memory.create(device_.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
+        if (bytes < shared::kSerializedHeaderWords * 4 || bytes > bottomBytes_ + kSpareBytes)
             return;
-        std::memcpy(blank.memory.words(), words, bytes);
-        blank.units = static_cast<uint32_t>(alignUp(bytes, 16) / 16);
         blank.wholeCopies = bytes >= bottomBytes_;
+        if (blank.wholeCopies) {
+            bytes -= kSpareBytes;
+            size -= kSpareBytes;
+        }
+        if (blank.memory.create(device_.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
+            return;
+        uint32_t *kept = blank.memory.words();
+        std::memcpy(kept, words, bytes);
+        kept[8] = static_cast<uint32_t>(bytes);
+        kept[10] = static_cast<uint32_t>(size);
+        blank.units = static_cast<uint32_t>(alignUp(bytes, 16) / 16);
+        blank.structureBytes = alignUp(size, kPartAlignment);
     }
 
     bool trace()

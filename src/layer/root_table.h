@@ -52,8 +52,8 @@ public:
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
 
     // The cell of the acceleration structure with this reference; made when it is asked for first. Every call is paired
-    // with a releaseCell: acceleration structures that alias have the same reference, and share the cell. Its address is
-    // 0 where there is no memory.
+    // with a releaseCell: acceleration structures that alias have the same reference, and share the cell. Its address
+    // is 0 where there is no memory.
     CellPlace acquireCell(VkDeviceAddress reference);
     void releaseCell(VkDeviceAddress reference);
 

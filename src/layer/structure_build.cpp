@@ -44,7 +44,7 @@ public:
         patchInstances(work);
         runDriver();
         clearCells();
-        writeRecords(work);
+        writeTails(work);
     }
 
 private:
@@ -56,6 +56,7 @@ private:
         VkDeviceSize tailBytes = 0;
         CellPlace cell;
         RangeInfo instanceRange{}; // of the patched instances
+        TlasInstancesPush instances{};
         bool skipped = false;
     };
 
@@ -109,12 +110,12 @@ private:
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
         if (part.tailBytes == 0)
             return;
-        VkDeviceSize offset = alignUp(driverSizes(device_, part.build, primitives.data(),
-                                                  VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
-                                          .accelerationStructureSize,
-                                      kPartAlignment);
-        if (part.tailBytes > target.size ||
-            (offset + part.tailBytes > target.size && infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
+        VkDeviceSize offset =
+            alignUp(driverSizes(device_, part.build, primitives.data(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
+                        .accelerationStructureSize,
+                    kPartAlignment);
+        if (part.tailBytes > target.size || (offset + part.tailBytes > target.size &&
+                                             infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
             refuseSmall(part, i);
             return;
         }
@@ -126,7 +127,7 @@ private:
 
     void patchInstances(InjectedWork &work)
     {
-        std::vector<std::pair<uint32_t, TlasInstancesPush>> pushes;
+        bool any = false;
         for (uint32_t i = 0; i < parts_.size(); ++i) {
             Part &part = parts_[i];
             if (part.skipped || !part.build.topLevel())
@@ -150,7 +151,7 @@ private:
                 part.target->mostInstances = std::max(part.target->mostInstances, count);
             }
             VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
-            TlasInstancesPush push{};
+            TlasInstancesPush &push = part.instances;
             push.source = instances.data.deviceAddress + ranges_[i][0].primitiveOffset;
             // Behind what the driver itself needs of the scratch memory.
             push.target = alignUp(infos_[i].scratchData.deviceAddress +
@@ -165,13 +166,16 @@ private:
             instances.arrayOfPointers = VK_FALSE;
             instances.data.deviceAddress = push.target;
             part.instanceRange = {count, 0, 0, 0};
-            pushes.emplace_back(i, push);
+            any = true;
         }
-        if (pushes.empty())
+        if (!any)
             return;
         work.barrier();
-        for (const auto &[i, push] : pushes)
-            parts_[i].skipped = !work.dispatch(InjectedShader::TlasInstances, push, std::max(push.count, 1u), 64);
+        for (Part &part : parts_) {
+            if (!part.skipped && part.build.topLevel())
+                part.skipped = !work.dispatch(InjectedShader::TlasInstances, part.instances,
+                                              std::max(part.instances.count, 1u), 64);
+        }
         work.barrier();
     }
 
@@ -191,8 +195,8 @@ private:
                                                            infos.data(), ranges.data());
     }
 
-    // What an earlier build put there must not be found any more. No barriers: whoever reads or writes a cell in a shader
-    // waits for everything before it, and lets everything after it wait.
+    // What an earlier build put there must not be found any more. No barriers: whoever reads or writes a cell in a
+    // shader waits for everything before it, and lets everything after it wait.
     void clearCells()
     {
         for (const Part &part : parts_) {
@@ -202,14 +206,22 @@ private:
         }
     }
 
-    void writeRecords(InjectedWork &work)
+    void writeTails(InjectedWork &work)
     {
-        if (std::none_of(parts_.begin(), parts_.end(), [](const Part &p) { return !p.skipped && p.tail; }))
+        const auto hasTail = [](const Part &p) { return !p.skipped && (p.tail || p.instances.count > 0); };
+        if (std::none_of(parts_.begin(), parts_.end(), hasTail))
             return;
         work.barrier();
         for (uint32_t i = 0; i < parts_.size(); ++i) {
-            if (!parts_[i].skipped && parts_[i].tail)
-                writeRecords(work, parts_[i], ranges_[i]);
+            Part &part = parts_[i];
+            if (!hasTail(part))
+                continue;
+            if (part.tail) {
+                writeRecords(work, part, ranges_[i]);
+            } else {
+                part.instances.pass = 1;
+                work.dispatch(InjectedShader::TlasInstances, part.instances, part.instances.count, 64);
+            }
         }
         work.barrier();
     }

@@ -67,8 +67,7 @@ struct Copy {
 
     [[nodiscard]] uint32_t mostInstances() const
     {
-        const uint32_t fits =
-            std::min(topLevelCapacity(device, source->size), topLevelCapacity(device, target->size));
+        const uint32_t fits = std::min(topLevelCapacity(device, source->size), topLevelCapacity(device, target->size));
         std::lock_guard lock(source->mutex);
         if (source->mostInstances == 0)
             return fits;
@@ -141,12 +140,13 @@ bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer comm
     };
     const auto structure = device.accelerationStructures.get(target);
     if (topLevelBytes(device, 0, most) > structure->size)
-        return refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419",
+        return refuse(from == InstancesFrom::Structure
+                          ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
+                          : "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                       "dst is too small for any top-level structure");
     const auto slots = slotsFor(device, *structure, most);
     const auto state = commandState(commandBuffer);
-    const VkDeviceSize scratchBytes =
-        alignUp(topLevelDriverSizes(device, 0, most).buildScratchSize, kPartAlignment);
+    const VkDeviceSize scratchBytes = alignUp(topLevelDriverSizes(device, 0, most).buildScratchSize, kPartAlignment);
     const VkDeviceAddress scratch =
         state ? state->memory.allocate(device.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
     if (!slots || !scratch)
@@ -174,6 +174,9 @@ bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer comm
     const VkAccelerationStructureBuildRangeInfoKHR range{most, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
     device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, 1, &build.info, &ranges);
+    work.barrier();
+    push.pass = 1;
+    work.dispatch(InjectedShader::TlasInstances, push, std::max(most, 1u), 64);
     work.barrier();
     return true;
 }

@@ -18,7 +18,8 @@ namespace vellum::layer
 
 struct AccelerationStructure;
 
-// Commands of injected work that run over a whole structure: enough invocations to keep a GPU busy, few for a small one.
+// Commands of injected work that run over a whole structure: enough invocations to keep a GPU busy, few for a small
+// one.
 uint64_t copyInvocations(VkDeviceSize bytes);
 
 // Builds `target` from the instances that the cell at `source` leads to, of which there are at most `most`.

@@ -49,7 +49,8 @@ VkAccelerationStructureBuildSizesInfoKHR topLevelDriverSizes(const Device &devic
                                                              VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
 {
     VkAccelerationStructureBuildSizesInfoKHR most{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-    for (const VkBuildAccelerationStructureFlagsKHR f : {topLevelFlags(flags), VkBuildAccelerationStructureFlagsKHR{0}}) {
+    for (const VkBuildAccelerationStructureFlagsKHR f :
+         {topLevelFlags(flags), VkBuildAccelerationStructureFlagsKHR{0}}) {
         const TopLevelBuild build(f, 0);
         VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
         device.next.GetAccelerationStructureBuildSizesKHR(
@@ -67,16 +68,15 @@ VkDeviceSize topLevelTailOffset(const Device &device, VkBuildAccelerationStructu
 
 VkDeviceSize topLevelBytes(const Device &device, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
 {
-    return topLevelTailOffset(device, flags, count) +
-           VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
+    return topLevelTailOffset(device, flags, count) + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
 }
 
 uint32_t topLevelCapacity(const Device &device, VkDeviceSize size)
 {
     uint32_t fits = 0;
     // VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03801 and the slots bound it too.
-    auto tooMany = static_cast<uint32_t>(std::min<VkDeviceSize>(
-        size / sizeof(VkAccelerationStructureInstanceKHR) + 1, VkDeviceSize{kDirectoryPages} << kSlotsPerPageLog2));
+    auto tooMany = static_cast<uint32_t>(std::min<VkDeviceSize>(size / sizeof(VkAccelerationStructureInstanceKHR) + 1,
+                                                                VkDeviceSize{kDirectoryPages} << kSlotsPerPageLog2));
     while (tooMany - fits > 1) {
         const uint32_t middle = fits + (tooMany - fits) / 2;
         (topLevelBytes(device, 0, middle) <= size ? fits : tooMany) = middle;

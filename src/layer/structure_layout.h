@@ -1,5 +1,6 @@
 // Where the layer's part of an acceleration structure lies: behind the driver's, in the application's memory. What a
-// build needs is behind what the driver says that it needs for the same build; where a copy puts it is decided on the GPU.
+// build needs is behind what the driver says that it needs for the same build; where a copy puts it is decided on the
+// GPU.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -27,10 +28,10 @@ VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Device &device, Drive
 VkDeviceSize bottomLevelTailBytes(const DriverBuildInfo &build, const uint32_t *primitives);
 
 // --- top level ---
-// The driver's part for builds of up to `count` instances with these flags, and for copies, which are builds without any
-// flags: never less for more instances.
-VkAccelerationStructureBuildSizesInfoKHR topLevelDriverSizes(const Device &device,
-                                                             VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
+// The driver's part for builds of up to `count` instances with these flags, and for copies, which are builds without
+// any flags: never less for more instances.
+VkAccelerationStructureBuildSizesInfoKHR
+topLevelDriverSizes(const Device &device, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 // The instances that the driver builds from lie behind its scratch memory.
 inline constexpr VkDeviceSize kPatchedAlignment = 64;
 constexpr VkDeviceSize patchedInstancesBytes(uint32_t count)

@@ -38,6 +38,7 @@ void saveTopLevel(InjectedWork &work, const Device &device, const AccelerationSt
     push.root = device.root.address();
     push.blank = device.blank.memory.address();
     push.structureUnits = unitsOf(source.size);
+    push.leastUnits = unitsOf(topLevelTailOffset(device, 0, 0));
     push.capacity = unitsOf(device.addresses.bytesFrom(target));
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::TopSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
@@ -69,6 +70,7 @@ void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer command
     push.root = device.root.address();
     push.structureUnits = unitsOf(source.size);
     push.stagingUnits = unitsOf(stagingBytes);
+    push.leastUnits = unitsOf(device.blank.structureBytes);
     push.capacity = unitsOf(device.addresses.bytesFrom(push.blob));
     push.wholeCopies = device.blank.wholeCopies;
     for (push.pass = 0; push.pass < 2; ++push.pass) {
@@ -95,10 +97,7 @@ struct Restore {
     std::shared_ptr<AccelerationStructure> target;
     std::shared_ptr<CommandState> state;
 
-    [[nodiscard]] VkDeviceSize readable() const
-    {
-        return device.addresses.bytesFrom(info.src.deviceAddress);
-    }
+    [[nodiscard]] VkDeviceSize readable() const { return device.addresses.bytesFrom(info.src.deviceAddress); }
 
     [[nodiscard]] bool topLevel() const
     {
@@ -128,6 +127,10 @@ struct Restore {
         else if (device.blank.units == 0)
             device.report().notAvailable("vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
                                          "data could not be looked at when the device was made,");
+        else if (!topLevel() && target->size < device.blank.structureBytes)
+            // Not even what stands in for data that is refused has room.
+            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+                    "dst is smaller than any deserialized structure");
         else
             return true;
         return false;
@@ -139,8 +142,7 @@ struct Restore {
         const CellPlace cell = cellOf(device, *target, info.dst);
         const VkDeviceSize stagingBytes =
             top ? 0
-                : std::max(VkDeviceSize{device.blank.units} * 16,
-                           std::min(readable(), target->size + kDriverOverhead));
+                : std::max(VkDeviceSize{device.blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
         if (state)
             state->memory.restart();
         const VkDeviceAddress staging =
@@ -259,9 +261,9 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer 
         restore.record();
 }
 
-VKAPI_ATTR void VKAPI_CALL getDeviceAccelerationStructureCompatibility(
-    VkDevice handle, const VkAccelerationStructureVersionInfoKHR *info,
-    VkAccelerationStructureCompatibilityKHR *compatibility)
+VKAPI_ATTR void VKAPI_CALL
+getDeviceAccelerationStructureCompatibility(VkDevice handle, const VkAccelerationStructureVersionInfoKHR *info,
+                                            VkAccelerationStructureCompatibilityKHR *compatibility)
 {
     Device &device = deviceOf(handle);
     // Whether the driver can read it is the driver's to say. Data of the driver alone is not compatible.

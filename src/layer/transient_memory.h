@@ -1,4 +1,5 @@
-// Memory that recorded commands use for themselves, such as scratch memory of builds that the application did not ask for.
+// Memory that recorded commands use for themselves, such as scratch memory of builds that the application did not ask
+// for.
 #pragma once
 
 #include <vector>

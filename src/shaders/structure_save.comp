@@ -20,6 +20,7 @@ layout(push_constant, std430) uniform Push
     uvec2 root;
     uint structureUnits;
     uint stagingUnits; // of the driver's data
+    uint leastUnits;   // of any deserialized structure
     uint capacity;     // units in the destination's buffer
     uint wholeCopies;  // the driver serializes whole structures, whatever was built in them
     uint pass;
@@ -61,12 +62,14 @@ void plan()
         // The driver takes the tail for its own: it is cut off.
         driverUnits = min(driverUnits, offset + kSerializedHeaderUnits);
         tailOffset = min(tailOffset, offset);
-        const uvec2 total = bytesOfUnits(driverUnits);
         const uvec2 size = bytesOfUnits(tailOffset);
-        driver.w[8] = total.x;
-        driver.w[9] = total.y;
         driver.w[10] = size.x;
         driver.w[11] = size.y;
+    }
+    if (driverUnits != unitsOfBytes(uvec2(driver.w[8], driver.w[9]))) {
+        const uvec2 total = bytesOfUnits(driverUnits);
+        driver.w[8] = total.x;
+        driver.w[9] = total.y;
     }
     tailOffset = tailOffset + 15u & ~15u; // 256 bytes
     const uint dataUnits = placeData(cell, uvec2(0));
@@ -88,7 +91,7 @@ void plan()
     for (uint w = 0u; w < 8u; ++w)
         header.w[w] = w < 4u ? driver.w[w] : driver.w[w] ^ kCompatibilityWord;
     const uvec2 totalBytes = bytesOfUnits(total);
-    const uvec2 size = bytesOfUnits(tailOffset + (tailUnits + 15u & ~15u));
+    const uvec2 size = bytesOfUnits(max(tailOffset + (tailUnits + 15u & ~15u), push.leastUnits));
     header.w[8] = totalBytes.x;
     header.w[9] = totalBytes.y;
     header.w[10] = size.x;

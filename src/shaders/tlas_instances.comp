@@ -20,6 +20,7 @@ layout(push_constant, std430) uniform Push
     uint count; // the driver builds so many
     uint firstSlot;
     uint from; // kFrom*
+    uint pass; // 0: before the driver's build; 1: after it, since the driver may clear all of the structure
 } push;
 
 const uint kFromArray = 0u;
@@ -91,6 +92,24 @@ uvec2 sourceOf(uint i, Cell copied)
     return elementAddress(push.from == kFromArray ? push.source : copied.tail, i, kInstanceBytes);
 }
 
+uvec2 referenceOf(uint i, Words source, Cell copied)
+{
+    return push.from == kFromSerialized ? loadAddress(elementAddress(copied.extra, i, 8u))
+                                        : uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
+}
+
+// The application's instance, for copies of the structure.
+void keep(uint i, Cell copied)
+{
+    Words source = Words(sourceOf(i, copied));
+    Words kept = Words(elementAddress(push.tail, i, kInstanceBytes));
+    for (uint w = 0u; w < kReferenceWord; ++w)
+        kept.w[w] = source.w[w];
+    const uvec2 reference = referenceOf(i, source, copied);
+    kept.w[kReferenceWord] = reference.x;
+    kept.w[kReferenceWord + 1u] = reference.y;
+}
+
 void main()
 {
     const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
@@ -99,12 +118,17 @@ void main()
     if (copying) {
         copied = loadCell(push.source);
         if (copied.kind == kCellTop && copied.count > push.count) {
-            if (i == 0u)
+            if (i == 0u && push.pass == 0u)
                 notice(push.root, push.from == kFromStructure ? kNoticeCopyTooSmall : kNoticeTargetTooSmall);
             copied.kind = kCellBroken;
         }
         if (copied.kind != kCellTop)
             copied.count = 0u;
+    }
+    if (push.pass != 0u) {
+        if (i < copied.count)
+            keep(i, copied);
+        return;
     }
     if (i == 0u) {
         const uint units = copied.count * kInstanceUnits;
@@ -122,22 +146,11 @@ void main()
         return;
     }
     Words source = Words(sourceOf(i, copied));
-    Words kept = Words(elementAddress(push.tail, i, kInstanceBytes));
-    for (uint w = 0u; w < kCustomIndexWord; ++w) {
-        const uint word = source.w[w];
-        target.w[w] = word;
-        kept.w[w] = word;
-    }
+    for (uint w = 0u; w < kCustomIndexWord; ++w)
+        target.w[w] = source.w[w];
     const uint customAndMask = source.w[kCustomIndexWord];
     const uint offsetAndFlags = source.w[kFlagsWord];
-    const uvec2 reference = push.from == kFromSerialized
-                                ? loadAddress(elementAddress(copied.extra, i, 8u))
-                                : uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
-    kept.w[kCustomIndexWord] = customAndMask;
-    kept.w[kFlagsWord] = offsetAndFlags;
-    kept.w[kReferenceWord] = reference.x;
-    kept.w[kReferenceWord + 1u] = reference.y;
-
+    const uvec2 reference = referenceOf(i, source, copied);
     const Referenced found = findReferenced(reference);
     // The driver follows references when it builds. Those of an application's build are the application's; those of a
     // copy may have been destroyed since, or come from another process.

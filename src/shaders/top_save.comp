@@ -18,8 +18,9 @@ layout(push_constant, std430) uniform Push
     uvec2 root;
     uvec2 blank; // serialized by the driver: its first 32 bytes are the driver's UUIDs
     uint structureUnits;
-    uint capacity; // units in the destination's buffer
-    uint pass;     // 0: headers, 1: instances
+    uint leastUnits; // of any top-level structure
+    uint capacity;   // units in the destination's buffer
+    uint pass;       // 0: headers, 1: instances
 } push;
 
 void main()
@@ -49,7 +50,7 @@ void main()
         for (uint w = 0u; w < 8u; ++w)
             header.w[w] = w < 4u ? blank.w[w] : blank.w[w] ^ kCompatibilityWord;
         const uvec2 totalBytes = bytesOfUnits(total);
-        const uvec2 size = bytesOfUnits(offset + tailUnits + 15u & ~15u);
+        const uvec2 size = bytesOfUnits(max(offset + tailUnits + 15u & ~15u, push.leastUnits));
         header.w[8] = totalBytes.x;
         header.w[9] = totalBytes.y;
         header.w[10] = size.x | kTopLevelSizeMark;

@@ -48,6 +48,11 @@ struct Options {
     X(GetAccelerationStructureBuildSizesKHR)                                                                           \
     X(GetAccelerationStructureDeviceAddressKHR)                                                                        \
     X(CmdBuildAccelerationStructuresKHR)                                                                               \
+    X(CmdCopyAccelerationStructureKHR)                                                                                 \
+    X(CmdCopyAccelerationStructureToMemoryKHR)                                                                         \
+    X(CmdCopyMemoryToAccelerationStructureKHR)                                                                         \
+    X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
+    X(GetDeviceAccelerationStructureCompatibilityKHR)                                                                  \
     X(CreateRayTracingPipelinesKHR)                                                                                    \
     X(GetRayTracingShaderGroupHandlesKHR)                                                                              \
     X(CmdTraceRaysKHR)                                                                                                 \

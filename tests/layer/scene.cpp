@@ -186,7 +186,7 @@ void Structure::checkGuards() const
     if (placedBuffer_ == VK_NULL_HANDLE && structure_ != VK_NULL_HANDLE) {
         EXPECT_TRUE(storage_.intact()) << "a build wrote beyond its acceleration structure";
     }
-    if (structure_ != VK_NULL_HANDLE) {
+    if (structure_ != VK_NULL_HANDLE && scratch_.buffer() != VK_NULL_HANDLE) {
         EXPECT_TRUE(scratch_.intact()) << "an acceleration structure build wrote beyond its scratch memory";
     }
 }
@@ -195,6 +195,29 @@ void Structure::placeIn(VkBuffer buffer, VkDeviceSize offset)
 {
     placedBuffer_ = buffer;
     placedOffset_ = offset;
+}
+
+void Structure::create(VkDeviceSize size)
+{
+    if (structure_ != VK_NULL_HANDLE) {
+        checkGuards();
+        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
+    }
+    size_ = size;
+    // On purpose without VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT: an application need not ask for it.
+    if (placedBuffer_ == VK_NULL_HANDLE)
+        storage_ = Guarded(gpu_, size_, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    VkAccelerationStructureCreateInfoKHR create{};
+    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
+    create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_.buffer();
+    create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_.offset();
+    create.size = size_;
+    create.type = type_;
+    VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
+    VkAccelerationStructureDeviceAddressInfoKHR query{};
+    query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
+    query.accelerationStructure = structure_;
+    address_ = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
 }
 
 void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
@@ -211,27 +234,8 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
     sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                     &info_, maxPrimitives.data(), &sizes);
-    if (sizes.accelerationStructureSize > size_) {
-        if (structure_ != VK_NULL_HANDLE) {
-            checkGuards();
-            gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
-        }
-        size_ = sizes.accelerationStructureSize;
-        // On purpose without VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT: an application need not ask for it.
-        if (placedBuffer_ == VK_NULL_HANDLE)
-            storage_ = Guarded(gpu_, size_, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
-        VkAccelerationStructureCreateInfoKHR create{};
-        create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-        create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_.buffer();
-        create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_.offset();
-        create.size = size_;
-        create.type = type_;
-        VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
-        VkAccelerationStructureDeviceAddressInfoKHR query{};
-        query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        query.accelerationStructure = structure_;
-        address_ = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
-    }
+    if (sizes.accelerationStructureSize > size_)
+        create(sizes.accelerationStructureSize);
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
     scratch_ =
         Guarded(gpu_, update ? sizes.updateScratchSize : sizes.buildScratchSize, gpu_.scratchAlignment(), kScratch);
@@ -335,7 +339,7 @@ void Blas::build(std::vector<Geometry> geometries, VkBuildAccelerationStructureF
     gpu().submit([this](VkCommandBuffer commands) { record(commands); });
 }
 
-VkAccelerationStructureInstanceKHR instance(const Blas &blas, Vec3 place, std::uint32_t customIndex,
+VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, std::uint32_t customIndex,
                                             std::uint32_t flags, std::uint32_t mask)
 {
     VkAccelerationStructureInstanceKHR out{};

@@ -117,6 +117,8 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Uses memory of the caller's instead of memory of its own; before the first prepare.
     void placeIn(VkBuffer buffer, VkDeviceSize offset);
+    // Makes the structure, of that size, instead of the one there is.
+    void create(VkDeviceSize size);
     void record(VkCommandBuffer commands) const;
     [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &buildInfo() const { return info_; }
     [[nodiscard]] const VkAccelerationStructureBuildRangeInfoKHR *ranges() const { return ranges_.data(); }
@@ -164,7 +166,7 @@ private:
 };
 
 // An instance at a place, not turned.
-VkAccelerationStructureInstanceKHR instance(const Blas &blas, Vec3 place, std::uint32_t customIndex,
+VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, std::uint32_t customIndex,
                                             std::uint32_t flags = 0, std::uint32_t mask = 0xff);
 
 enum class Arrangement { Array, Pointers };
