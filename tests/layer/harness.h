@@ -42,6 +42,7 @@ struct Options {
     X(DestroyMicromapEXT)                                                                                              \
     X(GetMicromapBuildSizesEXT)                                                                                        \
     X(CmdBuildMicromapsEXT)                                                                                            \
+    X(CmdCopyMicromapEXT)                                                                                              \
     X(GetDeviceMicromapCompatibilityEXT)                                                                               \
     X(CreateAccelerationStructureKHR)                                                                                  \
     X(DestroyAccelerationStructureKHR)                                                                                 \

@@ -1,0 +1,423 @@
+#include "world.h"
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+namespace stress
+{
+namespace
+{
+
+using namespace vt;
+
+constexpr std::uint32_t kLevels = 5;
+constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
+    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
+    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
+    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
+constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | kAddress;
+constexpr VkBufferUsageFlags kMicromapInput = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | kAddress;
+
+VkDeviceSize up(VkDeviceSize value)
+{
+    return (value + 255) / 256 * 256;
+}
+
+VkDeviceAddress up(const Buffer &buffer)
+{
+    return up(buffer.address());
+}
+
+std::uint32_t dataBytes(std::uint32_t level, std::uint16_t format)
+{
+    return ((1u << (2 * level)) * (format == kTwoState ? 1 : 2) + 7) / 8;
+}
+
+// Index of a triangle into its micromap: three ways by geometry. Negative: special.
+std::int32_t indexOf(std::uint32_t geometry, std::uint32_t triangle, std::uint32_t triangles)
+{
+    if (geometry % 3 == 0)
+        return static_cast<std::int32_t>(triangle);
+    if (triangle % 10 == 9)
+        return -1 - static_cast<std::int32_t>(mix(geometry, triangle) % 4);
+    return static_cast<std::int32_t>((triangle * 7 + geometry) % triangles);
+}
+
+} // namespace
+
+std::uint32_t mix(std::uint32_t a, std::uint32_t b, std::uint32_t c)
+{
+    std::uint32_t h = a * 0x9e3779b1u ^ b * 0x85ebca6bu ^ c * 0xc2b2ae35u;
+    h = (h ^ h >> 15) * 0x2c1b3c6du;
+    h = (h ^ h >> 12) * 0x297a2d39u;
+    return h ^ h >> 15;
+}
+
+std::uint32_t levelOf(std::uint32_t micromap, std::uint32_t triangle)
+{
+    return mix(micromap, triangle, 1) % (kLevels + 1);
+}
+
+std::uint16_t formatOf(std::uint32_t micromap, std::uint32_t triangle)
+{
+    return mix(micromap, triangle, 2) % 3 == 0 ? kTwoState : kFourState;
+}
+
+std::uint8_t stateOf(std::uint32_t micromap, std::uint32_t version, std::uint32_t triangle, std::uint32_t index)
+{
+    const std::uint32_t seed = mix(micromap, triangle, version + 3);
+    // Some triangles are of one state, some in stretches, some quite mixed.
+    const std::uint32_t place = seed % 4 == 0 ? 0 : seed % 4 == 1 ? index / 16 : index;
+    return static_cast<std::uint8_t>(mix(seed, place) % (formatOf(micromap, triangle) == kTwoState ? 2 : 4));
+}
+
+// What a build of a structure reads; `info` points into this object.
+struct World::Description {
+    Description(const World &world, std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
+    {
+        const Extent &extent = world.extent_;
+        geometries.resize(extent.geometries);
+        attachments.resize(extent.geometries);
+        usages.resize(extent.geometries);
+        counts.assign(extent.geometries, extent.triangles);
+        ranges.assign(extent.geometries, {extent.triangles, 0, 0, 0});
+        for (std::uint32_t g = 0; g < extent.geometries; ++g)
+            describe(world, blas, g);
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
+        info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        info.flags = kFlags;
+        info.mode = mode;
+        info.geometryCount = extent.geometries;
+        info.pGeometries = geometries.data();
+        if (world.scratch_.handle() != VK_NULL_HANDLE)
+            info.scratchData.deviceAddress = up(world.scratch_);
+    }
+    Description(const Description &) = delete;
+    Description &operator=(const Description &) = delete;
+
+    void describe(const World &world, std::uint32_t blas, std::uint32_t g)
+    {
+        const Extent &extent = world.extent_;
+        const std::uint32_t map = blas * extent.geometries + g;
+        std::array<std::uint32_t, 2 * (kLevels + 1)> used{};
+        for (std::uint32_t t = 0; t < extent.triangles; ++t) {
+            if (const std::int32_t index = indexOf(g, t, extent.triangles); index >= 0) {
+                const auto triangle = static_cast<std::uint32_t>(index);
+                ++used[levelOf(map, triangle) * 2 + (formatOf(map, triangle) == kTwoState ? 1 : 0)];
+            }
+        }
+        for (std::uint32_t u = 0; u < used.size(); ++u) {
+            if (used[u] != 0)
+                usages[g].push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : std::uint32_t{kFourState}});
+        }
+        VkAccelerationStructureTrianglesOpacityMicromapEXT &attachment = attachments[g];
+        attachment.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
+        attachment.indexType = g % 3 == 0 ? VK_INDEX_TYPE_NONE_KHR : VK_INDEX_TYPE_UINT32;
+        if (g % 3 != 0) {
+            attachment.indexBuffer.deviceAddress = world.indices_.address() + VkDeviceSize{g} * extent.triangles * 4;
+            attachment.indexStride = 4;
+        }
+        attachment.usageCountsCount = static_cast<std::uint32_t>(usages[g].size());
+        attachment.pUsageCounts = usages[g].data();
+        attachment.micromap = world.micromaps_[map].handle;
+        VkAccelerationStructureGeometryKHR &geometry = geometries[g];
+        geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
+        geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
+        geometry.flags = opaque(g) ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
+        VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
+        triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
+        triangles.pNext = &attachment;
+        triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+        triangles.vertexStride = sizeof(Vec3);
+        triangles.maxVertex = 3 * extent.triangles - 1;
+        triangles.vertexData.deviceAddress =
+            world.vertices_.address() + VkDeviceSize{g} * extent.triangles * 3 * sizeof(Vec3);
+        triangles.indexType = VK_INDEX_TYPE_NONE_KHR;
+    }
+
+    std::vector<VkAccelerationStructureGeometryKHR> geometries;
+    std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments;
+    std::vector<std::vector<VkMicromapUsageEXT>> usages;
+    std::vector<std::uint32_t> counts;
+    std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
+    VkAccelerationStructureBuildGeometryInfoKHR info{};
+};
+
+namespace
+{
+
+// A micromap build; `info` points into this object.
+struct MicromapDescription {
+    MicromapDescription(std::uint32_t micromap, std::uint32_t triangles)
+    {
+        std::array<std::uint32_t, 2 * (kLevels + 1)> used{};
+        for (std::uint32_t t = 0; t < triangles; ++t)
+            ++used[levelOf(micromap, t) * 2 + (formatOf(micromap, t) == kTwoState ? 1 : 0)];
+        for (std::uint32_t u = 0; u < used.size(); ++u) {
+            if (used[u] != 0)
+                usage.push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : std::uint32_t{kFourState}});
+        }
+        info.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
+        info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+        info.flags = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+        info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
+        info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
+        info.pUsageCounts = usage.data();
+    }
+    MicromapDescription(const MicromapDescription &) = delete;
+    MicromapDescription &operator=(const MicromapDescription &) = delete;
+    std::vector<VkMicromapUsageEXT> usage;
+    VkMicromapBuildInfoEXT info{};
+};
+
+} // namespace
+
+World::World(Gpu &gpu, const Extent &extent)
+    : gpu_(gpu), extent_(extent), micromaps_(extent.micromaps()), blases_(extent.blases)
+{
+    makeGeometry();
+    VkDeviceSize scratch = 0;
+    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
+        const MicromapDescription description(m, extent_.triangles);
+        VkMicromapBuildSizesInfoEXT sizes{};
+        sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
+        gpu_.vk().GetMicromapBuildSizesEXT(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                                           &description.info, &sizes);
+        micromapBytes_ = std::max(micromapBytes_, up(sizes.micromapSize));
+        scratch = std::max(scratch, sizes.buildScratchSize);
+    }
+    micromapRoom_ =
+        Buffer(gpu_, 2 * micromapBytes_ * extent_.micromaps(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | kAddress);
+    {
+        const Description description(*this, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+        VkAccelerationStructureBuildSizesInfoKHR sizes{};
+        sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+        gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                                                        &description.info, description.counts.data(), &sizes);
+        blasBytes_ = sizes.accelerationStructureSize;
+        scratch = std::max({scratch, sizes.buildScratchSize, sizes.updateScratchSize});
+    }
+    // A loaded structure holds its micromaps' data.
+    blasRoomBytes_ = up(blasBytes_) + micromapBytes_ * extent_.geometries + 4096;
+    blasRoom_ = Buffer(gpu_, 2 * blasRoomBytes_ * extent_.blases,
+                       VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
+    scratch_ = Buffer(gpu_, scratch + 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
+    serialized_ = Buffer(gpu_, blasRoomBytes_ + 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
+    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
+        micromaps_[m].handle = createMicromap(m, 0);
+        buildMicromap(m);
+    }
+    for (std::uint32_t b = 0; b < extent_.blases; ++b) {
+        replace(b, createBlas(b, 0, blasBytes_));
+        build(b, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    }
+}
+
+World::~World()
+{
+    for (const Bottom &blas : blases_)
+        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
+    for (const Map &micromap : micromaps_)
+        gpu_.vk().DestroyMicromapEXT(gpu_.device(), micromap.handle, nullptr);
+}
+
+void World::makeGeometry()
+{
+    std::vector<Vec3> vertices;
+    std::vector<std::int32_t> indices;
+    for (std::uint32_t g = 0; g < extent_.geometries; ++g) {
+        const std::vector<Vec3> row = triangleRow(extent_.triangles, {0, 2 * static_cast<float>(g), 0});
+        vertices.insert(vertices.end(), row.begin(), row.end());
+        for (std::uint32_t t = 0; t < extent_.triangles; ++t)
+            indices.push_back(indexOf(g, t, extent_.triangles));
+    }
+    vertices_ = gpu_.upload(std::span<const Vec3>(vertices), kInput);
+    indices_ = gpu_.upload(std::span<const std::int32_t>(indices), kInput);
+    data_ = Buffer(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState) + 512, kMicromapInput);
+    triangles_ = Buffer(gpu_, VkDeviceSize{extent_.triangles} * sizeof(VkMicromapTriangleEXT) + 512, kMicromapInput);
+}
+
+void World::fillInput(std::uint32_t micromap, std::uint32_t version)
+{
+    std::uint8_t *data = data_.bytes() + (up(data_) - data_.address());
+    auto *triangles =
+        reinterpret_cast<VkMicromapTriangleEXT *>(triangles_.bytes() + (up(triangles_) - triangles_.address()));
+    std::uint32_t offset = 0;
+    for (std::uint32_t t = 0; t < extent_.triangles; ++t) {
+        const std::uint32_t level = levelOf(micromap, t);
+        const std::uint16_t format = formatOf(micromap, t);
+        const std::uint32_t bits = format == kTwoState ? 1 : 2;
+        std::memset(data + offset, 0, dataBytes(level, format));
+        for (std::uint32_t i = 0; i < 1u << (2 * level); ++i) {
+            std::uint8_t &byte = data[offset + i * bits / 8];
+            byte = static_cast<std::uint8_t>(byte | stateOf(micromap, version, t, i) << (i * bits % 8));
+        }
+        triangles[t] = {offset, static_cast<std::uint16_t>(level), format};
+        offset += dataBytes(level, format);
+    }
+}
+
+VkMicromapEXT World::createMicromap(std::uint32_t micromap, std::uint32_t half)
+{
+    VkMicromapCreateInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    info.buffer = micromapRoom_.handle();
+    info.offset = (2 * VkDeviceSize{micromap} + half) * micromapBytes_;
+    info.size = micromapBytes_;
+    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    VkMicromapEXT handle = VK_NULL_HANDLE;
+    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &handle));
+    return handle;
+}
+
+void World::buildMicromap(std::uint32_t micromap)
+{
+    fillInput(micromap, micromaps_[micromap].version);
+    MicromapDescription description(micromap, extent_.triangles);
+    description.info.dstMicromap = micromaps_[micromap].handle;
+    description.info.data.deviceAddress = up(data_);
+    description.info.triangleArray.deviceAddress = up(triangles_);
+    description.info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
+    description.info.scratchData.deviceAddress = up(scratch_);
+    gpu_.submit([&](VkCommandBuffer commands) { gpu_.vk().CmdBuildMicromapsEXT(commands, 1, &description.info); });
+}
+
+void World::copyMicromap(std::uint32_t micromap)
+{
+    Map &map = micromaps_[micromap];
+    const VkMicromapEXT old = map.handle;
+    map.half ^= 1;
+    map.handle = createMicromap(micromap, map.half);
+    gpu_.submit([&](VkCommandBuffer commands) {
+        VkCopyMicromapInfoEXT info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
+        info.src = old;
+        info.dst = map.handle;
+        info.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
+        gpu_.vk().CmdCopyMicromapEXT(commands, &info);
+    });
+    gpu_.vk().DestroyMicromapEXT(gpu_.device(), old, nullptr);
+}
+
+VkAccelerationStructureKHR World::createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size)
+{
+    if (size > blasRoomBytes_)
+        throw std::runtime_error("a structure is larger than its room");
+    VkAccelerationStructureCreateInfoKHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
+    info.buffer = blasRoom_.handle();
+    info.offset = up((2 * VkDeviceSize{blas} + half) * blasRoomBytes_);
+    info.size = size;
+    info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+    VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &handle));
+    return handle;
+}
+
+void World::replace(std::uint32_t blas, VkAccelerationStructureKHR handle)
+{
+    Bottom &bottom = blases_[blas];
+    gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), bottom.handle, nullptr);
+    bottom.handle = handle;
+    VkAccelerationStructureDeviceAddressInfoKHR query{};
+    query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
+    query.accelerationStructure = handle;
+    bottom.address = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
+}
+
+void World::build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
+{
+    Description description(*this, blas, mode);
+    description.info.dstAccelerationStructure = blases_[blas].handle;
+    if (mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR)
+        description.info.srcAccelerationStructure = blases_[blas].handle;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = description.ranges.data();
+    gpu_.submit([&](VkCommandBuffer commands) {
+        gpu_.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &description.info, &ranges);
+    });
+}
+
+void World::copy(std::uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
+{
+    blases_[blas].half ^= 1;
+    const VkAccelerationStructureKHR target = createBlas(blas, blases_[blas].half, blasRoomBytes_);
+    gpu_.submit([&](VkCommandBuffer commands) {
+        VkCopyAccelerationStructureInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
+        info.src = blases_[blas].handle;
+        info.dst = target;
+        info.mode = mode;
+        gpu_.vk().CmdCopyAccelerationStructureKHR(commands, &info);
+    });
+    replace(blas, target);
+}
+
+void World::reload(std::uint32_t blas)
+{
+    const VkDeviceAddress memory = up(serialized_);
+    gpu_.submit([&](VkCommandBuffer commands) {
+        VkCopyAccelerationStructureToMemoryInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
+        info.src = blases_[blas].handle;
+        info.dst.deviceAddress = memory;
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
+        gpu_.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
+    });
+    std::uint64_t size = 0;
+    std::memcpy(&size, serialized_.bytes() + (memory - serialized_.address()) + 40, 8);
+    blases_[blas].half ^= 1;
+    const VkAccelerationStructureKHR target = createBlas(blas, blases_[blas].half, size);
+    gpu_.submit([&](VkCommandBuffer commands) {
+        VkCopyMemoryToAccelerationStructureInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        info.src.deviceAddress = memory;
+        info.dst = target;
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
+        gpu_.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info);
+    });
+    replace(blas, target);
+}
+
+void World::change(std::uint32_t blas, Change change, std::uint32_t geometry)
+{
+    const std::uint32_t micromap = blas * extent_.geometries + geometry;
+    switch (change) {
+    case Change::DataUpdate:
+        ++micromaps_[micromap].version;
+        buildMicromap(micromap);
+        build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        break;
+    case Change::MicromapCopy:
+        copyMicromap(micromap);
+        build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        break;
+    case Change::Rebuild: build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR); break;
+    case Change::Clone: copy(blas, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR); break;
+    case Change::Compact: copy(blas, VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR); break;
+    default: reload(blas); break;
+    }
+}
+
+World::Place World::place(std::uint32_t blas, std::uint32_t geometry, std::uint32_t triangle, std::uint32_t index) const
+{
+    const std::uint32_t map = blas * extent_.geometries + geometry;
+    const std::int32_t record = indexOf(geometry, triangle, extent_.triangles);
+    Place place{};
+    std::array<double, 2> centre{0.3, 0.3};
+    if (record < 0) {
+        place.state = -1 - record;
+    } else {
+        const auto t = static_cast<std::uint32_t>(record);
+        const std::uint32_t level = levelOf(map, t);
+        index %= 1u << (2 * level);
+        centre = microTriangleCentre(index, level);
+        place.state = stateOf(map, micromaps_[map].version, t, index);
+    }
+    place.point = {1.5f * static_cast<float>(triangle) + static_cast<float>(centre[0]),
+                   2 * static_cast<float>(geometry) + static_cast<float>(centre[1]), 0};
+    return place;
+}
+
+} // namespace stress

@@ -1,0 +1,81 @@
+// Many micromaps in many bottom-level structures, whose every state is known without being kept: it is a function of
+// the micromap's number and version. Objects lie in a few large buffers and change places when they are copied.
+#pragma once
+
+#include <cstdint>
+
+#include "tracer.h"
+
+namespace stress
+{
+
+struct Extent {
+    std::uint32_t blases, geometries, triangles; // geometries of a structure, triangles of a geometry
+    std::uint32_t instances, rays, frames, warmUp;
+    [[nodiscard]] std::uint32_t micromaps() const { return blases * geometries; }
+};
+
+std::uint32_t mix(std::uint32_t a, std::uint32_t b, std::uint32_t c = 0);
+
+// The triangles of a micromap; the states change with the version.
+std::uint32_t levelOf(std::uint32_t micromap, std::uint32_t triangle);
+std::uint16_t formatOf(std::uint32_t micromap, std::uint32_t triangle);
+std::uint8_t stateOf(std::uint32_t micromap, std::uint32_t version, std::uint32_t triangle, std::uint32_t index);
+
+class World
+{
+public:
+    World(vt::Gpu &gpu, const Extent &extent);
+    World(const World &) = delete;
+    World &operator=(const World &) = delete;
+    ~World();
+
+    // What can happen to a structure; each leaves it with what it has to show.
+    enum class Change { DataUpdate, MicromapCopy, Rebuild, Clone, Compact, Reload, Count };
+    void change(std::uint32_t blas, Change change, std::uint32_t geometry);
+
+    [[nodiscard]] VkDeviceAddress address(std::uint32_t blas) const { return blases_[blas].address; }
+    // The value 0..3 that a triangle of a structure has at a micro-triangle (a number that is taken modulo how many
+    // there are), and the place of that one's centre.
+    struct Place {
+        int state;
+        vt::Vec3 point;
+    };
+    [[nodiscard]] Place place(std::uint32_t blas, std::uint32_t geometry, std::uint32_t triangle,
+                              std::uint32_t index) const;
+    [[nodiscard]] static bool opaque(std::uint32_t geometry) { return geometry % 2 == 1; }
+
+private:
+    struct Map {
+        VkMicromapEXT handle = VK_NULL_HANDLE;
+        std::uint32_t version = 0;
+        std::uint32_t half = 0; // of its room
+    };
+    struct Bottom {
+        VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+        VkDeviceAddress address = 0;
+        std::uint32_t half = 0;
+    };
+    struct Description;
+
+    void makeGeometry();
+    void fillInput(std::uint32_t micromap, std::uint32_t version);
+    void buildMicromap(std::uint32_t micromap);
+    void copyMicromap(std::uint32_t micromap);
+    VkMicromapEXT createMicromap(std::uint32_t micromap, std::uint32_t half);
+    VkAccelerationStructureKHR createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size);
+    void build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode);
+    void replace(std::uint32_t blas, VkAccelerationStructureKHR handle);
+    void copy(std::uint32_t blas, VkCopyAccelerationStructureModeKHR mode);
+    void reload(std::uint32_t blas);
+
+    vt::Gpu &gpu_;
+    Extent extent_;
+    std::vector<Map> micromaps_;
+    std::vector<Bottom> blases_;
+    vt::Buffer vertices_, indices_, data_, triangles_;
+    vt::Buffer micromapRoom_, blasRoom_, scratch_, serialized_;
+    VkDeviceSize micromapBytes_ = 0, blasBytes_ = 0, blasRoomBytes_ = 0;
+};
+
+} // namespace stress
