@@ -125,6 +125,9 @@ const Row kRows[] = {
 
     row<cmdBuildAccelerationStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Emulated),
     row<buildAccelerationStructures>("vkBuildAccelerationStructuresKHR", Scope::Emulated),
+    row<copyAccelerationStructure>("vkCopyAccelerationStructureKHR", Scope::Emulated),
+    row<copyAccelerationStructureToMemory>("vkCopyAccelerationStructureToMemoryKHR", Scope::Emulated),
+    row<copyMemoryToAccelerationStructure>("vkCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
     row<cmdCopyAccelerationStructure>("vkCmdCopyAccelerationStructureKHR", Scope::Emulated),
     row<cmdCopyMemoryToAccelerationStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
     row<cmdCopyAccelerationStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Emulated),

@@ -194,4 +194,25 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandB
         copy.record();
 }
 
+VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructure(VkDevice handle, VkDeferredOperationKHR,
+                                                         const VkCopyAccelerationStructureInfoKHR *)
+{
+    deviceOf(handle).report().notAvailable("vkCopyAccelerationStructureKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructureToMemory(VkDevice handle, VkDeferredOperationKHR,
+                                                                 const VkCopyAccelerationStructureToMemoryInfoKHR *)
+{
+    deviceOf(handle).report().notAvailable("vkCopyAccelerationStructureToMemoryKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToAccelerationStructure(VkDevice handle, VkDeferredOperationKHR,
+                                                                 const VkCopyMemoryToAccelerationStructureInfoKHR *)
+{
+    deviceOf(handle).report().notAvailable("vkCopyMemoryToAccelerationStructureKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
 } // namespace vellum::layer

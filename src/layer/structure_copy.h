@@ -33,6 +33,13 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer,
                                                                 const VkCopyMemoryToAccelerationStructureInfoKHR *);
 VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer,
                                                                 const VkCopyAccelerationStructureToMemoryInfoKHR *);
+// On the host: each reports that it is not there and does nothing, since the driver alone would lose the records.
+VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructure(VkDevice, VkDeferredOperationKHR,
+                                                         const VkCopyAccelerationStructureInfoKHR *);
+VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructureToMemory(VkDevice, VkDeferredOperationKHR,
+                                                                 const VkCopyAccelerationStructureToMemoryInfoKHR *);
+VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToAccelerationStructure(VkDevice, VkDeferredOperationKHR,
+                                                                 const VkCopyMemoryToAccelerationStructureInfoKHR *);
 VKAPI_ATTR void VKAPI_CALL getDeviceAccelerationStructureCompatibility(VkDevice,
                                                                        const VkAccelerationStructureVersionInfoKHR *,
                                                                        VkAccelerationStructureCompatibilityKHR *);
