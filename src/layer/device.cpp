@@ -210,6 +210,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             return result;
         }
         device->queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+        makeBlankStructure(*device, *info, loaderDataCallback(*info));
         device->carriesRayFlagBits = carriesRayFlagBits(*device, *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "VK_EXT_opacity_micromap is emulated on this device");
     }

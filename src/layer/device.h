@@ -7,6 +7,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/blank_structure.h"
 #include "layer/command_state.h"
 #include "layer/dispatch.h"
 #include "layer/gpu_memory.h"
@@ -67,16 +68,6 @@ private:
     std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
 };
 
-// A bottom-level structure of one triangle as the driver serializes it. It begins with the driver's UUIDs, and stands
-// in for serialized data that the driver must not see.
-struct BlankStructure {
-    GpuBuffer memory;
-    uint32_t units = 0;              // of 16 bytes; 0: there is none
-    VkDeviceSize structureBytes = 0; // of the structure that it is deserialized to
-    // The driver serializes and deserializes as many bytes as the structure was created with.
-    bool wholeCopies = false;
-};
-
 struct Device {
     VkDevice handle = VK_NULL_HANDLE;
     VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
@@ -84,8 +75,8 @@ struct Device {
     DeviceTable next;
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
 
-    bool carriesRayFlagBits = true; // see ray_flag_probe.h
-    BlankStructure blank;
+    bool carriesRayFlagBits = true;    // see ray_flag_probe.h
+    BlankStructure blank;              // see blank_structure.h
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
 
     GpuContext gpu;

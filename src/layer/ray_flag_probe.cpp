@@ -4,10 +4,8 @@
 #include <vector>
 
 #include "core/opacity.h"
-#include "core/records.h"
 #include "layer/device.h"
 #include "layer/pnext.h"
-#include "layer/structure_layout.h"
 
 namespace vellum::layer
 {
@@ -16,7 +14,6 @@ namespace
 
 constexpr uint32_t kProbedBits = 0x3800; // 11..13: spirv/ray_query.cpp
 constexpr uint32_t kCommittedTriangle = 1;
-constexpr VkDeviceSize kSpareBytes = 4096;
 
 bool enablesRayQueries(const VkDeviceCreateInfo &info)
 {
@@ -41,17 +38,13 @@ public:
             next_.DestroyCommandPool(device_.handle, pool_, nullptr);
     }
 
-    // True where `rays` is false or the driver carries the bits.
-    bool run(uint32_t family, VkDeviceQueueCreateFlags queueFlags, PFN_vkSetDeviceLoaderData setLoaderData, bool rays)
+    bool run(uint32_t family, VkDeviceQueueCreateFlags queueFlags, PFN_vkSetDeviceLoaderData setLoaderData)
     {
-        if (!prepareCommands(family, queueFlags, setLoaderData) || !buildTriangle() || !serialize())
+        if (!prepareCommands(family, queueFlags, setLoaderData) || !buildTriangle() || !buildInstance())
             return false;
-        const bool traced = !rays || (buildInstance() && trace());
-        if (next_.EndCommandBuffer(commands_) != VK_SUCCESS || !traced || !submit())
-            return false;
-        keepSerialized();
-        return !rays ||
-               ((results_.words()[0] & kProbedBits) == kProbedBits && results_.words()[1] == kCommittedTriangle);
+        const bool traced = trace();
+        return next_.EndCommandBuffer(commands_) == VK_SUCCESS && traced && submit() &&
+               (results_.words()[0] & kProbedBits) == kProbedBits && results_.words()[1] == kCommittedTriangle;
     }
 
 private:
@@ -130,8 +123,6 @@ private:
         VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
         next_.GetAccelerationStructureBuildSizesKHR(device_.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                     &info, &one, &sizes);
-        if (type == VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR)
-            bottomBytes_ = sizes.accelerationStructureSize += kSpareBytes;
         if (memory.create(device_.gpu, sizes.accelerationStructureSize,
                           VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR) != VK_SUCCESS ||
             scratch.create(device_.gpu, sizes.buildScratchSize + kScratchAlignment) != VK_SUCCESS)
@@ -149,46 +140,6 @@ private:
         next_.CmdBuildAccelerationStructuresKHR(commands_, 1, &info, &ranges);
         InjectedWork(device_, commands_).barrier();
         return true;
-    }
-
-    // The triangle lies in a structure that is larger than it needs: does the driver copy all of it?
-    bool serialize()
-    {
-        if (serialized_.create(device_.gpu, bottomBytes_ + 2 * kSpareBytes) != VK_SUCCESS)
-            return false;
-        VkCopyAccelerationStructureToMemoryInfoKHR info{
-            VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR};
-        info.src = bottom_;
-        info.dst.deviceAddress = alignUp(serialized_.address(), 256);
-        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
-        next_.CmdCopyAccelerationStructureToMemoryKHR(commands_, &info);
-        InjectedWork(device_, commands_).barrier();
-        return true;
-    }
-
-    void keepSerialized()
-    {
-        const size_t skipped = alignUp(serialized_.address(), 256) - serialized_.address();
-        const uint32_t *words = serialized_.words() + skipped / 4;
-        // The header that the specification gives.
-        uint64_t bytes = words[8] | uint64_t{words[9]} << 32;
-        uint64_t size = words[10] | uint64_t{words[11]} << 32;
-        BlankStructure &blank = device_.blank;
-        if (bytes < shared::kSerializedHeaderWords * 4 || bytes > bottomBytes_ + kSpareBytes)
-            return;
-        blank.wholeCopies = bytes >= bottomBytes_;
-        if (blank.wholeCopies) {
-            bytes -= kSpareBytes;
-            size -= kSpareBytes;
-        }
-        if (blank.memory.create(device_.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
-            return;
-        uint32_t *kept = blank.memory.words();
-        std::memcpy(kept, words, bytes);
-        kept[8] = static_cast<uint32_t>(bytes);
-        kept[10] = static_cast<uint32_t>(size);
-        blank.units = static_cast<uint32_t>(alignUp(bytes, 16) / 16);
-        blank.structureBytes = alignUp(size, kPartAlignment);
     }
 
     bool trace()
@@ -217,8 +168,6 @@ private:
     VkCommandPool pool_ = VK_NULL_HANDLE;
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
     GpuBuffer vertices_, instances_, results_;
-    GpuBuffer serialized_;
-    VkDeviceSize bottomBytes_ = 0;
     GpuBuffer bottomMemory_, bottomScratch_, topMemory_, topScratch_;
     VkAccelerationStructureKHR bottom_ = VK_NULL_HANDLE;
     VkAccelerationStructureKHR top_ = VK_NULL_HANDLE;
@@ -228,11 +177,8 @@ private:
 
 bool carriesRayFlagBits(Device &device, const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData)
 {
-    const auto *structures = findInChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
-    if (!structures || !structures->accelerationStructure)
+    if (!enablesRayQueries(info))
         return true;
-    const bool rays = enablesRayQueries(info);
     const InstanceTable &instance = device.instance->next;
     uint32_t count = 0;
     instance.GetPhysicalDeviceQueueFamilyProperties(device.physicalDevice, &count, nullptr);
@@ -243,7 +189,7 @@ bool carriesRayFlagBits(Device &device, const VkDeviceCreateInfo &info, PFN_vkSe
         const bool isProtected = (queues.flags & VK_DEVICE_QUEUE_CREATE_PROTECTED_BIT) != 0;
         if (!isProtected && queues.queueFamilyIndex < count &&
             (families[queues.queueFamilyIndex].queueFlags & VK_QUEUE_COMPUTE_BIT) != 0)
-            return setLoaderData && Probe(device).run(queues.queueFamilyIndex, queues.flags, setLoaderData, rays);
+            return setLoaderData && Probe(device).run(queues.queueFamilyIndex, queues.flags, setLoaderData);
     }
     return true; // no queue that could trace a ray
 }

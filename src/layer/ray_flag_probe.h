@@ -1,6 +1,5 @@
 // Whether the driver carries unused ray flag bits through a ray query (spirv/rewrite.h needs three). Found out by
-// tracing one ray when the device is made, never by the driver's name. The structure that it builds for that is also
-// serialized: Device::blank.
+// tracing one ray when the device is made, never by the driver's name.
 #pragma once
 
 #include <vulkan/vk_layer.h>
@@ -12,7 +11,7 @@ namespace vellum::layer
 struct Device;
 
 // True where the bits come back and change no hit; also where the application enabled no ray queries, so that nothing
-// depends on it. Sets Device::blank. `info` as the application passed it to vkCreateDevice.
+// depends on it. `info` as the application passed it to vkCreateDevice.
 bool carriesRayFlagBits(Device &device, const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData);
 
 } // namespace vellum::layer
