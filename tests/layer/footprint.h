@@ -1,0 +1,36 @@
+// What of this process can grow.
+#pragma once
+
+#include <cstdint>
+#include <fstream>
+#include <string>
+
+namespace vt
+{
+
+struct Footprint {
+    std::uint64_t resident = 0; // bytes
+    std::uint64_t mappings = 0; // each allocation of device memory is one
+
+    static Footprint now()
+    {
+        Footprint footprint;
+        std::ifstream status("/proc/self/statm");
+        std::uint64_t pages = 0;
+        status >> pages >> footprint.resident;
+        footprint.resident *= 4096;
+        std::ifstream maps("/proc/self/maps");
+        for (std::string line; std::getline(maps, line);)
+            ++footprint.mappings;
+        return footprint;
+    }
+};
+
+// The address sanitizer keeps what is freed for a while.
+#if defined(__SANITIZE_ADDRESS__)
+inline constexpr bool kResidentTells = false;
+#else
+inline constexpr bool kResidentTells = true;
+#endif
+
+} // namespace vt
