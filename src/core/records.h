@@ -95,6 +95,7 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // word 4: number of geometry records or of instances
 // word 5: of a BLAS: 16-byte units of the tail without data units, which come last
 // word 6: of a BLAS: 16-byte units of the driver's part of a compacted copy; 0: nobody has asked
+// word 7: of a BLAS: kCellBoxes
 //         in the place of a cell that describes serialized data: address (words 6, 7) of the handles
 VELLUM_CONST uint kCellWords = 8u;
 VELLUM_CONST uint kCellUnbuilt = 0u; // nothing was built there
@@ -102,6 +103,8 @@ VELLUM_CONST uint kCellBottom = 1u;  // a BLAS with geometry records
 VELLUM_CONST uint kCellTop = 2u;     // a TLAS
 VELLUM_CONST uint kCellBroken = 3u;  // a copy that was not carried out: not to be instanced
 VELLUM_CONST uint kCellPlain = 4u;   // a BLAS without geometry records; every word holds this
+
+VELLUM_CONST uint kCellBoxes = 1u; // bit: the driver decides which boxes are opaque, and sees FORCE_OPAQUE
 
 // --- serialized acceleration structures: the header of the specification, padded to 16 bytes; for a BLAS the driver's
 // serialized data; the layer's block: header (16 words), then the tail, with places of data units as units from the
@@ -119,6 +122,7 @@ VELLUM_CONST uint kBlockHeaderRecordUnits = 4u;
 VELLUM_CONST uint kBlockHeaderTailUnits = 5u;
 VELLUM_CONST uint kBlockHeaderTailOffset = 6u; // 16-byte units from the beginning of the structure
 VELLUM_CONST uint kBlockHeaderChecksum = 7u;   // of the driver's data and the tail
+VELLUM_CONST uint kBlockHeaderFlags = 8u;      // word 7 of the cell
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f01u; // changes with kBlockVersion

@@ -84,7 +84,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
     // A command buffer is implicitly reset when it is begun again.
     if (const auto state = commandState(commandBuffer)) {
         state->forgetBindings();
-        state->memory.reset();
+        state->scratch.reset();
         state->conditionalRendering.reset();
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo

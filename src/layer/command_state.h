@@ -8,7 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/transient_memory.h"
+#include "layer/scratch_memory.h"
 #include "layer/vulkan_newer.h"
 
 namespace vellum::layer
@@ -33,7 +33,7 @@ struct CommandState {
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
 
-    TransientMemory memory; // of injected work; lives as long as what is recorded
+    ScratchMemory scratch; // of injected work; lives as long as what is recorded
 
     void forgetBindings();
 };

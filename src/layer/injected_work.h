@@ -37,7 +37,8 @@ struct MicromapPush {
 };
 struct BlasRecordsPush {
     VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord;
-    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits;
+    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits,
+        cellFlags;
 };
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {

@@ -94,7 +94,7 @@ struct Copy {
             return;
         }
         if (const auto state = commandState(commandBuffer))
-            state->memory.restart();
+            state->scratch.restart();
         InjectedWork work(device, commandBuffer);
         work.barrier();
         if (level == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
@@ -148,7 +148,7 @@ bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer comm
     const auto state = commandState(commandBuffer);
     const VkDeviceSize scratchBytes = alignUp(topLevelDriverSizes(device, 0, most).buildScratchSize, kPartAlignment);
     const VkDeviceAddress scratch =
-        state ? state->memory.allocate(device.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
+        state ? state->scratch.allocate(device.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
     if (!slots || !scratch)
         return refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
     {

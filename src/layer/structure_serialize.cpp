@@ -51,8 +51,8 @@ void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer command
                      VkDeviceAddress cell)
 {
     const VkDeviceSize stagingBytes = source.size + kDriverOverhead;
-    state.memory.restart();
-    const VkDeviceAddress staging = state.memory.allocate(device.gpu, kPlanBytes + stagingBytes);
+    state.scratch.restart();
+    const VkDeviceAddress staging = state.scratch.allocate(device.gpu, kPlanBytes + stagingBytes);
     if (!staging) {
         refuse(device, "VELLUM-out-of-memory", "vkCmdCopyAccelerationStructureToMemoryKHR",
                "no memory for the driver's serialized data", info.src);
@@ -144,9 +144,9 @@ struct Restore {
             top ? 0
                 : std::max(VkDeviceSize{device.blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
         if (state)
-            state->memory.restart();
+            state->scratch.restart();
         const VkDeviceAddress staging =
-            state && cell.address ? state->memory.allocate(device.gpu, kPlanBytes + stagingBytes) : 0;
+            state && cell.address ? state->scratch.allocate(device.gpu, kPlanBytes + stagingBytes) : 0;
         if (!staging) {
             refused("VELLUM-out-of-memory", "no memory for the serialized data");
             return;

@@ -160,7 +160,7 @@ void finish(uint me, uint all)
     const uint count = b.w[kBlockHeaderCount];
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
     if (me == 0u && b.w[kBlockHeaderKind] == kCellBottom)
-        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0)));
+        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0u, b.w[kBlockHeaderFlags] & kCellBoxes)));
     else if (me == 0u)
         storeCell(push.cell, Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0)));
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));

@@ -109,6 +109,7 @@ void plan()
     b.w[kBlockHeaderTailUnits] = tailUnits;
     b.w[kBlockHeaderTailOffset] = tailOffset;
     b.w[kBlockHeaderChecksum] = 0u;
+    b.w[kBlockHeaderFlags] = cell.extra.y;
     placeData(cell, unitAddress(push.blob, block + kBlockUnits));
 }
 

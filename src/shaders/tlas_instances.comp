@@ -43,12 +43,13 @@ struct Referenced {
     bool known;    // there is such a structure
     bool built;
     bool broken;   // it must not be traced
-    uvec2 records; // its geometry records; zero where it has no micromaps
+    bool boxes;    // FORCE_OPAQUE may stay
+    uvec2 records; // its geometry records; zero where it has none
 };
 
 Referenced findReferenced(uvec2 reference)
 {
-    Referenced found = Referenced(false, false, false, uvec2(0));
+    Referenced found = Referenced(false, false, false, false, uvec2(0));
     if (all(equal(reference, uvec2(0))))
         return found;
     Words table = Words(loadAddress(push.root));
@@ -62,8 +63,10 @@ Referenced findReferenced(uvec2 reference)
             found.known = true;
             found.built = cell.w[2] != kCellUnbuilt;
             found.broken = cell.w[2] == kCellBroken;
-            if (cell.w[2] == kCellBottom)
+            if (cell.w[2] == kCellBottom) {
                 found.records = uvec2(cell.w[0], cell.w[1]);
+                found.boxes = (cell.w[7] & kCellBoxes) != 0u;
+            }
             break;
         }
         if (all(equal(key, uvec2(0))))
@@ -160,7 +163,7 @@ void main()
 
     // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
     uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;
-    if (any(notEqual(found.records, uvec2(0))))
+    if (any(notEqual(found.records, uvec2(0))) && !found.boxes)
         hidden |= kInstanceForceOpaque;
 
     target.w[kCustomIndexWord] = slot | (customAndMask & 0xff000000u);

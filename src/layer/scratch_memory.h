@@ -10,7 +10,7 @@ namespace vellum::layer
 {
 
 // Of one command buffer. The commands that use it have full barriers around them, so they use the same memory.
-class TransientMemory
+class ScratchMemory
 {
 public:
     // For the next command: what was allocated before may be used again.

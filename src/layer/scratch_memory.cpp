@@ -1,4 +1,4 @@
-#include "layer/transient_memory.h"
+#include "layer/scratch_memory.h"
 
 namespace vellum::layer
 {
@@ -9,7 +9,7 @@ constexpr VkDeviceSize kAlignment = 256;
 
 } // namespace
 
-VkDeviceAddress TransientMemory::allocate(const GpuContext &context, VkDeviceSize bytes)
+VkDeviceAddress ScratchMemory::allocate(const GpuContext &context, VkDeviceSize bytes)
 {
     const VkDeviceSize needed = (bytes + kAlignment - 1) / kAlignment * kAlignment;
     if (end_ - next_ < needed) {
@@ -29,7 +29,7 @@ VkDeviceAddress TransientMemory::allocate(const GpuContext &context, VkDeviceSiz
     return address;
 }
 
-void TransientMemory::reset()
+void ScratchMemory::reset()
 {
     chunks_.clear();
     begin_ = next_ = end_ = 0;
