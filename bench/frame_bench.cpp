@@ -71,8 +71,8 @@ void run(const Options &options)
     const cli::Instance without(false);
     const cli::Instance with(true);
     const cli::DeviceInfo info = cli::chooseDevice(with, options.device);
-    cli::Device classic(cli::chooseDevice(without, options.device), false);
-    cli::Device enabled(info, true);
+    cli::Device classic(cli::chooseDevice(without, options.device), {});
+    cli::Device enabled(info, {true, false});
     fmt::print("{}, micromaps: {}. {} x {} pixels, median of {}.\n\n", info.name, info.implementation, settings.width,
                settings.height, options.repetitions);
     std::fflush(stdout);
