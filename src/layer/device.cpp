@@ -197,6 +197,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (device->emulated) {
         device->gpu = {*handle, &device->next, {}};
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->gpu.memory);
+        device->anyHitModules.create(device->gpu);
         result = device->root.create(device->gpu);
         if (result == VK_SUCCESS)
             result = device->injected.create(device->gpu);

@@ -16,7 +16,7 @@ namespace vellum::layer
 
 struct Device;
 
-enum class InjectedShader { MicromapPlace, MicromapPack, BlasRecords, TlasInstances, RayFlagProbe, Count };
+enum class InjectedShader { MicromapPlace, MicromapPack, BlasRecords, TlasInstances, HitRecords, RayFlagProbe, Count };
 
 // Push constants of the shaders: the structures match the `Push` blocks in src/shaders.
 struct MicromapPush {
@@ -30,6 +30,11 @@ struct BlasRecordsPush {
 struct TlasInstancesPush {
     VkDeviceAddress source, target, root;
     uint32_t count, firstSlot, arrayOfPointers;
+};
+struct HitRecordsPush {
+    VkDeviceAddress source, target, command, commandCopy;
+    uint32_t size, stride;
+    uint32_t handle[8];
 };
 struct RayFlagProbePush {
     VkDeviceAddress scene, result;

@@ -7,6 +7,7 @@
 
 #include "curve.h"
 #include "opacity.h"
+#include "ray_flags.h"
 #include "records.h"
 
 layout(local_size_x = 1) in;
@@ -98,18 +99,29 @@ uint vellumCustomIndex(const in uint slot)
     return Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndex & 0xffffffu;
 }
 
-// Ray flags as the driver gets them. Opaque and CullNoOpaque would make it decide without us, and it does not know
-// ForceOpacityMicromap2State; all three travel in bits that it carries along unused.
 uint vellumDriverFlags(const in uint f)
 {
-    const uint hidden = kRayOpaque | kRayCullNoOpaque | kRayForce2State;
-    return (f & ~hidden) | ((f & kRayOpaque) << 11u) | ((f & kRayCullNoOpaque) << 5u) | ((f & kRayForce2State) << 3u);
+    return driverRayFlags(f);
 }
 
-// The inverse: ray flags as the application wrote them.
 uint vellumApplicationFlags(const in uint f)
 {
-    return (f & ~0x3800u) | ((f >> 11u) & kRayOpaque) | ((f >> 5u) & kRayCullNoOpaque) | ((f >> 3u) & kRayForce2State);
+    return applicationRayFlags(f);
+}
+
+// True if a box is to be culled by the CullNoOpaque flag, the one of those hidden from the driver that culls boxes.
+// Without records nobody can tell here; the any-hit shader, which runs for boxes that are not opaque, will.
+bool vellumCullsBox(const in uint slot, const in uint geometry, const in uint rayFlags)
+{
+    if ((rayFlags & kRayCullNoOpaque) == 0u)
+        return false;
+    const uvec2 tagged = Instances(vellumPage(slot)).at[vellumInPage(slot)].geometries;
+    const uint flags = (tagged.x & kInstanceFlagsMask) << kInstanceFlagsShift;
+    const uvec2 geometries = uvec2(tagged.x & ~kInstanceFlagsMask, tagged.y);
+    if ((geometries.x | geometries.y) == 0u)
+        return false;
+    const bool opaque = (Geometries(geometries).at[geometry].triangles & kGeometryRecordOpaque) != 0u;
+    return resolveHit(kStateNone, opaque, flags, rayFlags) == kHitIgnored;
 }
 
 void main() {}
