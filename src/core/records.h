@@ -53,9 +53,9 @@ VELLUM_CONST uint kGeometryTrianglesShift = 1u;
 // --- instance record ---
 // word 0: instanceCustomIndex in the low 24 bits
 // word 1: 0
-// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: no geometry of the instance has a
-//         micromap. The low 4 bits of word 2 hold instance flags 2..5: all of those that resolution needs (opacity.h).
-// Lookup reads as few words as can be: a driver for the CPU gathers each one lane by lane.
+// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. The low 4 bits of word
+// 2 hold instance flags 2..5: all of those that resolution needs (opacity.h). Lookup reads as few words as can be: a
+// driver for the CPU gathers each one lane by lane.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
@@ -74,7 +74,10 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- BLAS cell: written by the GPU when a build with that reference executes ---
 // word 0, 1: address of the geometry records, 0: none
+// word 2: kCell*
 VELLUM_CONST uint kBlasCellWords = 4u;
+VELLUM_CONST uint kCellTriangles = 0u; // some geometry has a micromap, and the driver does not see FORCE_OPAQUE
+VELLUM_CONST uint kCellBoxes = 1u;     // the driver decides which boxes are opaque
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

@@ -26,12 +26,17 @@ constexpr VkDeviceSize kAlignment = 256; // of parts within acceleration structu
 constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
 constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
 
+// Whether a bottom-level structure has geometry records. Those of boxes say whether a geometry is opaque, which an
+// intersection shader cannot know; no ray query needs them.
+bool hasRecords(const Device &device, const DriverBuildInfo &build)
+{
+    return build.hasMicromaps() || (build.hasBoxes() && device.next.CreateRayTracingPipelinesKHR);
+}
+
 // Bytes of the records of a bottom-level structure, which lie at the end of its memory. `primitives(i)`: of geometry i.
 template <typename Primitives>
 VkDeviceSize tailBytes(const DriverBuildInfo &build, Primitives primitives)
 {
-    if (!build.hasMicromaps())
-        return 0;
     VkDeviceSize bytes = build.geometryCount() * kGeometryRecordBytes;
     for (uint32_t i = 0; i < build.geometryCount(); ++i) {
         if (build.micromap(i))
@@ -166,7 +171,7 @@ private:
     {
         AccelerationStructure &target = *part.target;
         const VkDeviceAddress reference = device_.structureAddress(infos_[i].dstAccelerationStructure);
-        if (!part.build.hasMicromaps()) {
+        if (!hasRecords(device_, part.build)) {
             // A structure of the same address had micromaps once: the TLAS must no longer find them.
             if (device_.root.findCell(reference))
                 part.cell = acquireCell(device_, target, reference);
@@ -181,7 +186,7 @@ private:
                        " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
             return;
         }
-        target.hasMicromaps = true;
+        target.hasMicromaps = part.build.hasMicromaps();
         part.cell = acquireCell(device_, target, reference);
         if (!part.cell) {
             refuse(part, i, "VELLUM-out-of-memory", "no memory for the layer's tables");
@@ -288,6 +293,7 @@ private:
             push.firstGeometryRecord = part.tail;
             push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell : 0;
+            push.cellKind = part.build.hasBoxes() ? kCellBoxes : kCellTriangles;
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges[g].primitiveCount;
                 push.triangleRecords = triangles;
@@ -363,7 +369,7 @@ VKAPI_ATTR void VKAPI_CALL getAccelerationStructureBuildSizes(VkDevice handle, V
         const VkDeviceSize extra = patchedInstancesBytes(maxPrimitives[0]);
         sizes->buildScratchSize += extra;
         sizes->updateScratchSize += extra;
-    } else if (build.hasMicromaps()) {
+    } else if (hasRecords(device, build)) {
         const VkDeviceSize tail =
             tailBytes(build, [&](uint32_t g) { return VkDeviceSize{maxPrimitives ? maxPrimitives[g] : 0}; });
         sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kAlignment) + tail;

@@ -91,6 +91,9 @@ public:
     // The driver has made the pipelines, or failed to.
     void finish() override
     {
+        for (const Feedback &feedback : feedback_)
+            std::copy_n(feedback.own.begin(), std::min<size_t>(feedback.count, feedback.own.size()),
+                        feedback.application);
         for (size_t i = 0; i < records_.size(); ++i) {
             if (!records_[i] || !pipelines_[i])
                 continue;
@@ -104,6 +107,11 @@ private:
     // What a driver's stage is made from: the application's stage, and what it decides.
     using StageKey = std::pair<uint32_t, Decides>;
 
+    struct Feedback {
+        VkPipelineCreationFeedback *application = nullptr;
+        uint32_t count = 0;
+        std::vector<VkPipelineCreationFeedback> own;
+    };
     struct Stages {
         std::vector<VkPipelineShaderStageCreateInfo> infos;
         std::map<StageKey, uint32_t> index;
@@ -117,7 +125,8 @@ private:
         record.ownGroups = info.groupCount;
         record.hasNullGroup =
             (flags & (VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) == 0;
-        hideFlags(info);
+        if (!hideFlags(info))
+            return VK_ERROR_INITIALIZATION_FAILED;
         widenHitAttributes(info);
 
         Stages stages;
@@ -143,21 +152,49 @@ private:
         info.pStages = ownStages.data();
         info.groupCount = static_cast<uint32_t>(ownGroups.size());
         info.pGroups = ownGroups.data();
+        return makeRoomForFeedback(info);
+    }
+
+    // The driver writes feedback for each of its stages (VUID-...-pipelineStageCreationFeedbackCount-06652), of which
+    // there may be more than the application knows.
+    VkResult makeRoomForFeedback(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
+        const auto *application = findInChain<VkPipelineCreationFeedbackCreateInfo>(info.pNext, type);
+        if (!application || application->pipelineStageCreationFeedbackCount == 0)
+            return VK_SUCCESS;
+        Chain &chain = chains_.emplace_back(info.pNext);
+        auto *own = chain.edit<VkPipelineCreationFeedbackCreateInfo>(type);
+        if (!own) {
+            device_.report().error("VELLUM-pipeline-feedback",
+                                   "VkPipelineCreationFeedbackCreateInfo lies behind a structure of unknown size");
+            return VK_ERROR_INITIALIZATION_FAILED;
+        }
+        Feedback &feedback = feedback_.emplace_back();
+        feedback.application = application->pPipelineStageCreationFeedbacks;
+        feedback.count = application->pipelineStageCreationFeedbackCount;
+        feedback.own.resize(info.stageCount);
+        own->pipelineStageCreationFeedbackCount = info.stageCount;
+        own->pPipelineStageCreationFeedbacks = feedback.own.data();
+        info.pNext = chain.head();
         return VK_SUCCESS;
     }
 
-    void hideFlags(VkRayTracingPipelineCreateInfoKHR &info)
+    bool hideFlags(VkRayTracingPipelineCreateInfoKHR &info)
     {
         info.flags &= ~static_cast<VkPipelineCreateFlags>(kHiddenPipelineFlags);
         if (!findInChain(info.pNext, newer::kPipelineCreateFlags2CreateInfo))
-            return;
+            return true;
         Chain &chain = chains_.emplace_back(info.pNext);
-        if (auto *edited = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
-            edited->flags &= ~kHiddenPipelineFlags;
-        else
+        auto *flags = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
+        if (!flags) {
             device_.report().error("VELLUM-pipeline-flags",
                                    "VkPipelineCreateFlags2CreateInfo lies behind a structure of unknown size");
+            return false;
+        }
+        flags->flags &= ~kHiddenPipelineFlags;
         info.pNext = chain.head();
+        return true;
     }
 
     // Our any-hit shaders read the barycentrics, also where none of the application's does.
@@ -298,6 +335,7 @@ private:
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stageArrays_;
     std::deque<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groupArrays_;
     std::deque<VkRayTracingPipelineInterfaceCreateInfoKHR> interfaces_;
+    std::deque<Feedback> feedback_;
     std::map<std::tuple<VkShaderModule, VkShaderStageFlagBits, Decides, std::string>, VkShaderModule> rewritten_;
     std::vector<VkShaderModule> modules_;
 };

@@ -23,6 +23,7 @@ layout(push_constant, std430) uniform Push
     uint readable; // indices that lie inside their buffer
     uint baseTriangle;
     uint geometryWord; // word 0 of the geometry record
+    uint cellKind;
 } push;
 
 const uint kUnknownOpaque = ~0u; // all sixteen states
@@ -83,5 +84,6 @@ void main()
         Words cell = Words(push.cell);
         cell.w[0] = push.firstGeometryRecord.x;
         cell.w[1] = push.firstGeometryRecord.y;
+        cell.w[2] = push.cellKind;
     }
 }

@@ -30,11 +30,11 @@ uvec2 loadAddress(uvec2 at)
     return uvec2(words.w[0], words.w[1]);
 }
 
-// Address of the geometry records of the BLAS with this reference; zero where it has no micromaps.
-uvec2 findRecords(uvec2 reference)
+// Address of the geometry records of the BLAS with this reference, zero where it has none, and the kind of its cell.
+uvec3 findRecords(uvec2 reference)
 {
     if (all(equal(reference, uvec2(0))))
-        return uvec2(0);
+        return uvec3(0);
     Words table = Words(loadAddress(push.root));
     const uint mask = table.w[0];
     uint bucket = hashReference(reference.x, reference.y) & mask;
@@ -43,13 +43,13 @@ uvec2 findRecords(uvec2 reference)
         const uvec2 key = uvec2(table.w[at], table.w[at + 1u]);
         if (all(equal(key, reference))) {
             Words cell = Words(uvec2(table.w[at + 2u], table.w[at + 3u]));
-            return uvec2(cell.w[0], cell.w[1]);
+            return uvec3(cell.w[0], cell.w[1], cell.w[2]);
         }
         if (all(equal(key, uvec2(0))))
             break;
         bucket = (bucket + 1u) & mask;
     }
-    return uvec2(0);
+    return uvec3(0);
 }
 
 void writeRecord(uint slot, uint customIndex, uint flags, uvec2 records)
@@ -78,11 +78,12 @@ void main()
     const uint customAndMask = source.w[kCustomIndexWord];
     const uint offsetAndFlags = source.w[kFlagsWord];
     const uvec2 reference = uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
-    const uvec2 records = findRecords(reference);
+    const uvec3 found = findRecords(reference);
+    const uvec2 records = found.xy;
 
     // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
     uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;
-    if (any(notEqual(records, uvec2(0))))
+    if (any(notEqual(records, uvec2(0))) && found.z == kCellTriangles)
         hidden |= kInstanceForceOpaque;
 
     const uint slot = push.firstSlot + i;

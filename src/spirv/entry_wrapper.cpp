@@ -197,46 +197,48 @@ Id EntryWrapper::readBarycentrics()
         return code_.value(spv::OpLoad, vec2, {variable});
 
     std::vector<std::uint32_t> path;
-    std::vector<std::vector<std::uint32_t>> paths;
+    std::vector<Scalar> found;
     std::size_t budget = kMaxTypes;
-    if (!findFloats(type, path, paths, budget) || paths.size() < 2) {
-        error_ = "its hit attributes do not begin with two 32-bit floats";
+    if (!findScalars(type, path, found, budget) || found.size() < 2) {
+        error_ = "its hit attributes do not begin with two 32-bit numbers";
         return 0;
     }
-    const Id scalarPointer = types_.get(spv::OpTypePointer, {spv::StorageClassHitAttributeKHR, types_.float32()});
-    std::vector<std::uint32_t> scalars;
-    for (std::size_t i = 0; i < 2; ++i) {
+    const Id float32 = types_.float32();
+    std::vector<std::uint32_t> floats;
+    for (const Scalar &scalar : {found[0], found[1]}) {
         std::vector<std::uint32_t> chain{variable};
-        for (const std::uint32_t index : paths[i])
+        for (const std::uint32_t index : scalar.path)
             chain.push_back(types_.uintConstant(index));
-        const Id scalar = code_.value(spv::OpAccessChain, scalarPointer, chain);
-        scalars.push_back(code_.value(spv::OpLoad, types_.float32(), {scalar}));
+        const Id scalarPointer = types_.get(spv::OpTypePointer, {spv::StorageClassHitAttributeKHR, scalar.type});
+        const Id value = code_.value(spv::OpLoad, scalar.type, {code_.value(spv::OpAccessChain, scalarPointer, chain)});
+        floats.push_back(scalar.type == float32 ? value : code_.value(spv::OpBitcast, float32, {value}));
     }
-    return code_.value(spv::OpCompositeConstruct, vec2, scalars);
+    return code_.value(spv::OpCompositeConstruct, vec2, floats);
 }
 
-// The index paths of the first two scalars of a type; false where they are no 32-bit floats.
-bool EntryWrapper::findFloats(Id type, std::vector<std::uint32_t> &path, std::vector<std::vector<std::uint32_t>> &found,
-                              std::size_t &budget) const
+// Appends the scalars of a type to `found`, up to the second; false where one has not 32 bits.
+bool EntryWrapper::findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found,
+                               std::size_t &budget) const
 {
     --budget;
     const Instruction in = module_.definition(type);
-    const auto member = [&](Id memberType, std::uint32_t index) {
-        path.push_back(index);
-        const bool good = findFloats(memberType, path, found, budget);
-        path.pop_back();
-        return good;
-    };
     std::uint32_t members = 0;
     switch (in.opcode) {
-    case spv::OpTypeFloat: found.push_back(path); return module_.word(in, 2) == 32;
+    case spv::OpTypeFloat:
+    case spv::OpTypeInt: found.push_back({type, path}); return module_.word(in, 2) == 32;
     case spv::OpTypeVector: members = module_.word(in, 3); break;
     case spv::OpTypeArray: members = types_.valueOf(module_.word(in, 3)).value_or(0); break;
     case spv::OpTypeStruct: members = in.count - 2u; break;
     default: return false;
     }
     for (std::uint32_t i = 0; i < members && found.size() < 2; ++i) {
-        if (budget == 0 || !member(module_.word(in, in.opcode == spv::OpTypeStruct ? 2 + i : 2), i))
+        if (budget == 0)
+            return false;
+        path.push_back(i);
+        const Id member = module_.word(in, in.opcode == spv::OpTypeStruct ? 2 + i : 2);
+        const bool good = findScalars(member, path, found, budget);
+        path.pop_back();
+        if (!good)
             return false;
     }
     return true;

@@ -33,10 +33,13 @@ private:
     Id readBuiltIn(std::uint32_t builtIn);
     Id applicationFlags();
     Id isSet(Id flags, std::uint32_t flag);
-    // The barycentrics of the hit: the first two floats of its attributes.
+    // The barycentrics of the hit: the first two scalars of its attributes.
     Id readBarycentrics();
-    bool findFloats(Id type, std::vector<std::uint32_t> &path, std::vector<std::vector<std::uint32_t>> &found,
-                    std::size_t &budget) const;
+    struct Scalar {
+        Id type = 0;
+        std::vector<std::uint32_t> path; // indices that lead to it
+    };
+    bool findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found, std::size_t &budget) const;
     Id makeInput(std::uint32_t storageClass, Id type);
     [[nodiscard]] bool inInterface(Id variable) const;
 
