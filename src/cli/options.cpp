@@ -42,8 +42,14 @@ std::uint32_t parseLevel(const std::string &text)
     throw Error("--level: " + text + " is neither a subdivision level (0 to 12) nor auto");
 }
 
-// What CLI11 stores as text.
+const std::map<std::string, Mode> kModes = {
+    {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
+const std::map<std::string, Trace> kTraces = {{"query", Trace::Query}, {"pipeline", Trace::Pipeline}};
+
+// What CLI11 stores as text. Names of enumerators too: it would take numbers and nothing for them.
 struct RawOptions {
+    std::string mode = "omm";
+    std::string trace = "query";
     std::string size;
     std::string level = "7";
     unsigned format = 4;
@@ -52,23 +58,20 @@ struct RawOptions {
 
 void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
 {
-    const std::map<std::string, Mode> modes = {
-        {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
-    const std::map<std::string, Trace> traces = {{"query", Trace::Query}, {"pipeline", Trace::Pipeline}};
     command.footer(kRenderDetails);
     command.add_option("file", options.input, "A .glb or .gltf file; the built-in grove without");
     command
-        .add_option("-m,--mode", options.mode,
+        .add_option("-m,--mode", raw.mode,
                     "alpha: no micromaps, the shader samples the texture for every candidate.\n"
                     "omm: micromaps, it samples only where they are unknown.\n"
                     "compare: both, with a table of times, candidates per ray and differing pixels [omm]")
-        ->transform(CLI::Transformer(modes).description(""))
+        ->check(CLI::IsMember(kModes).description(""))
         ->type_name("MODE");
     command
-        .add_option("-t,--trace", options.settings.trace,
+        .add_option("-t,--trace", raw.trace,
                     "query: ray queries in a compute shader.\n"
                     "pipeline: a ray tracing pipeline, whose any-hit shader samples the texture [query]")
-        ->transform(CLI::Transformer(traces).description(""))
+        ->check(CLI::IsMember(kTraces).description(""))
         ->type_name("WAY");
     command.add_option("-o,--output", options.output,
                        "The PNG to write; compare writes <name>-alpha.png too, and\n"
@@ -103,6 +106,8 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
         parseSize(raw.size, options.settings);
     if (raw.level != "auto")
         options.bake.level = parseLevel(raw.level);
+    options.mode = kModes.at(raw.mode);
+    options.settings.trace = kTraces.at(raw.trace);
     options.layer = !raw.noLayer;
     // NaN passes CLI11's range checks.
     const View &view = options.settings.view;
