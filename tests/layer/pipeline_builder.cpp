@@ -199,7 +199,9 @@ void BindingTable::trace(VkCommandBuffer commands, std::uint32_t width, std::uin
     gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
 }
 
-PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize) : gpu_(gpu)
+PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize,
+                                     std::span<const VkPushConstantRange> others)
+    : gpu_(gpu)
 {
     std::vector<VkDescriptorSetLayoutBinding> bindings;
     for (std::uint32_t i = 0; i <= buffers; ++i)
@@ -211,13 +213,14 @@ PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint3
     setInfo.bindingCount = static_cast<std::uint32_t>(bindings.size());
     setInfo.pBindings = bindings.data();
     VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &setInfo, nullptr, &setLayout_));
-    const VkPushConstantRange range{kStages, 0, pushSize};
+    std::vector<VkPushConstantRange> ranges(others.begin(), others.end());
+    ranges.insert(ranges.begin(), {kStages, 0, pushSize});
     VkPipelineLayoutCreateInfo layout{};
     layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
     layout.setLayoutCount = 1;
     layout.pSetLayouts = &setLayout_;
-    layout.pushConstantRangeCount = pushSize > 0 ? 1 : 0;
-    layout.pPushConstantRanges = &range;
+    layout.pushConstantRangeCount = static_cast<std::uint32_t>(ranges.size());
+    layout.pPushConstantRanges = ranges.data();
     VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
     const std::array<VkDescriptorPoolSize, 2> sizes{
         {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers}}};

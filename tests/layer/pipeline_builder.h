@@ -132,17 +132,17 @@ private:
 class PipelineResources
 {
 public:
-    PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize);
+    PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize,
+                      std::span<const VkPushConstantRange> others = {});
     PipelineResources(const PipelineResources &) = delete;
     PipelineResources &operator=(const PipelineResources &) = delete;
     ~PipelineResources();
     void write(VkAccelerationStructureKHR scene, std::span<const Buffer *const> buffers) const;
     void bind(VkCommandBuffer commands, VkPipelineBindPoint point = VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR) const;
 
-    static constexpr VkShaderStageFlags kStages = VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR |
-                                                  VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR | VK_SHADER_STAGE_MISS_BIT_KHR |
-                                                  VK_SHADER_STAGE_INTERSECTION_BIT_KHR |
-                                                  VK_SHADER_STAGE_CALLABLE_BIT_KHR | VK_SHADER_STAGE_COMPUTE_BIT;
+    static constexpr VkShaderStageFlags kStages =
+        VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
+        VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
     [[nodiscard]] VkDescriptorSet set() const { return set_; }
 

@@ -61,7 +61,8 @@ MadePipeline makePipeline(Gpu &gpu, VkPipelineLayout layout, const PipelineTrace
 } // namespace
 
 PipelineTracer::PipelineTracer(Gpu &gpu, const PipelineTracerSetup &setup)
-    : gpu_(gpu), resources_(gpu, 6, sizeof(Push)), pipeline_(makePipeline(gpu, resources_.layout(), setup))
+    : gpu_(gpu), resources_(gpu, 6, sizeof(Push), setup.otherPushConstants),
+      pipeline_(makePipeline(gpu, resources_.layout(), setup))
 {
     const auto place = [this](std::uint32_t group) {
         return pipeline_.groups.empty() ? group : pipeline_.groups[group];

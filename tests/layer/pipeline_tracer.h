@@ -61,6 +61,7 @@ struct PipelineTracerSetup {
     bool flags2 = false;
     bool inlineModules = false;
     bool dynamicStackSize = false;
+    std::vector<VkPushConstantRange> otherPushConstants; // in the layout, for other stages
     // Makes the pipeline in another way: stages are ray generation, miss, closest-hit, any-hit, and intersection for
     // groups with and without any-hit shader; groups are ray generation, miss, then `groups`.
     std::function<MadePipeline(Gpu &, const PipelineSetup &)> make;
@@ -69,6 +70,8 @@ struct PipelineTracerSetup {
 class PipelineTracer
 {
 public:
+    static constexpr std::uint32_t kPushSize = 20;
+
     explicit PipelineTracer(Gpu &gpu, const PipelineTracerSetup &setup = {});
 
     std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity = 8);
@@ -88,6 +91,7 @@ private:
     struct Push {
         std::uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex;
     };
+    static_assert(sizeof(Push) == kPushSize);
 
     Gpu &gpu_;
     PipelineResources resources_;
