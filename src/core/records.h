@@ -2,7 +2,7 @@
 //
 //   micromap    header (16 words), one triangle record (2 words) per micromap triangle, padding to 16 bytes, data units
 //   BLAS tail   one geometry record (4 words) per geometry, then triangle records
-//   slot page   kSlotsPerPage instance records (4 words)
+//   slot page   2^kSlotsPerPageLog2 instance records (4 words); the pages of the first kFirstSlots lie one after the other
 //   root        header (16 words), then kDirectoryPages page addresses (2 words each)
 #ifndef VELLUM_CORE_RECORDS_H
 #define VELLUM_CORE_RECORDS_H
@@ -61,6 +61,7 @@ VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
 VELLUM_CONST uint kSlotsPerPageLog2 = 12u;
 VELLUM_CONST uint kDirectoryPages = 4096u;
+VELLUM_CONST uint kFirstSlots = 65536u;
 
 // --- root ---
 VELLUM_CONST uint kRootHeaderWords = 16u;

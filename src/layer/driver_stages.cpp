@@ -30,8 +30,8 @@ bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, s
     const std::span<const uint32_t> words(code, bytes / 4);
     if (!spirv::tracesRays(words))
         return true;
-    spirv::RewriteResult result =
-        spirv::rewrite(words, {device.root.address(), device.carriesRayFlagBits, pipelineStage});
+    spirv::RewriteResult result = spirv::rewrite(
+        words, {device.root.address(), device.root.firstSlots(), device.carriesRayFlagBits, pipelineStage});
     static std::atomic<uint32_t> counter{0};
     const bool dumping = !device.instance->settings.dumpShaders.empty();
     const uint32_t number = dumping ? counter++ : 0;

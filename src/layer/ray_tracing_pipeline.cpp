@@ -299,8 +299,8 @@ private:
         const auto [known, isNew] = stages.index.try_emplace({VK_SHADER_UNUSED_KHR, decides}, VK_SHADER_UNUSED_KHR);
         if (!isNew)
             return known->second;
-        const VkShaderModule module =
-            device_.anyHitModules.get(decides, {device_.root.address(), device_.carriesRayFlagBits, std::nullopt});
+        const VkShaderModule module = device_.anyHitModules.get(
+            decides, {device_.root.address(), device_.root.firstSlots(), device_.carriesRayFlagBits, std::nullopt});
         if (!module) {
             device_.report().error("VELLUM-any-hit-shader", "the driver could not make a shader module of the layer's");
             return VK_SHADER_UNUSED_KHR;

@@ -12,9 +12,11 @@
 
 layout(local_size_x = 1) in;
 
-// Address of the root table. The linker turns both into ordinary constants.
+// Addresses of the root table and of its first slots. The linker turns them into ordinary constants.
 layout(constant_id = 0) const uint kRootLow = 0u;
 layout(constant_id = 1) const uint kRootHigh = 0u;
+layout(constant_id = 2) const uint kFirstSlotsLow = 0u;
+layout(constant_id = 3) const uint kFirstSlotsHigh = 0u;
 
 // Everything is indexed in whole records, so that no byte offset has to fit 32 bits. Data units are read word by word
 // but addressed by unit.
@@ -35,15 +37,19 @@ struct GeometryRecord {
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instances { InstanceRecord at[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometries { GeometryRecord at[]; };
 
+// Where the instance record of a slot is: in this page, with this index. Most devices never have more than the first
+// slots, which no load leads to.
 uvec2 vellumPage(const in uint slot)
 {
+    if (slot < kFirstSlots)
+        return uvec2(kFirstSlotsLow, kFirstSlotsHigh);
     const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
     return Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page];
 }
 
 uint vellumInPage(const in uint slot)
 {
-    return slot & ((1u << kSlotsPerPageLog2) - 1u);
+    return slot < kFirstSlots ? slot : slot & ((1u << kSlotsPerPageLog2) - 1u);
 }
 
 // State of the micro-triangle at barycentrics uv.

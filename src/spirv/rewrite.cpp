@@ -116,7 +116,9 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     Types types(*module);
     Linker linker(*module, types, lookup,
                   {{0, static_cast<std::uint32_t>(options.rootAddress)},
-                   {1, static_cast<std::uint32_t>(options.rootAddress >> 32)}});
+                   {1, static_cast<std::uint32_t>(options.rootAddress >> 32)},
+                   {2, static_cast<std::uint32_t>(options.firstSlots)},
+                   {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
     RayQueries queries(*module, types, linker, options.carriesFlagBits);
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
