@@ -16,8 +16,11 @@ struct RelayStep {
     std::uint32_t queryCandidates, queryCommitted, queryCustomIndex;
     float queryT;
     std::uint32_t queryFlags, primitive;
+    std::uint32_t anyHitQueries, anyHitCommitted;
+    float anyHitT;
+    std::uint32_t anyHitCustomIndex;
 };
-static_assert(sizeof(RelayStep) == 64);
+static_assert(sizeof(RelayStep) == 80);
 
 // Triangles behind each other like those of Columns, without micromaps.
 class PlainColumns

@@ -2,6 +2,7 @@
 // flags at run time, constant and specialized, hit groups with and without any-hit and closest-hit shaders.
 #include "pipeline_scene.h"
 
+#include "shaders/pipeline_by_address.h"
 #include "shaders/pipeline_constant_000.h"
 #include "shaders/pipeline_constant_001.h"
 #include "shaders/pipeline_constant_002.h"
@@ -12,6 +13,9 @@
 #include "shaders/pipeline_constant_402.h"
 #include "shaders/pipeline_constant_440.h"
 #include "shaders/pipeline_constant_480.h"
+#include "shaders/pipeline_in_function.h"
+#include "shaders/pipeline_mixed_080.h"
+#include "shaders/pipeline_mixed_401.h"
 #include "shaders/pipeline_specialized.h"
 
 namespace
@@ -82,6 +86,68 @@ TEST_F(PipelineResolution, SpecializedRayFlags)
         PipelineTracer tracer(gpu(), {.raygen = pipeline_specialized, .specializedFlags = flags});
         scene_->expect(tracer, flags, {.runTimeFlags = 0x80});
     }
+}
+
+TEST_F(PipelineResolution, ConstantAndRunTimeFlagsInOneModule)
+{
+    PipelineTracer first(gpu(), {.raygen = pipeline_mixed_080});
+    PipelineTracer second(gpu(), {.raygen = pipeline_mixed_401});
+    for (const std::uint32_t flags : allRayFlags()) {
+        scene_->expect(first, flags);
+        scene_->expect(second, flags);
+    }
+}
+
+TEST_F(PipelineResolution, RaysTracedInAFunction)
+{
+    PipelineTracer tracer(gpu(), {.raygen = pipeline_in_function});
+    for (const std::uint32_t flags : allRayFlags())
+        scene_->expect(tracer, flags);
+}
+
+// A module with capabilities and an extension more, as compilers other than glslang write them for these ray flags.
+std::vector<std::uint32_t> declaring(std::span<const std::uint32_t> words)
+{
+    constexpr std::uint32_t opCapability = 17, opExtension = 10;
+    constexpr std::uint32_t opacityMicromap = 5381, primitiveCulling = 4478;
+    const std::string_view name = "SPV_EXT_opacity_micromap";
+    std::vector<std::uint32_t> extension(1 + name.size() / 4 + 1);
+    extension[0] = static_cast<std::uint32_t>(extension.size()) << 16 | opExtension;
+    std::memcpy(extension.data() + 1, name.data(), name.size());
+    std::vector<std::uint32_t> out(words.begin(), words.begin() + 5);
+    for (const std::uint32_t capability : {opacityMicromap, primitiveCulling}) {
+        out.push_back(2u << 16 | opCapability);
+        out.push_back(capability);
+    }
+    std::size_t at = 5;
+    while ((words[at] & 0xffffu) == opCapability) {
+        out.insert(out.end(), words.begin() + static_cast<std::ptrdiff_t>(at),
+                   words.begin() + static_cast<std::ptrdiff_t>(at) + 2);
+        at += 2;
+    }
+    out.insert(out.end(), extension.begin(), extension.end());
+    out.insert(out.end(), words.begin() + static_cast<std::ptrdiff_t>(at), words.end());
+    return out;
+}
+
+// What the driver does not know is gone before it sees the module: the validation layer would tell.
+TEST_F(PipelineResolution, DeclaredExtensions)
+{
+    for (const std::span<const std::uint32_t> words :
+         {std::span<const std::uint32_t>(pipeline_constant_401), std::span<const std::uint32_t>(pipeline_mixed_401)}) {
+        const std::vector<std::uint32_t> more = declaring(words);
+        PipelineTracer tracer(gpu(), {.raygen = more});
+        scene_->expect(tracer, 0x401, {.runTimeFlags = 0x401});
+        // In a pipeline without the bit nothing of it may reach the driver either.
+        PipelineTracer without(gpu(), {.raygen = more, .flags = 0});
+    }
+}
+
+TEST_F(PipelineResolution, StructureByAddress)
+{
+    PipelineTracer tracer(gpu(), {.raygen = pipeline_by_address});
+    for (const std::uint32_t flags : allRayFlags())
+        scene_->expect(tracer, flags);
 }
 
 TEST_F(PipelineResolution, GroupsWithoutAnyHit)

@@ -5,6 +5,7 @@
 #include "shaders/pipeline_relay_callable.h"
 #include "shaders/pipeline_relay_closest_hit.h"
 #include "shaders/pipeline_relay_miss.h"
+#include "shaders/pipeline_relay_queries_any_hit.h"
 #include "shaders/pipeline_relay_queries_closest_hit.h"
 #include "shaders/pipeline_relay_queries_miss.h"
 #include "shaders/pipeline_relay_queries_raygen.h"
@@ -60,7 +61,7 @@ protected:
             {VK_SHADER_STAGE_RAYGEN_BIT_KHR, pick(pipeline_relay_queries_raygen, pipeline_relay_raygen)},
             {VK_SHADER_STAGE_MISS_BIT_KHR, pick(pipeline_relay_queries_miss, pipeline_relay_miss)},
             {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pick(pipeline_relay_queries_closest_hit, pipeline_relay_closest_hit)},
-            {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pipeline_relay_any_hit},
+            {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pick(pipeline_relay_queries_any_hit, pipeline_relay_any_hit)},
             {VK_SHADER_STAGE_CALLABLE_BIT_KHR, pipeline_relay_callable},
         };
         setup.groups = {{.general = 0},
@@ -141,6 +142,14 @@ private:
         if (!relay.queries)
             return;
         const std::uint32_t layer = columns.nearest(column, confirming, flags);
+        EXPECT_EQ(step.anyHitQueries, step.candidates);
+        if (step.candidates > 0) {
+            EXPECT_EQ(step.anyHitCommitted, layer == Columns::kLayers ? kNone : kTriangle);
+            if (layer != Columns::kLayers) {
+                EXPECT_EQ(step.anyHitCustomIndex, 4242u);
+                EXPECT_FLOAT_EQ(step.anyHitT, 1 + static_cast<float>(layer));
+            }
+        }
         EXPECT_EQ(step.queryCommitted, layer == Columns::kLayers ? kNone : kTriangle);
         EXPECT_EQ(step.queryFlags, flags);
         EXPECT_LE(step.queryCandidates, columns.nonOpaque(column, flags));

@@ -94,6 +94,7 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
     mores_ = Buffer(gpu_, count * sizeof(More), kStorage);
     push_.rayCount = static_cast<std::uint32_t>(rays.size());
     push_.capacity = capacity;
+    push_.scene = scene.address();
     resources_.write(scene.handle(),
                      std::array<const Buffer *, 6>{&rays_, &results_, &candidates_, &notes_, &visits_, &mores_});
 }

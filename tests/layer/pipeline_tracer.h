@@ -70,7 +70,7 @@ struct PipelineTracerSetup {
 class PipelineTracer
 {
 public:
-    static constexpr std::uint32_t kPushSize = 20;
+    static constexpr std::uint32_t kPushSize = 32;
 
     explicit PipelineTracer(Gpu &gpu, const PipelineTracerSetup &setup = {});
 
@@ -89,7 +89,8 @@ public:
 
 private:
     struct Push {
-        std::uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex;
+        std::uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex, pad;
+        VkDeviceAddress scene;
     };
     static_assert(sizeof(Push) == kPushSize);
 

@@ -97,6 +97,8 @@ layout(push_constant) uniform Push
     uint sbtOffset;
     uint sbtStride;
     uint missIndex;
+    uint pad;
+    uvec2 sceneAddress;
 } push;
 
 const uint kNever = 0u;

@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Chains of rays: the ray generation shader traces the first, the closest-hit or miss shader of each the next one,
 // with a callable shader in between. One of RAYGEN, MISS, CLOSEST_HIT, ANY_HIT, CALLABLE is defined. With QUERIES, each
-// shader that traces a ray traces another one with a ray query before.
+// shader that traces a ray traces another one with a ray query before, and so does the any-hit shader.
 #ifdef QUERIES
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
@@ -37,6 +37,10 @@ struct Step {
     float queryT;
     uint queryFlags;
     uint primitive;
+    uint anyHitQueries; // ray queries in the any-hit shader: the same ray
+    uint anyHitCommitted;
+    float anyHitT;
+    uint anyHitCustomIndex;
 };
 
 layout(binding = 0) uniform accelerationStructureEXT scene;
@@ -85,6 +89,23 @@ void main()
     payload.count += 1u;
     if (gl_IncomingRayFlagsEXT != ray.flags || payload.canary != payload.id * 77u + payload.depth)
         payload.bad += 1u;
+#ifdef QUERIES
+    const uint at = payload.id * push.depth + payload.depth;
+    rayQueryEXT query;
+    rayQueryInitializeEXT(query, accelerationStructureEXT(push.queryScene), ray.flags, ray.cullMask,
+                          vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,
+                          vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax);
+    while (rayQueryProceedEXT(query)) {
+        if (ray.rule == 1u)
+            rayQueryConfirmIntersectionEXT(query);
+    }
+    steps[at].anyHitQueries += 1u;
+    steps[at].anyHitCommitted = rayQueryGetIntersectionTypeEXT(query, true);
+    if (rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT) {
+        steps[at].anyHitCustomIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true));
+        steps[at].anyHitT = rayQueryGetIntersectionTEXT(query, true);
+    }
+#endif
     if (ray.rule != 1u)
         ignoreIntersectionEXT;
 }

@@ -5,6 +5,13 @@
 // the ray generation shader:
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
+//   MIXED=n       some rays are traced by an instruction of its own with the constant n, where that is their flags
+//   BY_ADDRESS    the acceleration structure comes as a device address
+//   IN_FUNCTION   rays are traced in a loop, in a function that gets the flags as a parameter
+#ifdef BY_ADDRESS
+#extension GL_EXT_ray_query : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#endif
 #include "pipeline_common.glsl"
 
 #ifndef RAYGEN
@@ -37,6 +44,21 @@ layout(constant_id = 0) const uint kFlags = 0u;
 #define FLAGS(ray) ray.flags
 #endif
 
+#ifdef BY_ADDRESS
+#define SCENE accelerationStructureEXT(push.sceneAddress)
+#else
+#define SCENE scene
+#endif
+#define TRACE(ray, flags)                                                                                              \
+    traceRayEXT(SCENE, flags, ray.cullMask, push.sbtOffset, push.sbtStride, push.missIndex,                            \
+                vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,                                           \
+                vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax, 0)
+
+void traceWith(Ray ray, uint flags)
+{
+    TRACE(ray, flags);
+}
+
 void main()
 {
     const uint id = (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
@@ -61,9 +83,21 @@ void main()
     payload.v = 0.0;
     payload.tMin = 0.0;
     payload.canary = canaryOf(id);
-    traceRayEXT(scene, FLAGS(ray), ray.cullMask, push.sbtOffset, push.sbtStride, push.missIndex,
-                vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,
-                vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax, 0);
+#if defined(MIXED)
+    if (ray.flags == MIXED && (id & 1u) == 0u)
+        TRACE(ray, MIXED);
+    else
+        TRACE(ray, ray.flags);
+#elif defined(IN_FUNCTION)
+    // Once, by what the compiler cannot know.
+    for (uint i = 0u; i < 4u; ++i) {
+        const uint bit = i == 0u ? 0x0fu : i == 1u ? 0xf0u : i == 2u ? 0x300u : 0xffffffffu;
+        if (i + 1u == max(ray.cullMask / 0x3fu, 1u))
+            traceWith(ray, (ray.flags & bit) | (ray.flags & ~bit));
+    }
+#else
+    TRACE(ray, FLAGS(ray));
+#endif
     Result r;
     r.candidates = payload.count;
     r.flags = payload.flags;
