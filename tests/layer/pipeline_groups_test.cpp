@@ -3,6 +3,9 @@
 
 #include "shaders/pipeline_linked.h"
 #include "shaders/pipeline_merged.h"
+#include "shaders/pipeline_wide_any_hit.h"
+#include "shaders/pipeline_wide_closest_hit.h"
+#include "shaders/pipeline_wide_intersection.h"
 
 namespace
 {
@@ -137,6 +140,75 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
             }
         }
     }
+}
+
+// As many hit attributes as lavapipe has room for, in boxes' groups beside triangles' groups.
+TEST_F(PipelineGroups, WideHitAttributes)
+{
+    if (gpu().pipelineProperties().maxRayHitAttributeSize < 32)
+        GTEST_SKIP() << "no room for the attributes";
+    for (const bool triangleAnyHit : {true, false}) {
+        for (const bool boxAnyHit : {true, false}) {
+            PipelineTracer tracer(
+                gpu(), {.groups = {{.anyHit = triangleAnyHit}, {.box = true, .anyHit = boxAnyHit}},
+                        .make = [](Gpu &g, const PipelineSetup &from) {
+                            PipelineSetup setup = from;
+                            const auto first = static_cast<std::uint32_t>(setup.stages.size());
+                            setup.stages.push_back({VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_wide_closest_hit});
+                            setup.stages.push_back({VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pipeline_wide_any_hit});
+                            setup.stages.push_back({VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_wide_intersection});
+                            PipelineGroup &boxes = setup.groups[3];
+                            boxes.closestHit = first;
+                            boxes.anyHit = boxes.anyHit == kUnused ? kUnused : first + 1;
+                            boxes.intersection = first + 2;
+                            return MadePipeline{RayPipeline(g, setup), {}};
+                        }});
+            expectAll(tracer, {.triangleAnyHit = triangleAnyHit, .boxAnyHit = boxAnyHit});
+        }
+    }
+}
+
+// No hit records at all, and rays that meet nothing.
+TEST_F(PipelineGroups, NoHitRecords)
+{
+    PipelineTracer tracer(gpu());
+    std::vector<Ray> rays = scene_->rays(0);
+    for (Ray &ray : rays)
+        ray.cullMask = 0;
+    tracer.prepare(scene_->tlas(), rays, 4);
+    const BindingTable &ours = tracer.table();
+    const VkStridedDeviceAddressRegionKHR none{};
+    VkStridedDeviceAddressRegionKHR empty = ours.hit;
+    empty.size = 0;
+    for (const VkStridedDeviceAddressRegionKHR &hit : {none, empty}) {
+        tracer.clearResults();
+        gpu().submit([&](VkCommandBuffer commands) {
+            tracer.bind(commands);
+            gpu().vk().CmdTraceRaysKHR(commands, &ours.raygen, &ours.miss, &hit, &ours.callable, tracer.rayCount(), 1,
+                                       1);
+            barrier(commands);
+        });
+        for (const PipelineResult &r : tracer.results()) {
+            EXPECT_EQ(r.committed, kNone);
+            EXPECT_EQ(r.candidateCount + r.visitCount, 0u);
+        }
+    }
+}
+
+// A trace of nothing, and one in three dimensions.
+TEST_F(PipelineGroups, LaunchSizes)
+{
+    PipelineTracer tracer(gpu(), {.records = {std::nullopt, 1}});
+    tracer.prepare(scene_->tlas(), scene_->rays(0x402), 4);
+    tracer.clearResults();
+    gpu().submit([&](VkCommandBuffer commands) {
+        tracer.bind(commands);
+        tracer.table().trace(commands, 0);
+        tracer.table().trace(commands, 4, 0, 3);
+        tracer.table().trace(commands, 8, tracer.rayCount() / 16 + 1, 2);
+        barrier(commands);
+    });
+    scene_->expect(tracer.results(), 0x402, {.triangleAnyHit = false, .triangleClosestHit = false});
 }
 
 // The trace's own offset, on top of the instances'.

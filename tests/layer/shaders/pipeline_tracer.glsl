@@ -32,6 +32,26 @@ uint customIndexRead()
 #endif
 #endif
 
+// WIDE: boxes have as many hit attributes as there may be.
+#ifdef WIDE
+struct Wide {
+    vec2 uv;
+    float more[6];
+};
+#define ATTRIBUTES hitAttributeEXT Wide wide;
+#define attributes wide.uv
+#define WRITE_WIDE                                                                                                     \
+    for (int i = 0; i < 6; ++i)                                                                                        \
+        wide.more[i] = wide.uv.x * float(i + 3);
+#define ATTRIBUTES_RIGHT                                                                                               \
+    (wide.more[0] == wide.uv.x * 3.0 && wide.more[1] == wide.uv.x * 4.0 && wide.more[2] == wide.uv.x * 5.0 &&          \
+     wide.more[3] == wide.uv.x * 6.0 && wide.more[4] == wide.uv.x * 7.0 && wide.more[5] == wide.uv.x * 8.0)
+#else
+#define ATTRIBUTES hitAttributeEXT vec2 attributes;
+#define WRITE_WIDE
+#define ATTRIBUTES_RIGHT true
+#endif
+
 #if defined(RAYGEN)
 layout(location = 0) rayPayloadEXT Payload payload;
 
@@ -133,7 +153,7 @@ void main()
 
 #elif defined(CLOSEST_HIT)
 layout(location = 0) rayPayloadInEXT Payload payload;
-hitAttributeEXT vec2 attributes;
+ATTRIBUTES
 
 void main()
 {
@@ -147,7 +167,7 @@ void main()
     payload.geometry = uint(gl_GeometryIndexEXT);
     payload.primitive = uint(gl_PrimitiveID);
     payload.t = gl_HitTEXT;
-    payload.u = attributes.x;
+    payload.u = ATTRIBUTES_RIGHT ? attributes.x : -1.0;
     payload.v = attributes.y;
     payload.tMin = gl_RayTminEXT;
     payload.record = recordData[0];
@@ -155,7 +175,7 @@ void main()
 
 #elif defined(ANY_HIT)
 layout(location = 0) rayPayloadInEXT Payload payload;
-hitAttributeEXT vec2 attributes;
+ATTRIBUTES
 
 void main()
 {
@@ -167,7 +187,7 @@ void main()
     c.geometry = uint(gl_GeometryIndexEXT);
     c.primitive = uint(gl_PrimitiveID);
     c.t = gl_HitTEXT;
-    c.u = attributes.x;
+    c.u = ATTRIBUTES_RIGHT ? attributes.x : -1.0;
     c.v = attributes.y;
     const bool accepted = confirms(payload.rule, c.customIndex, c.instance, c.geometry, c.primitive);
     c.bits = (triangle ? 0u : 1u) | (gl_HitKindEXT == gl_HitKindFrontFacingTriangleEXT ? 4u : 0u) |
@@ -190,7 +210,7 @@ void main()
 }
 
 #elif defined(INTERSECTION)
-hitAttributeEXT vec2 attributes;
+ATTRIBUTES
 
 void main()
 {
@@ -210,6 +230,7 @@ void main()
     if (t > 0.0) {
         v.reported = 1u; // stays where the any-hit shader ends the ray, and this invocation with it
         attributes = vec2(float(v.primitive) + 0.25, float(v.geometry) + 0.5);
+        WRITE_WIDE
     }
     if (count < push.capacity)
         visits[at] = v;
