@@ -1,4 +1,5 @@
 // How ray tracing pipelines are made: deferred, several at once, what may be destroyed when, stack sizes.
+#include <algorithm>
 #include <cstdlib>
 #include <thread>
 
@@ -295,6 +296,39 @@ TEST_F(PipelineCreation, StackSizeSetByTheApplication)
                 scene.expect(tracer.results(), flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
             }
         }
+    }
+}
+
+// The application's feedback has room for its own stages.
+TEST_F(PipelineCreation, Feedback)
+{
+    for (const bool anyHit : {true, false}) {
+        struct {
+            VkPipelineCreationFeedback whole{};
+            std::array<VkPipelineCreationFeedback, 6> stages{};
+            std::array<std::uint8_t, 256> guard{};
+        } feedback;
+        feedback.guard.fill(0xa5);
+        PipelineTracer tracer(gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
+                                      .make = [&](Gpu &g, const PipelineSetup &setup) {
+                                          PipelineInfo info(g, setup);
+                                          VkPipelineCreationFeedbackCreateInfo create{};
+                                          create.sType = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
+                                          create.pNext = info.get().pNext;
+                                          create.pPipelineCreationFeedback = &feedback.whole;
+                                          create.pipelineStageCreationFeedbackCount = info.get().stageCount;
+                                          create.pPipelineStageCreationFeedbacks = feedback.stages.data();
+                                          EXPECT_EQ(info.get().stageCount, feedback.stages.size());
+                                          info.get().pNext = &create;
+                                          VkPipeline pipeline = VK_NULL_HANDLE;
+                                          VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE,
+                                                                                       VK_NULL_HANDLE, 1, &info.get(),
+                                                                                       nullptr, &pipeline));
+                                          return MadePipeline{RayPipeline(g, pipeline), {}};
+                                      }});
+        EXPECT_TRUE(
+            std::all_of(feedback.guard.begin(), feedback.guard.end(), [](std::uint8_t b) { return b == 0xa5; }));
+        scene_->expect(tracer, 0x402, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
     }
 }
 

@@ -238,6 +238,26 @@ TEST_F(PipelineResolutionMaintenance5, FlagsInTheChain)
     }
 }
 
+// "flags from that structure is used instead of pname:flags from this structure."
+TEST_F(PipelineResolutionMaintenance5, FlagsInTheChainReplaceTheOthers)
+{
+    const PipelineScene plain(gpu(), {.micromaps = false});
+    for (const bool micromaps : {true, false}) {
+        PipelineTracer tracer(
+            gpu(),
+            {.flags = micromaps ? kMicromapBit : 0, .flags2 = true, .make = [&](Gpu &g, const PipelineSetup &setup) {
+                 PipelineInfo info(g, setup);
+                 info.get().flags = micromaps ? 0 : kMicromapBit;
+                 VkPipeline pipeline = VK_NULL_HANDLE;
+                 VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1,
+                                                              &info.get(), nullptr, &pipeline));
+                 return MadePipeline{RayPipeline(g, pipeline), {}};
+             }});
+        for (const std::uint32_t flags : opacityRayFlags(micromaps))
+            (micromaps ? *scene_ : plain).expect(tracer, flags);
+    }
+}
+
 TEST_F(PipelineResolutionMaintenance5, InlineModules)
 {
     PipelineTracer tracer(gpu(), {.inlineModules = true});

@@ -292,8 +292,7 @@ void expectPipeline(const VkRayTracingPipelineCreateInfoKHR &info)
     };
     const auto *flags2 = static_cast<const Flags2 *>(inChain(info.pNext, flags2Type));
     const VkFlags64 flags = flags2 != nullptr ? flags2->flags : VkFlags64{info.flags};
-    if ((flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0 ||
-        (info.flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
+    if ((flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
         tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
 }
 
