@@ -16,6 +16,7 @@
 #include "layer/injected_work.h"
 #include "layer/instance.h"
 #include "layer/private_data.h"
+#include "layer/ray_flag_probe.h"
 #include "layer/ray_tracing_pipeline.h"
 #include "layer/root_table.h"
 
@@ -75,7 +76,8 @@ struct Device {
     DeviceTable next;
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
 
-    bool carriesRayFlagBits = true; // see ray_flag_probe.h
+    bool micromapFeature = false; // the application enabled it, beside the extension
+    CarriedRayFlagBits carriesRayFlagBits;
 
     GpuContext gpu;
     RootTable root;

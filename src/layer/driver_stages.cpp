@@ -24,14 +24,22 @@ void dump(const Device &device, uint32_t number, const char *suffix, std::span<c
 
 } // namespace
 
+spirv::RewriteOptions rewriteOptions(const Device &device, std::optional<spirv::PipelineStage> pipelineStage)
+{
+    return {.rootAddress = device.root.address(),
+            .firstSlots = device.root.firstSlots(),
+            .queriesCarryFlagBits = device.carriesRayFlagBits.inQueries,
+            .pipelinesCarryFlagBits = device.carriesRayFlagBits.inPipelines,
+            .pipelineStage = pipelineStage};
+}
+
 bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
     const std::span<const uint32_t> words(code, bytes / 4);
     if (!spirv::tracesRays(words))
         return true;
-    spirv::RewriteResult result = spirv::rewrite(
-        words, {device.root.address(), device.root.firstSlots(), device.carriesRayFlagBits, pipelineStage});
+    spirv::RewriteResult result = spirv::rewrite(words, rewriteOptions(device, pipelineStage));
     static std::atomic<uint32_t> counter{0};
     const bool dumping = !device.instance->settings.dumpShaders.empty();
     const uint32_t number = dumping ? counter++ : 0;

@@ -16,6 +16,9 @@ namespace vellum::layer
 
 struct Device;
 
+spirv::RewriteOptions rewriteOptions(const Device &device,
+                                     std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
+
 // Rewrites one shader. `code` and `bytes` are replaced where it traces rays; `storage` then holds the words.
 // Returns false, and reports, where it cannot be rewritten.
 bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,

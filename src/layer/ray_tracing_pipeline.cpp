@@ -65,13 +65,16 @@ public:
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
         bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0;
+        if (usesMicromaps && !device_.micromapFeature) {
+            refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+                   "uses opacity micromaps, but the feature micromap is not enabled");
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
         for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
             const bool library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]) != nullptr;
             if (usesMicromaps && !library) {
-                device_.report().error("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
-                                       "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
-                                           " uses opacity micromaps, but library " + std::to_string(i) +
-                                           " was created without the bit");
+                refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
+                       "uses opacity micromaps, but library " + std::to_string(i) + " was created without the bit");
                 return VK_ERROR_VALIDATION_FAILED_EXT;
             }
             // The other way round is allowed, and the library's shaders are what they are.
@@ -104,6 +107,13 @@ public:
     }
 
 private:
+    // Reports about the pipeline that is being added.
+    void refuse(const char *id, const std::string &text)
+    {
+        device_.report().error(id, "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
+                                       " " + text);
+    }
+
     // What a driver's stage is made from: the application's stage, and what it decides.
     using StageKey = std::pair<uint32_t, Decides>;
 
@@ -166,8 +176,8 @@ private:
         Chain &chain = chains_.emplace_back(info.pNext);
         auto *own = chain.edit<VkPipelineCreationFeedbackCreateInfo>(type);
         if (!own) {
-            device_.report().error("VELLUM-pipeline-feedback",
-                                   "VkPipelineCreationFeedbackCreateInfo lies behind a structure of unknown size");
+            refuse("VELLUM-pipeline-feedback",
+                   "has VkPipelineCreationFeedbackCreateInfo behind a structure of unknown size");
             return VK_ERROR_INITIALIZATION_FAILED;
         }
         Feedback &feedback = feedback_.emplace_back();
@@ -188,8 +198,7 @@ private:
         Chain &chain = chains_.emplace_back(info.pNext);
         auto *flags = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
         if (!flags) {
-            device_.report().error("VELLUM-pipeline-flags",
-                                   "VkPipelineCreateFlags2CreateInfo lies behind a structure of unknown size");
+            refuse("VELLUM-pipeline-flags", "has VkPipelineCreateFlags2CreateInfo behind a structure of unknown size");
             return false;
         }
         flags->flags &= ~kHiddenPipelineFlags;
@@ -299,8 +308,7 @@ private:
         const auto [known, isNew] = stages.index.try_emplace({VK_SHADER_UNUSED_KHR, decides}, VK_SHADER_UNUSED_KHR);
         if (!isNew)
             return known->second;
-        const VkShaderModule module = device_.anyHitModules.get(
-            decides, {device_.root.address(), device_.root.firstSlots(), device_.carriesRayFlagBits, std::nullopt});
+        const VkShaderModule module = device_.anyHitModules.get(decides, rewriteOptions(device_));
         if (!module) {
             device_.report().error("VELLUM-any-hit-shader", "the driver could not make a shader module of the layer's");
             return VK_SHADER_UNUSED_KHR;

@@ -119,14 +119,14 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
                    {1, static_cast<std::uint32_t>(options.rootAddress >> 32)},
                    {2, static_cast<std::uint32_t>(options.firstSlots)},
                    {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
-    RayQueries queries(*module, types, linker, options.carriesFlagBits);
+    RayQueries queries(*module, types, linker, options.queriesCarryFlagBits);
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
         return failed(queries.error());
 
     const bool inPipeline = options.pipelineStage.has_value();
     BuiltIns builtIns(*module, types, linker, inPipeline);
-    TraceRays traces(*module, types, linker, options.carriesFlagBits);
+    TraceRays traces(*module, types, linker, options.pipelinesCarryFlagBits);
     changed = replaceInstructions(*module, builtIns, inPipeline ? &traces : nullptr) || changed;
     if (!traces.error().empty())
         return failed(traces.error());

@@ -44,10 +44,12 @@ struct PipelineStage {
 
 struct RewriteOptions {
     std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
-    std::uint64_t firstSlots = 0;  // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
+    std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     // Whether the driver gives ray flag bits 11..13 back. Without them, a module whose ray queries do not all pass
-    // constant flags with the same hidden bits is Failed, and so is a pipeline stage that hides any.
-    bool carriesFlagBits = true;
+    // constant flags with the same hidden bits is Failed.
+    bool queriesCarryFlagBits = true;
+    // The same of traceRay. Without them, a stage that hides any flag is Failed.
+    bool pipelinesCarryFlagBits = true;
     // The result is good for this stage only: other entry points are gone.
     std::optional<PipelineStage> pipelineStage;
 };

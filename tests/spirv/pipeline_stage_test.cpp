@@ -109,12 +109,12 @@ TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheCustomIndexChanges)
 TEST(PipelineStages, NeedCarriedBitsOnlyToHideFlags)
 {
     spirv::RewriteOptions options = optionsOf(kTrace);
-    options.carriesFlagBits = false;
+    options.pipelinesCarryFlagBits = false;
     const auto result = spirv::rewrite(loadShader("trace.rgen", "v15"), options);
     EXPECT_EQ(result.status, Status::Failed);
     EXPECT_NE(result.error.find("flag bits"), std::string::npos) << result.error;
     options = optionsOf(kTriangles);
-    options.carriesFlagBits = false;
+    options.pipelinesCarryFlagBits = false;
     EXPECT_EQ(spirv::rewrite(loadShader("any_hit.rahit", "v15"), options).status, Status::Rewritten);
 }
 
