@@ -61,6 +61,29 @@ protected:
     std::vector<Message> messages_;
 };
 
+class PipelineWithoutFeature : public PipelineBadInput
+{
+protected:
+    PipelineWithoutFeature() : PipelineBadInput({.validation = false, .newer = true, .micromapFeature = false}) {}
+};
+
+TEST_F(PipelineWithoutFeature, TheBit)
+{
+    tryChanged([](PipelineSetup &setup) { setup.flags |= kMicromapBit; });
+    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
+}
+
+TEST_F(PipelineWithoutFeature, TheBitInTheChain)
+{
+    if (!gpu().has("VK_KHR_maintenance5"))
+        GTEST_SKIP() << "no VkPipelineCreateFlags2CreateInfo";
+    tryChanged([](PipelineSetup &setup) {
+        setup.flags |= kMicromapBit;
+        setup.flags2 = true;
+    });
+    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
+}
+
 TEST_F(PipelineBadInput, LibraryWithoutTheBit)
 {
     std::vector<RayPipeline> libraries;

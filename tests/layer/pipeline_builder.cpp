@@ -186,7 +186,8 @@ BindingTable::BindingTable(Gpu &gpu, const RayPipeline &pipeline, const BindingR
                 std::memcpy(at, pipeline.groupHandles(*record.group).data(), static_cast<std::size_t>(handle));
             if (record.data.size() > kDataWords)
                 throw std::runtime_error("too much data in a binding table record");
-            std::memcpy(at + handle, record.data.data(), record.data.size() * 4);
+            if (!record.data.empty())
+                std::memcpy(at + handle, record.data.data(), record.data.size() * 4);
         }
         const bool none = part.records.empty();
         const VkDeviceSize bytes = part.region == &raygen ? alignUp(stride, 1) : stride * part.records.size();
