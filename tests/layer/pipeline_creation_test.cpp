@@ -299,6 +299,24 @@ TEST_F(PipelineCreation, StackSizeSetByTheApplication)
     }
 }
 
+// Pipelines are made by several threads at once (VkDevice is not externally synchronized).
+TEST_F(PipelineCreation, MadeByThreads)
+{
+    std::array<std::unique_ptr<PipelineTracer>, 4> tracers;
+    std::vector<std::thread> threads;
+    for (std::size_t i = 0; i < tracers.size(); ++i) {
+        threads.emplace_back([&, i] {
+            for (int k = 0; k < 3; ++k)
+                tracers[i] = std::make_unique<PipelineTracer>(
+                    gpu(), PipelineTracerSetup{.groups = {{.anyHit = i % 2 == 0}, {.box = true}}});
+        });
+    }
+    for (std::thread &thread : threads)
+        thread.join();
+    for (std::size_t i = 0; i < tracers.size(); ++i)
+        scene_->expect(*tracers[i], 0x402, {.triangleAnyHit = i % 2 == 0});
+}
+
 // The application's feedback has room for its own stages.
 TEST_F(PipelineCreation, Feedback)
 {
