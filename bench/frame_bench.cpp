@@ -1,10 +1,12 @@
 // vellum-bench: what micromaps cost and save on this machine, as Markdown.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <fmt/format.h>
 
 #include "cli/options.h"
 #include "cli/progress.h"
 #include "cli/render_command.h"
+#include "creation_bench.h"
 #include "scene_bench.h"
 
 namespace
@@ -14,6 +16,7 @@ using namespace vellum;
 
 struct Options {
     std::vector<std::filesystem::path> files;
+    std::vector<std::string> parts = {"queries", "pipelines", "creation"};
     std::string size = "640x360";
     unsigned repetitions = 5;
     std::vector<std::uint32_t> levels = {3, 5, 7};
@@ -22,30 +25,50 @@ struct Options {
     std::optional<std::filesystem::path> layerFolder;
 };
 
+const char *nameOf(cli::Trace trace)
+{
+    return trace == cli::Trace::Query ? "query" : "pipeline";
+}
+
 struct Row {
     std::string name;
+    cli::Trace trace;
     std::uint32_t instances;
     bench::SceneResult result;
 };
 
 void printLevels(const std::vector<Row> &rows)
 {
-    fmt::print("| scene | copies | level | micromap bytes | unknown | candidates/ray alpha | candidates/ray omm | "
-               "time omm/alpha | heavy omm/alpha |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|\n");
+    fmt::print(
+        "| scene | copies | rays by | level | micromap bytes | unknown | candidates/ray alpha | candidates/ray omm "
+        "| time omm/alpha | heavy omm/alpha |\n|---|--:|---|--:|--:|--:|--:|--:|--:|--:|\n");
     for (const Row &row : rows)
         for (const bench::LevelResult &l : row.result.levels)
-            fmt::print("| {} | {} | {} | {} | {:.1f} % | {:.3f} | {:.3f} | {:.3f} | {:.3f} |\n", row.name,
-                       row.instances, l.level, l.bytes, 100 * l.unknown, row.result.candidatesPerRay,
+            fmt::print("| {} | {} | {} | {} | {} | {:.1f} % | {:.3f} | {:.3f} | {:.3f} | {:.3f} |\n", row.name,
+                       row.instances, nameOf(row.trace), l.level, l.bytes, 100 * l.unknown, row.result.candidatesPerRay,
                        l.candidatesPerRay, l.plainRatio, l.heavyRatio);
+    fmt::print("\nAim for pipelines at levels 5 to 7: at most 0.97, heavy at most 0.80.\n\n");
 }
 
 void printScenes(const std::vector<Row> &rows)
 {
-    fmt::print("\n| scene | copies | alpha, ms | heavy alpha, ms | without micromaps: extension enabled / layer off "
-               "|\n|---|--:|--:|--:|--:|\n");
+    fmt::print(
+        "| scene | copies | rays by | alpha, ms | heavy alpha, ms | without micromaps: extension enabled / layer "
+        "off |\n|---|--:|---|--:|--:|--:|\n");
     for (const Row &row : rows)
-        fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.3f} |\n", row.name, row.instances, row.result.alphaMilliseconds,
-                   row.result.heavyMilliseconds, row.result.withoutMicromaps);
+        fmt::print("| {} | {} | {} | {:.1f} | {:.1f} | {:.3f} |\n", row.name, row.instances, nameOf(row.trace),
+                   row.result.alphaMilliseconds, row.result.heavyMilliseconds, row.result.withoutMicromaps);
+    fmt::print("\n");
+}
+
+void printCreation(const std::vector<bench::CreationResult> &results)
+{
+    fmt::print("| rays by | new pipeline and its first frame | layer off, ms | layer on, ms | on/off |\n"
+               "|---|---|--:|--:|--:|\n");
+    for (const bench::CreationResult &r : results)
+        fmt::print("| {} | {} micromaps | {:.1f} | {:.1f} | {:.3f} |\n", nameOf(r.trace),
+                   r.micromaps ? "with" : "without", r.without, r.with, r.ratio);
+    fmt::print("\nAim for pipelines: at most 1.3.\n");
 }
 
 std::vector<std::optional<std::filesystem::path>> scenesOf(const Options &options)
@@ -63,34 +86,68 @@ std::vector<std::optional<std::filesystem::path>> scenesOf(const Options &option
     return scenes;
 }
 
-void run(const Options &options)
+bool wants(const Options &options, const char *part)
 {
-    cli::RenderSettings settings;
-    cli::parseSize(options.size, settings);
-    cli::offerLayer(options.layerFolder);
-    const cli::Instance without(false);
-    const cli::Instance with(true);
-    const cli::DeviceInfo info = cli::chooseDevice(with, options.device);
-    cli::Device classic(cli::chooseDevice(without, options.device), false);
-    cli::Device enabled(info, true);
-    fmt::print("{}, micromaps: {}. {} x {} pixels, median of {}.\n\n", info.name, info.implementation, settings.width,
-               settings.height, options.repetitions);
-    std::fflush(stdout);
+    return std::find(options.parts.begin(), options.parts.end(), part) != options.parts.end();
+}
 
+std::vector<Row> measureFrames(const Options &options, const bench::Devices &devices, cli::RenderSettings settings,
+                               const std::vector<cli::Trace> &traces)
+{
     std::vector<Row> rows;
     for (const auto &file : scenesOf(options)) {
         const std::string name = file ? file->stem().string() : "grove";
         for (const std::uint32_t copies : options.instances) {
-            cli::Progress progress(name + " x " + std::to_string(copies));
             const cli::RenderScene scene = cli::prepareScene(cli::loadScene(file), copies);
-            rows.push_back(
-                {name, copies,
-                 bench::measureScene({classic, enabled}, scene, settings, options.levels, options.repetitions,
-                                     [&](std::size_t done, std::size_t all) { progress.update(done, all); })});
+            for (const cli::Trace trace : traces) {
+                cli::Progress progress(fmt::format("{} x {}, {}", name, copies, nameOf(trace)));
+                settings.trace = trace;
+                rows.push_back(
+                    {name, trace, copies,
+                     bench::measureScene(devices, scene, settings, options.levels, options.repetitions,
+                                         [&](std::size_t done, std::size_t all) { progress.update(done, all); })});
+            }
         }
     }
-    printLevels(rows);
-    printScenes(rows);
+    return rows;
+}
+
+void run(const Options &options)
+{
+    cli::RenderSettings settings;
+    cli::parseSize(options.size, settings);
+    bench::disableShaderCaches();
+    cli::offerLayer(options.layerFolder);
+    const cli::Instance without(false);
+    const cli::Instance with(true);
+    const cli::DeviceInfo info = cli::chooseDevice(with, options.device);
+    const bool pipelines = info.rayTracingPipelines;
+    cli::Device classic(cli::chooseDevice(without, options.device), {false, pipelines});
+    cli::Device enabled(info, {true, pipelines});
+    const bench::Devices devices{classic, enabled};
+    fmt::print("{}, micromaps: {}. {} x {} pixels, median of {}.{}\n\n", info.name, info.implementation, settings.width,
+               settings.height, options.repetitions, pipelines ? "" : " There are no ray tracing pipelines.");
+    std::fflush(stdout);
+
+    std::vector<cli::Trace> traces;
+    if (wants(options, "queries"))
+        traces.push_back(cli::Trace::Query);
+    if (wants(options, "pipelines") && pipelines)
+        traces.push_back(cli::Trace::Pipeline);
+    if (!traces.empty()) {
+        const std::vector<Row> rows = measureFrames(options, devices, settings, traces);
+        printLevels(rows);
+        printScenes(rows);
+        std::fflush(stdout);
+    }
+    if (wants(options, "creation")) {
+        std::vector<cli::Trace> all = {cli::Trace::Query};
+        if (pipelines)
+            all.push_back(cli::Trace::Pipeline);
+        const cli::RenderScene scene = cli::prepareScene(cli::loadScene(scenesOf(options).front()), 1);
+        const cli::Progress progress("making pipelines");
+        printCreation(bench::measureCreation(devices, scene, all, options.levels.front(), options.repetitions));
+    }
 }
 
 } // namespace
@@ -101,6 +158,10 @@ int main(int argc, char **argv)
         Options options;
         CLI::App app("Compares frames with and without opacity micromaps; prints Markdown.", "vellum-bench");
         app.add_option("files", options.files, "GLB files; without: the shared trees, or the grove");
+        app.add_option("-p,--parts", options.parts,
+                       "What to measure: frames by queries, frames by pipelines, creation of pipelines; without: all")
+            ->check(CLI::IsMember(options.parts).description(""))
+            ->type_name("queries|pipelines|creation ...");
         app.add_option("-s,--size", options.size, "Width and height in pixels")->capture_default_str();
         app.add_option("-r,--repetitions", options.repetitions, "Frames of each variant")
             ->capture_default_str()

@@ -1,6 +1,6 @@
 #include "scene_bench.h"
 
-#include "cli/render_command.h"
+#include "side_by_side.h"
 
 namespace vellum::bench
 {
@@ -15,7 +15,7 @@ using Micromaps = std::vector<const Micromap *>;
 struct Variant {
     std::unique_ptr<Renderer> renderer;
     Renderer *classic = nullptr;
-    std::vector<double> ratios;
+    SideBySide times;
     double *result = nullptr; // where the median goes
 };
 
@@ -61,23 +61,17 @@ SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, 
         v.renderer->frame(); // warms up
     plain.frame();
     heavy.frame();
-    std::vector<double> classic[2];
     std::size_t done = 0;
     for (unsigned r = 0; r < repetitions; ++r) {
         for (Variant &v : variants) {
-            const double before = v.classic->frame();
-            const double own = v.renderer->frame();
-            const double after = v.classic->frame();
-            v.ratios.push_back(2 * own / (before + after));
-            std::vector<double> &times = classic[v.classic == &heavy ? 1 : 0];
-            times.insert(times.end(), {before, after});
+            v.times.measure([&] { return v.classic->frame(); }, [&] { return v.renderer->frame(); });
             progress(++done, repetitions * variants.size());
         }
     }
-    for (const Variant &v : variants)
-        *v.result = cli::median(v.ratios);
-    result.alphaMilliseconds = cli::median(classic[0]);
-    result.heavyMilliseconds = classic[1].empty() ? 0 : cli::median(classic[1]);
+    for (const Variant &v : variants) {
+        *v.result = v.times.ratio();
+        (v.classic == &heavy ? result.heavyMilliseconds : result.alphaMilliseconds) = v.times.classic();
+    }
     return result;
 }
 

@@ -72,9 +72,7 @@ AccelerationStructure::AccelerationStructure(Device &device, VkAccelerationStruc
                                       VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
                                       VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR};
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
-                             VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR |
-                                 VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-                             0, 1, &barrier, 0, nullptr, 0, nullptr);
+                             VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &barrier, 0, nullptr, 0, nullptr);
     });
 }
 

@@ -37,7 +37,8 @@ struct DeviceInfo {
     VkPhysicalDevice handle = VK_NULL_HANDLE;
     std::string name;
     VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
-    bool rayQuery = false;      // and what else the renderer needs
+    bool rayQuery = false; // and what else the renderer needs
+    bool rayTracingPipelines = false;
     bool micromaps = false;     // VK_EXT_opacity_micromap, from whomever
     std::string implementation; // of the extension, in words
 };
@@ -60,13 +61,23 @@ struct DeviceFunctions {
     PFN_vkDestroyMicromapEXT destroyMicromap;
     PFN_vkGetMicromapBuildSizesEXT getMicromapBuildSizes;
     PFN_vkCmdBuildMicromapsEXT cmdBuildMicromaps;
+    // Null without VK_KHR_ray_tracing_pipeline.
+    PFN_vkCreateRayTracingPipelinesKHR createRayTracingPipelines;
+    PFN_vkGetRayTracingShaderGroupHandlesKHR getRayTracingShaderGroupHandles;
+    PFN_vkCmdTraceRaysKHR cmdTraceRays;
+};
+
+// What a device is to have enabled besides ray queries.
+struct DeviceNeeds {
+    bool micromaps = false;           // VK_EXT_opacity_micromap
+    bool rayTracingPipelines = false; // VK_KHR_ray_tracing_pipeline
 };
 
 class Device
 {
 public:
-    // With `micromaps`, VK_EXT_opacity_micromap is enabled. Throws Error where the device cannot do what is needed.
-    Device(const DeviceInfo &info, bool micromaps);
+    // Throws Error where the device cannot do what is needed.
+    Device(const DeviceInfo &info, const DeviceNeeds &needs);
     ~Device();
     Device(const Device &) = delete;
     Device &operator=(const Device &) = delete;
@@ -90,8 +101,8 @@ public:
 
 private:
     explicit Device(const DeviceInfo &info) : m_info(info) {}
-    void create(bool micromaps);
-    void loadFunctions(bool micromaps);
+    void create(const DeviceNeeds &needs);
+    void loadFunctions(const DeviceNeeds &needs);
     void readProperties();
 
     DeviceInfo m_info;

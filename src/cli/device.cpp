@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <utility>
 
 #include "cli/context.h"
 
@@ -6,13 +7,15 @@ namespace vellum::cli
 {
 
 // Delegates, so that the destructor also runs where this throws.
-Device::Device(const DeviceInfo &info, bool micromaps) : Device(info)
+Device::Device(const DeviceInfo &info, const DeviceNeeds &needs) : Device(info)
 {
-    if (micromaps && !info.micromaps)
+    if (needs.micromaps && !info.micromaps)
         throw Error(info.name + " has no VK_EXT_opacity_micromap, and the layer that brings it is not turned on");
+    if (needs.rayTracingPipelines && !info.rayTracingPipelines)
+        throw Error(info.name + " has no ray tracing pipelines (VK_KHR_ray_tracing_pipeline)");
     readProperties();
-    create(micromaps);
-    loadFunctions(micromaps);
+    create(needs);
+    loadFunctions(needs);
 }
 
 Device::~Device()
@@ -49,7 +52,7 @@ void Device::readProperties()
     m_timestamps = found->timestampValidBits != 0 && m_info.type != VK_PHYSICAL_DEVICE_TYPE_CPU;
 }
 
-void Device::create(bool micromaps)
+void Device::create(const DeviceNeeds &needs)
 {
     VkPhysicalDeviceVulkan12Features supported{};
     supported.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
@@ -60,8 +63,11 @@ void Device::create(bool micromaps)
 
     VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT,
                                                         nullptr, VK_TRUE, VK_FALSE, VK_FALSE};
-    VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR,
-                                                 micromaps ? &micromap : nullptr, VK_TRUE};
+    VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
+    pipelines.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR;
+    pipelines.rayTracingPipeline = VK_TRUE;
+    VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR, nullptr,
+                                                 VK_TRUE};
     VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
     structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
     structures.pNext = &rayQuery;
@@ -87,8 +93,14 @@ void Device::create(bool micromaps)
     std::vector<const char *> extensions = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
                                             VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
                                             VK_KHR_RAY_QUERY_EXTENSION_NAME};
-    if (micromaps)
-        extensions.push_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    const auto add = [&](auto &feature, const char *extension) {
+        feature.pNext = std::exchange(rayQuery.pNext, &feature);
+        extensions.push_back(extension);
+    };
+    if (needs.micromaps)
+        add(micromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    if (needs.rayTracingPipelines)
+        add(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
     VkDeviceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
     info.pNext = &features;
@@ -104,7 +116,7 @@ void Device::create(bool micromaps)
     check(vkCreateFence(m_device, &fence, nullptr, &m_fence), "creating a fence");
 }
 
-void Device::loadFunctions(bool micromaps)
+void Device::loadFunctions(const DeviceNeeds &needs)
 {
     const auto load = [this](auto &function, const char *name) {
         function = reinterpret_cast<std::remove_reference_t<decltype(function)>>(vkGetDeviceProcAddr(m_device, name));
@@ -116,12 +128,17 @@ void Device::loadFunctions(bool micromaps)
     load(m_functions.getAccelerationStructureBuildSizes, "vkGetAccelerationStructureBuildSizesKHR");
     load(m_functions.getAccelerationStructureDeviceAddress, "vkGetAccelerationStructureDeviceAddressKHR");
     load(m_functions.cmdBuildAccelerationStructures, "vkCmdBuildAccelerationStructuresKHR");
-    if (!micromaps)
-        return;
-    load(m_functions.createMicromap, "vkCreateMicromapEXT");
-    load(m_functions.destroyMicromap, "vkDestroyMicromapEXT");
-    load(m_functions.getMicromapBuildSizes, "vkGetMicromapBuildSizesEXT");
-    load(m_functions.cmdBuildMicromaps, "vkCmdBuildMicromapsEXT");
+    if (needs.micromaps) {
+        load(m_functions.createMicromap, "vkCreateMicromapEXT");
+        load(m_functions.destroyMicromap, "vkDestroyMicromapEXT");
+        load(m_functions.getMicromapBuildSizes, "vkGetMicromapBuildSizesEXT");
+        load(m_functions.cmdBuildMicromaps, "vkCmdBuildMicromapsEXT");
+    }
+    if (needs.rayTracingPipelines) {
+        load(m_functions.createRayTracingPipelines, "vkCreateRayTracingPipelinesKHR");
+        load(m_functions.getRayTracingShaderGroupHandles, "vkGetRayTracingShaderGroupHandlesKHR");
+        load(m_functions.cmdTraceRays, "vkCmdTraceRaysKHR");
+    }
 }
 
 std::optional<std::uint32_t> Device::memoryType(std::uint32_t allowed, VkMemoryPropertyFlags needed,

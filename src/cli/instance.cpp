@@ -2,6 +2,7 @@
 #include <cctype>
 #include <cstring>
 #include <set>
+#include <utility>
 
 #include "cli/context.h"
 #include "cli/layer_path.h"
@@ -82,12 +83,18 @@ DeviceInfo describe(VkPhysicalDevice device)
         return info;
     VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT,
                                                         nullptr, VK_FALSE, VK_FALSE, VK_FALSE};
-    const bool listed = extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR,
-                                                 listed ? &micromap : nullptr, VK_FALSE};
+    VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
+    pipelines.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR;
+    VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR, nullptr,
+                                                 VK_FALSE};
+    if (extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
+        micromap.pNext = std::exchange(rayQuery.pNext, &micromap);
+    if (extensions.contains(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        pipelines.pNext = std::exchange(rayQuery.pNext, &pipelines);
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &rayQuery, {}};
     vkGetPhysicalDeviceFeatures2(device, &features);
     info.rayQuery = rayQuery.rayQuery == VK_TRUE;
+    info.rayTracingPipelines = pipelines.rayTracingPipeline == VK_TRUE;
     info.micromaps = micromap.micromap == VK_TRUE;
     info.implementation = info.micromaps ? describeImplementation(device, properties.apiVersion) : "none";
     return info;

@@ -14,7 +14,8 @@ namespace
 constexpr const char *kRenderDetails = R"(
 An ordinary Vulkan program: where the driver lacks VK_EXT_opacity_micromap, the layer VK_LAYER_VELLUM_opacity_micromap,
 which is turned on by default, brings it. Which device and which implementation of the extension were used is printed.
-It needs a Vulkan 1.3 device with ray queries; Mesa's lavapipe is one that runs on any processor.
+It needs a Vulkan 1.3 device with ray queries, and with ray tracing pipelines for --trace pipeline; Mesa's lavapipe is
+one that runs on any processor.
 
 Examples:
   vellum render
@@ -23,6 +24,8 @@ Examples:
       draws a tree with and without micromaps, and prints what they save
   vellum render ash.glb --mode compare --instances 9 --heavy --level 5
       nine copies, a costly alpha test, coarser and smaller micromaps
+  vellum render ash.glb --mode compare --trace pipeline
+      the same rays by a ray tracing pipeline with an any-hit shader
   vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
       a smooth picture from another side)";
 
@@ -39,8 +42,14 @@ std::uint32_t parseLevel(const std::string &text)
     throw Error("--level: " + text + " is neither a subdivision level (0 to 12) nor auto");
 }
 
-// What CLI11 stores as text.
+const std::map<std::string, Mode> kModes = {
+    {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
+const std::map<std::string, Trace> kTraces = {{"query", Trace::Query}, {"pipeline", Trace::Pipeline}};
+
+// What CLI11 stores as text. Names of enumerators too: it would take numbers and nothing for them.
 struct RawOptions {
+    std::string mode = "omm";
+    std::string trace = "query";
     std::string size;
     std::string level = "7";
     unsigned format = 4;
@@ -49,17 +58,21 @@ struct RawOptions {
 
 void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
 {
-    const std::map<std::string, Mode> modes = {
-        {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
     command.footer(kRenderDetails);
     command.add_option("file", options.input, "A .glb or .gltf file; the built-in grove without");
     command
-        .add_option("-m,--mode", options.mode,
+        .add_option("-m,--mode", raw.mode,
                     "alpha: no micromaps, the shader samples the texture for every candidate.\n"
                     "omm: micromaps, it samples only where they are unknown.\n"
                     "compare: both, with a table of times, candidates per ray and differing pixels [omm]")
-        ->transform(CLI::Transformer(modes).description(""))
+        ->check(CLI::IsMember(kModes).description(""))
         ->type_name("MODE");
+    command
+        .add_option("-t,--trace", raw.trace,
+                    "query: ray queries in a compute shader.\n"
+                    "pipeline: a ray tracing pipeline, whose any-hit shader samples the texture [query]")
+        ->check(CLI::IsMember(kTraces).description(""))
+        ->type_name("WAY");
     command.add_option("-o,--output", options.output,
                        "The PNG to write; compare writes <name>-alpha.png too, and\n"
                        "<name>-difference.png if there is any [vellum.png]");
@@ -93,6 +106,8 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
         parseSize(raw.size, options.settings);
     if (raw.level != "auto")
         options.bake.level = parseLevel(raw.level);
+    options.mode = kModes.at(raw.mode);
+    options.settings.trace = kTraces.at(raw.trace);
     options.layer = !raw.noLayer;
     // NaN passes CLI11's range checks.
     const View &view = options.settings.view;
@@ -132,7 +147,7 @@ int runCommandLine(int argc, char **argv)
     RenderOptions options;
     RawOptions raw;
     CLI::App &render =
-        *app.add_subcommand("render", "Renders foliage, from a glTF file or built in, to a PNG by ray queries");
+        *app.add_subcommand("render", "Renders foliage, from a glTF file or built in, to a PNG by tracing rays");
     declareRender(render, options, raw);
     try {
         app.parse(argc, argv);

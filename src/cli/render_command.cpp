@@ -34,6 +34,8 @@ std::filesystem::path withSuffix(const std::filesystem::path &path, const char *
 void printScene(const RenderOptions &options, const DeviceInfo &device, const RenderScene &scene)
 {
     fmt::print("device      {}\n", device.name);
+    fmt::print("rays        by {}\n",
+               options.settings.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline");
     fmt::print("micromaps   {}\n", options.mode == Mode::Alpha ? "not used" : device.implementation);
     fmt::print("scene       {}: {} masked and {} solid triangles{}\n",
                options.input ? options.input->filename().string() : "the built-in grove",
@@ -63,6 +65,11 @@ void writePicture(const std::filesystem::path &path, const Picture &picture)
 {
     writePng(path, picture);
     fmt::print("wrote       {}\n", path.string());
+}
+
+DeviceNeeds needsOf(const RenderOptions &options, bool micromaps)
+{
+    return {micromaps, options.settings.trace == Trace::Pipeline};
 }
 
 struct Timing {
@@ -112,8 +119,8 @@ void printComparison(const RenderOptions &options, const Timing &alpha, const Ti
 int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
 {
     // Two devices: the classic one does not enable the extension and pays nothing for it.
-    Device plain(info, false);
-    Device enabled(info, true);
+    Device plain(info, needsOf(options, false));
+    Device enabled(info, needsOf(options, true));
     Timing alpha;
     Timing omm;
     std::unique_ptr<Renderer> a;
@@ -179,16 +186,19 @@ int renderCommand(const RenderOptions &options)
     if (options.mode != Mode::Alpha && !info.micromaps)
         throw Error(info.name + " has no VK_EXT_opacity_micromap" +
                     (instance.layerEnabled() ? "" : ", and the layer that brings it is not turned on"));
+    if (options.settings.trace == Trace::Pipeline && !info.rayTracingPipelines)
+        throw Error(info.name +
+                    " has no ray tracing pipelines (VK_KHR_ray_tracing_pipeline); --trace query does without");
     printScene(options, info, scene);
     if (options.mode == Mode::Alpha) {
-        Device device(info, false);
+        Device device(info, needsOf(options, false));
         return renderOne(options, device, scene, {});
     }
     const BakedScene baked = bakeWithProgress(options, scene.scene);
     printBake(options, baked);
     if (options.mode == Mode::Compare)
         return renderBoth(options, info, scene, baked);
-    Device device(info, true);
+    Device device(info, needsOf(options, true));
     return renderOne(options, device, scene, baked.micromaps());
 }
 

@@ -9,7 +9,7 @@
 namespace vellum::cli
 {
 
-// shaders/render.comp reads this
+// shaders/scene.glsl reads this
 struct GeometryRecord {
     std::uint32_t firstTriangle; // in uvs and normals
     std::int32_t texture;        // -1: none

@@ -3,16 +3,20 @@
 #include <algorithm>
 #include <chrono>
 
-#include "shaders/render_comp.h"
-
 namespace vellum::cli
 {
 namespace
 {
 
-constexpr std::uint32_t kGroup = 8; // local size of the shader, both ways
 constexpr std::uint32_t kTextureBinding = 6;
 constexpr std::uint32_t kHeavyReads = 16;
+
+using Clock = std::chrono::steady_clock;
+
+double millisecondsSince(Clock::time_point start)
+{
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
 
 Image whiteImage()
 {
@@ -35,7 +39,7 @@ Renderer::Renderer(Device &device, const RenderScene &scene, std::span<const Mic
     uploadScene(scene);
     createLayouts();
     createDescriptors();
-    m_pipeline = createPipeline(false);
+    m_pipeline = makePipeline(false);
     recordFrame();
 }
 
@@ -43,8 +47,6 @@ Renderer::~Renderer()
 {
     const VkDevice device = m_device.handle();
     vkDestroyQueryPool(device, m_timestamps, nullptr);
-    vkDestroyPipeline(device, m_countingPipeline, nullptr);
-    vkDestroyPipeline(device, m_pipeline, nullptr);
     vkDestroyDescriptorPool(device, m_pool, nullptr);
     vkDestroyPipelineLayout(device, m_layout, nullptr);
     vkDestroyDescriptorSetLayout(device, m_setLayout, nullptr);
@@ -99,18 +101,19 @@ void Renderer::uploadScene(const RenderScene &scene)
 
 void Renderer::createLayouts()
 {
+    const VkShaderStageFlags stages = stagesOf(m_settings.trace).shaders;
     std::vector<VkDescriptorSetLayoutBinding> bindings;
     const auto textures = static_cast<std::uint32_t>(m_textures.size());
     for (std::uint32_t i = 0; i <= kTextureBinding; ++i) {
         const VkDescriptorType type = i == 0                 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR
                                       : i == kTextureBinding ? VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER
                                                              : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-        bindings.push_back({i, type, i == kTextureBinding ? textures : 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+        bindings.push_back({i, type, i == kTextureBinding ? textures : 1, stages, nullptr});
     }
     const VkDescriptorSetLayoutCreateInfo set{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0,
                                               static_cast<std::uint32_t>(bindings.size()), bindings.data()};
     check(vkCreateDescriptorSetLayout(m_device.handle(), &set, nullptr, &m_setLayout), "creating a descriptor layout");
-    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(Frame)};
+    const VkPushConstantRange range{stages, 0, sizeof(Frame)};
     const VkPipelineLayoutCreateInfo layout{
         VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &m_setLayout, 1, &range};
     check(vkCreatePipelineLayout(m_device.handle(), &layout, nullptr, &m_layout), "creating a pipeline layout");
@@ -153,42 +156,27 @@ void Renderer::createDescriptors()
     vkUpdateDescriptorSets(m_device.handle(), 3, writes, 0, nullptr);
 }
 
-VkPipeline Renderer::createPipeline(bool counting) const
+std::unique_ptr<TracePipeline> Renderer::makePipeline(bool counting) const
 {
-    const VkShaderModuleCreateInfo code{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, sizeof(render_comp),
-                                        render_comp};
-    VkShaderModule module = VK_NULL_HANDLE;
-    check(vkCreateShaderModule(m_device.handle(), &code, nullptr, &module), "creating a shader module");
-    const std::uint32_t constants[] = {static_cast<std::uint32_t>(m_textures.size()),
-                                       m_settings.heavy ? kHeavyReads : 0, counting ? VK_TRUE : VK_FALSE};
-    const VkSpecializationMapEntry entries[] = {{0, 0, 4}, {1, 4, 4}, {2, 8, 4}};
-    const VkSpecializationInfo specialization{3, entries, sizeof(constants), constants};
-    VkComputePipelineCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.module = module;
-    info.stage.pName = "main";
-    info.stage.pSpecializationInfo = &specialization;
+    TracePipelineInfo info;
     info.layout = m_layout;
-    VkPipeline pipeline = VK_NULL_HANDLE;
-    const VkResult result = vkCreateComputePipelines(m_device.handle(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline);
-    vkDestroyShaderModule(m_device.handle(), module, nullptr);
-    check(result, "creating the pipeline");
-    return pipeline;
+    info.micromaps = m_world.micromapBytes() != 0;
+    info.constants.textures = static_cast<std::uint32_t>(m_textures.size());
+    info.constants.heavyReads = m_settings.heavy ? kHeavyReads : 0;
+    info.constants.counting = counting ? VK_TRUE : VK_FALSE;
+    return makeTracePipeline(m_device, m_settings.trace, info);
 }
 
-void Renderer::record(VkCommandBuffer commands, VkPipeline pipeline) const
+void Renderer::record(VkCommandBuffer commands, const TracePipeline &pipeline) const
 {
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, m_layout, 0, 1, &m_set, 0, nullptr);
-    vkCmdPushConstants(commands, m_layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(Frame), &m_frame);
-    vkCmdDispatch(commands, (m_settings.width + kGroup - 1) / kGroup, (m_settings.height + kGroup - 1) / kGroup, 1);
+    const TraceStages stages = stagesOf(m_settings.trace);
+    vkCmdBindDescriptorSets(commands, stages.bindPoint, m_layout, 0, 1, &m_set, 0, nullptr);
+    vkCmdPushConstants(commands, m_layout, stages.shaders, 0, sizeof(Frame), &m_frame);
+    pipeline.record(commands, m_settings.width, m_settings.height);
     const VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_SHADER_WRITE_BIT,
                                   VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT};
-    vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-                         VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0, 1, &barrier, 0,
-                         nullptr, 0, nullptr);
+    vkCmdPipelineBarrier(commands, stages.pipelineStage, VK_PIPELINE_STAGE_TRANSFER_BIT | stages.pipelineStage, 0, 1,
+                         &barrier, 0, nullptr, 0, nullptr);
 }
 
 void Renderer::recordFrame()
@@ -208,7 +196,7 @@ void Renderer::recordFrame()
         vkCmdResetQueryPool(m_commands, m_timestamps, 0, 2);
         vkCmdWriteTimestamp(m_commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, m_timestamps, 0);
     }
-    record(m_commands, m_pipeline);
+    record(m_commands, *m_pipeline);
     if (m_timestamps != VK_NULL_HANDLE)
         vkCmdWriteTimestamp(m_commands, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, m_timestamps, 1);
     check(vkEndCommandBuffer(m_commands), "recording commands");
@@ -216,15 +204,23 @@ void Renderer::recordFrame()
 
 double Renderer::frame()
 {
-    const auto start = std::chrono::steady_clock::now();
+    const Clock::time_point start = Clock::now();
     m_device.submitAndWait(m_commands);
     if (m_timestamps == VK_NULL_HANDLE)
-        return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+        return millisecondsSince(start);
     std::uint64_t ticks[2] = {};
     check(vkGetQueryPoolResults(m_device.handle(), m_timestamps, 0, 2, sizeof(ticks), ticks, sizeof(ticks[0]),
                                 VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
           "reading timestamps");
     return static_cast<double>(ticks[1] - ticks[0]) * m_nanosecondsPerTick * 1e-6;
+}
+
+double Renderer::firstFrame()
+{
+    const Clock::time_point start = Clock::now();
+    const std::unique_ptr<TracePipeline> pipeline = makePipeline(false);
+    m_device.run([&](VkCommandBuffer commands) { record(commands, *pipeline); });
+    return millisecondsSince(start);
 }
 
 Picture Renderer::picture()
@@ -235,9 +231,9 @@ Picture Renderer::picture()
 
 CandidateCount Renderer::count()
 {
-    if (m_countingPipeline == VK_NULL_HANDLE)
-        m_countingPipeline = createPipeline(true);
-    m_device.run([this](VkCommandBuffer commands) { record(commands, m_countingPipeline); });
+    if (!m_countingPipeline)
+        m_countingPipeline = makePipeline(true);
+    m_device.run([this](VkCommandBuffer commands) { record(commands, *m_countingPipeline); });
     const std::size_t pixels = std::size_t{m_settings.width} * m_settings.height;
     const std::vector<std::uint32_t> counts = downloadWords(m_device, m_counts, 2 * pixels);
     CandidateCount sum;

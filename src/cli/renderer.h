@@ -1,4 +1,4 @@
-// The picture: one compute shader, with or without micromaps in the structures that it traces.
+// The picture: everything but the way of tracing, with or without micromaps in the structures that are traced.
 #pragma once
 
 #include <cstdint>
@@ -6,6 +6,7 @@
 #include "cli/acceleration.h"
 #include "cli/camera.h"
 #include "cli/picture.h"
+#include "cli/trace_pipeline.h"
 
 namespace vellum::cli
 {
@@ -15,6 +16,7 @@ struct RenderSettings {
     std::uint32_t height = 720;
     std::uint32_t samples = 1; // per pixel
     bool heavy = false;        // 16 more texture reads per candidate
+    Trace trace = Trace::Query;
     View view;
 };
 
@@ -31,6 +33,7 @@ class Renderer
 {
 public:
     // Uploads and builds everything. `micromaps` as for World. `device` must outlive the renderer, `scene` need not.
+    // For Trace::Pipeline the device must have ray tracing pipelines enabled.
     Renderer(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps,
              const RenderSettings &settings);
     ~Renderer();
@@ -39,6 +42,8 @@ public:
 
     // Renders one frame and returns its milliseconds: on a GPU by timestamps, else by the clock.
     double frame();
+    // Makes a new pipeline, renders a frame with it, and returns the milliseconds of both together by the clock.
+    double firstFrame();
     // What the last frame drew.
     [[nodiscard]] Picture picture();
     // Renders once more with a shader that counts.
@@ -46,7 +51,7 @@ public:
     [[nodiscard]] VkDeviceSize micromapBytes() const { return m_world.micromapBytes(); }
 
 private:
-    struct Frame { // push constants of shaders/render.comp
+    struct Frame { // push constants of shaders/scene.glsl
         float origin[4], right[4], up[4], forward[4], sun[4];
     };
 
@@ -55,8 +60,8 @@ private:
     void uploadScene(const RenderScene &scene);
     void createLayouts();
     void createDescriptors();
-    VkPipeline createPipeline(bool counting) const;
-    void record(VkCommandBuffer commands, VkPipeline pipeline) const;
+    [[nodiscard]] std::unique_ptr<TracePipeline> makePipeline(bool counting) const;
+    void record(VkCommandBuffer commands, const TracePipeline &pipeline) const;
     void recordFrame();
 
     Device &m_device;
@@ -69,8 +74,8 @@ private:
     VkPipelineLayout m_layout = VK_NULL_HANDLE;
     VkDescriptorPool m_pool = VK_NULL_HANDLE;
     VkDescriptorSet m_set = VK_NULL_HANDLE;
-    VkPipeline m_pipeline = VK_NULL_HANDLE;
-    VkPipeline m_countingPipeline = VK_NULL_HANDLE; // made when it is first needed
+    std::unique_ptr<TracePipeline> m_pipeline;
+    std::unique_ptr<TracePipeline> m_countingPipeline; // made when it is first needed
     VkQueryPool m_timestamps = VK_NULL_HANDLE;
     double m_nanosecondsPerTick = 1;
     VkCommandBuffer m_commands = VK_NULL_HANDLE;

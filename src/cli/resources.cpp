@@ -9,11 +9,6 @@ namespace vellum::cli
 namespace
 {
 
-VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
-{
-    return (value + alignment - 1) / alignment * alignment;
-}
-
 VkDeviceMemory allocate(Device &device, const VkMemoryRequirements &requirements, Buffer::Place place, bool address)
 {
     const bool host = place == Buffer::Place::Host;
@@ -43,6 +38,11 @@ VkSamplerAddressMode addressMode(Wrap wrap)
 }
 
 } // namespace
+
+VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
+{
+    return (value + alignment - 1) / alignment * alignment;
+}
 
 // Constructors delegate to the empty one, so that the destructor also runs where they throw.
 Buffer::Buffer(Device &device, VkDeviceSize size, VkBufferUsageFlags usage, Place place) : Buffer()
@@ -98,6 +98,10 @@ Buffer uploadBuffer(Device &device, std::span<const std::byte> bytes, VkBufferUs
     device.run([&](VkCommandBuffer commands) {
         const VkBufferCopy region{0, 0, size};
         vkCmdCopyBuffer(commands, staging.handle(), buffer.handle(), 1, &region);
+        const VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_TRANSFER_WRITE_BIT,
+                                      VK_ACCESS_MEMORY_READ_BIT};
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1,
+                             &barrier, 0, nullptr, 0, nullptr);
     });
     return buffer;
 }
@@ -184,7 +188,7 @@ void Texture::upload(Device &device, const Image &image)
         barrier.dstAccessMask = VK_ACCESS_SHADER_READ_BIT;
         barrier.oldLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
         barrier.newLayout = VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL;
-        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0, 0,
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 0,
                              nullptr, 0, nullptr, 1, &barrier);
     });
 }

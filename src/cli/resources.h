@@ -11,6 +11,9 @@
 namespace vellum::cli
 {
 
+// `alignment` must be above zero.
+VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment);
+
 class Buffer
 {
 public:

@@ -5,7 +5,7 @@
 //   deserialized,
 //               then the data units of its micromaps
 //   TLAS tail   the application's instances (16 words each), as the build read them
-//   slot page   kSlotsPerPage instance records (4 words)
+//   slot page   2^kSlotsPerPageLog2 instance records (4 words); the pages of the first kFirstSlots lie one after the other
 //   root        header (16 words), then kDirectoryPages page addresses (2 words each)
 #ifndef VELLUM_CORE_RECORDS_H
 #define VELLUM_CORE_RECORDS_H
@@ -56,14 +56,15 @@ VELLUM_CONST uint kGeometryTrianglesShift = 1u;
 // --- instance record ---
 // word 0: instanceCustomIndex in the low 24 bits
 // word 1: 0
-// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: no geometry of the instance has a
-//         micromap. The low 4 bits of word 2 hold instance flags 2..5: all of those that resolution needs (opacity.h).
-// Lookup reads as few words as can be: a driver for the CPU gathers each one lane by lane.
+// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. The low 4 bits of word
+// 2 hold instance flags 2..5: all of those that resolution needs (opacity.h). Lookup reads as few words as can be: a
+// driver for the CPU gathers each one lane by lane.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
 VELLUM_CONST uint kSlotsPerPageLog2 = 12u;
 VELLUM_CONST uint kDirectoryPages = 4096u;
+VELLUM_CONST uint kFirstSlots = 65536u;
 
 // --- root ---
 VELLUM_CONST uint kRootHeaderWords = 16u;

@@ -33,6 +33,7 @@ void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFla
 void CommandState::forgetBindings()
 {
     computePipeline = VK_NULL_HANDLE;
+    rayTracingPipeline = VK_NULL_HANDLE;
     computeShader.reset();
     pushes.clear();
 }
@@ -86,6 +87,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
         state->forgetBindings();
         state->scratch.reset();
         state->conditionalRendering.reset();
+        state->transient.reset();
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(
@@ -102,11 +104,11 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
 VKAPI_ATTR void VKAPI_CALL cmdBindPipeline(VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
                                            VkPipeline pipeline)
 {
-    if (point == VK_PIPELINE_BIND_POINT_COMPUTE) {
-        if (const auto state = commandState(commandBuffer)) {
-            state->computePipeline = pipeline;
-            state->computeShader.reset();
-        }
+    if (const auto state = commandState(commandBuffer); state && point == VK_PIPELINE_BIND_POINT_COMPUTE) {
+        state->computePipeline = pipeline;
+        state->computeShader.reset();
+    } else if (state && point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR) {
+        state->rayTracingPipeline = pipeline;
     }
     deviceOf(commandBuffer).next.CmdBindPipeline(commandBuffer, point, pipeline);
 }

@@ -1,4 +1,4 @@
-// What the application has set in a command buffer and the layer's injected work disturbs.
+// What the layer keeps of a command buffer: what the application has set that injected work disturbs or depends on.
 #pragma once
 
 #include <cstddef>
@@ -9,6 +9,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/scratch_memory.h"
+#include "layer/transient_memory.h"
 #include "layer/vulkan_newer.h"
 
 namespace vellum::layer
@@ -28,10 +29,12 @@ struct CommandState {
     bool secondary = false;
 
     VkPipeline computePipeline = VK_NULL_HANDLE;
+    VkPipeline rayTracingPipeline = VK_NULL_HANDLE;
     std::optional<newer::ShaderEXT> computeShader; // bound last instead of a pipeline; may be null
     std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
+    TransientMemory transient; // of what has been recorded since the command buffer was begun
 
     ScratchMemory scratch; // of injected work; lives as long as what is recorded
 

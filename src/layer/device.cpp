@@ -28,6 +28,13 @@ bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
     return false;
 }
 
+bool enablesMicromapFeature(const VkDeviceCreateInfo &info)
+{
+    const auto *features = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    return features && features->micromap;
+}
+
 bool asksForMissingFeatures(const VkDeviceCreateInfo &info)
 {
     const auto *features = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
@@ -198,6 +205,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (device->emulated) {
         device->gpu = {*handle, &device->next, {}};
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->gpu.memory);
+        device->micromapFeature = enablesMicromapFeature(*info);
+        device->anyHitModules.create(device->gpu);
         result = device->root.create(device->gpu);
         if (result == VK_SUCCESS)
             result = device->injected.create(device->gpu);
@@ -211,7 +220,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         }
         device->queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
         makeBlankStructure(*device, *info, loaderDataCallback(*info));
-        device->carriesRayFlagBits = carriesRayFlagBits(*device, *info, loaderDataCallback(*info));
+        device->carriesRayFlagBits = probeRayFlagBits(*device, *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "VK_EXT_opacity_micromap is emulated on this device");
     }
     std::unique_lock lock(devicesMutex);

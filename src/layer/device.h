@@ -1,6 +1,7 @@
 // Per-device state.
 #pragma once
 
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -9,12 +10,15 @@
 
 #include "layer/blank_structure.h"
 #include "layer/command_state.h"
+#include "layer/deferred.h"
 #include "layer/dispatch.h"
 #include "layer/gpu_memory.h"
 #include "layer/handle_map.h"
 #include "layer/injected_work.h"
 #include "layer/instance.h"
 #include "layer/private_data.h"
+#include "layer/ray_flag_probe.h"
+#include "layer/ray_tracing_pipeline.h"
 #include "layer/root_table.h"
 
 namespace vellum::layer
@@ -75,7 +79,8 @@ struct Device {
     DeviceTable next;
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
 
-    bool carriesRayFlagBits = true;    // see ray_flag_probe.h
+    bool micromapFeature = false; // the application enabled it, beside the extension
+    CarriedRayFlagBits carriesRayFlagBits;
     BlankStructure blank;              // see blank_structure.h
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
 
@@ -86,6 +91,13 @@ struct Device {
     AddressMap addresses;
     PrivateData privateData;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;
+
+    // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules;
+    HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines; // those that use micromaps
+    AnyHitModules anyHitModules;
+    std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
+    HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations;
 
     [[nodiscard]] Reporter &report() const { return instance->report; }
     [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;

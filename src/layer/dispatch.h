@@ -45,6 +45,16 @@ namespace vellum::layer
     X(CreateComputePipelines, CreateComputePipelines)                                                                  \
     X(CreateGraphicsPipelines, CreateGraphicsPipelines)                                                                \
     X(CreateRayTracingPipelinesKHR, CreateRayTracingPipelinesKHR)                                                      \
+    X(GetRayTracingShaderGroupHandlesKHR, GetRayTracingShaderGroupHandlesKHR)                                          \
+    X(GetRayTracingCaptureReplayShaderGroupHandlesKHR, GetRayTracingCaptureReplayShaderGroupHandlesKHR)                \
+    X(GetRayTracingShaderGroupStackSizeKHR, GetRayTracingShaderGroupStackSizeKHR)                                      \
+    X(CmdSetRayTracingPipelineStackSizeKHR, CmdSetRayTracingPipelineStackSizeKHR)                                      \
+    X(CmdTraceRaysKHR, CmdTraceRaysKHR)                                                                                \
+    X(CmdTraceRaysIndirectKHR, CmdTraceRaysIndirectKHR)                                                                \
+    X(CmdTraceRaysIndirect2KHR, CmdTraceRaysIndirect2KHR)                                                              \
+    X(DeferredOperationJoinKHR, DeferredOperationJoinKHR)                                                              \
+    X(GetDeferredOperationResultKHR, GetDeferredOperationResultKHR)                                                    \
+    X(DestroyDeferredOperationKHR, DestroyDeferredOperationKHR)                                                        \
     X(DestroyPipeline, DestroyPipeline)                                                                                \
     X(CreateRenderPass2, CreateRenderPass2KHR)                                                                         \
     X(CreateAccelerationStructureKHR, CreateAccelerationStructureKHR)                                                  \

@@ -28,6 +28,7 @@ public:
     [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &info();
     [[nodiscard]] bool topLevel() const { return topLevel_; }
     [[nodiscard]] bool hasMicromaps() const { return hasMicromaps_; }
+    [[nodiscard]] bool hasBoxes() const { return hasBoxes_; }
     [[nodiscard]] uint32_t geometryCount() const { return static_cast<uint32_t>(geometries_.size()); }
     // The driver's copy of geometry i; may be changed.
     VkAccelerationStructureGeometryKHR &geometry(uint32_t i) { return geometries_[i]; }
@@ -46,6 +47,7 @@ private:
     std::deque<Chain> chains_;
     bool topLevel_ = false;
     bool hasMicromaps_ = false;
+    bool hasBoxes_ = false;
 };
 
 } // namespace vellum::layer

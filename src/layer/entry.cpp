@@ -9,6 +9,7 @@
 #include "layer/acceleration_structure.h"
 #include "layer/command_state.h"
 #include "layer/device.h"
+#include "layer/hit_records.h"
 #include "layer/instance.h"
 #include "layer/micromap.h"
 #include "layer/private_data.h"
@@ -111,7 +112,19 @@ const Row kRows[] = {
     row<createShaderModule>("vkCreateShaderModule", Scope::Emulated),
     row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),
     row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Emulated),
+    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Emulated),
     row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Emulated),
+    row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
+    row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),
+    row<getCaptureReplayShaderGroupHandles>("vkGetRayTracingCaptureReplayShaderGroupHandlesKHR", Scope::Emulated),
+    row<getShaderGroupStackSize>("vkGetRayTracingShaderGroupStackSizeKHR", Scope::Emulated),
+    row<cmdSetRayTracingPipelineStackSize>("vkCmdSetRayTracingPipelineStackSizeKHR", Scope::Emulated),
+    row<cmdTraceRays>("vkCmdTraceRaysKHR", Scope::Emulated),
+    row<cmdTraceRaysIndirect>("vkCmdTraceRaysIndirectKHR", Scope::Emulated),
+    row<cmdTraceRaysIndirect2>("vkCmdTraceRaysIndirect2KHR", Scope::Emulated),
+    row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Emulated),
+    row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Emulated),
+    row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Emulated),
     row<createShaders>("vkCreateShadersEXT", Scope::Emulated),
     row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
 

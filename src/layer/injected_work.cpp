@@ -2,6 +2,7 @@
 
 #include "layer/device.h"
 #include "shaders/blas_records.h"
+#include "shaders/hit_records.h"
 #include "shaders/micromap_pack.h"
 #include "shaders/micromap_place.h"
 #include "shaders/ray_flag_probe.h"
@@ -28,6 +29,7 @@ Code codeOf(InjectedShader shader)
     case InjectedShader::MicromapPlace: return {micromap_place, sizeof micromap_place};
     case InjectedShader::MicromapPack: return {micromap_pack, sizeof micromap_pack};
     case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
+    case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};
     case InjectedShader::RayFlagProbe: return {ray_flag_probe, sizeof ray_flag_probe};
     case InjectedShader::StructureCopy: return {structure_copy, sizeof structure_copy};
     case InjectedShader::StructureSave: return {structure_save, sizeof structure_save};

@@ -21,6 +21,7 @@ enum class InjectedShader {
     MicromapPack,
     BlasRecords,
     TlasInstances,
+    HitRecords,
     RayFlagProbe,
     StructureCopy,
     StructureSave,
@@ -66,6 +67,11 @@ struct StructureSizePush {
 struct TopSavePush {
     VkDeviceAddress cell, begin, blob, root, blank;
     uint32_t structureUnits, leastUnits, capacity, pass;
+};
+struct HitRecordsPush {
+    VkDeviceAddress source, target, command, commandCopy;
+    uint32_t size, stride;
+    uint32_t handle[8];
 };
 struct RayFlagProbePush {
     VkDeviceAddress scene, result;

@@ -3,16 +3,17 @@
 #include <cstring>
 #include <vector>
 
-#include "core/opacity.h"
+#include "core/ray_flags.h"
 #include "layer/device.h"
 #include "layer/pnext.h"
+#include "layer/ray_flag_probe_pipeline.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-constexpr uint32_t kProbedBits = 0x3800; // 11..13: spirv/ray_query.cpp
+constexpr uint32_t kProbedBits = shared::kCarriedRayFlags;
 constexpr uint32_t kCommittedTriangle = 1;
 
 bool enablesRayQueries(const VkDeviceCreateInfo &info)
@@ -22,11 +23,18 @@ bool enablesRayQueries(const VkDeviceCreateInfo &info)
     return features && features->rayQuery;
 }
 
-// One triangle, one instance of it, and one ray, on a queue of the application that nobody has yet.
+bool enablesPipelines(const VkDeviceCreateInfo &info)
+{
+    const auto *features = findInChain<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR);
+    return features && features->rayTracingPipeline;
+}
+
+// One triangle, one instance of it, and one ray each way, on a queue of the application that nobody has yet.
 class Probe
 {
 public:
-    explicit Probe(Device &device) : device_(device), next_(device.next) {}
+    explicit Probe(Device &device) : device_(device), next_(device.next), pipeline_(device.gpu) {}
 
     ~Probe()
     {
@@ -38,13 +46,25 @@ public:
             next_.DestroyCommandPool(device_.handle, pool_, nullptr);
     }
 
-    bool run(uint32_t family, VkDeviceQueueCreateFlags queueFlags, PFN_vkSetDeviceLoaderData setLoaderData)
+    // Asks about what is true in `asked`.
+    CarriedRayFlagBits run(const CarriedRayFlagBits &asked, uint32_t family, VkDeviceQueueCreateFlags queueFlags,
+                           PFN_vkSetDeviceLoaderData setLoaderData)
     {
-        if (!prepareCommands(family, queueFlags, setLoaderData) || !buildTriangle() || !buildInstance())
-            return false;
-        const bool traced = trace();
-        return next_.EndCommandBuffer(commands_) == VK_SUCCESS && traced && submit() &&
-               (results_.words()[0] & kProbedBits) == kProbedBits && results_.words()[1] == kCommittedTriangle;
+        CarriedRayFlagBits carried{!asked.inQueries, !asked.inPipelines};
+        if (!prepareCommands(family, queueFlags, setLoaderData) || !buildTriangle() || !buildInstance() ||
+            results_.create(device_.gpu, 16) != VK_SUCCESS)
+            return carried;
+        const bool query = asked.inQueries && traceQuery();
+        const bool pipeline = asked.inPipelines && tracePipeline();
+        if (next_.EndCommandBuffer(commands_) != VK_SUCCESS || !submit())
+            return carried;
+        const uint32_t *results = results_.words();
+        const auto returns = [](uint32_t flags) { return (flags & kProbedBits) == kProbedBits; };
+        if (query)
+            carried.inQueries = returns(results[0]) && results[1] == kCommittedTriangle;
+        if (pipeline)
+            carried.inPipelines = returns(results[2]) && returns(results[3]);
+        return carried;
     }
 
 private:
@@ -142,14 +162,20 @@ private:
         return true;
     }
 
-    bool trace()
+    bool traceQuery()
     {
-        if (results_.create(device_.gpu, 16) != VK_SUCCESS)
-            return false;
         const RayFlagProbePush push{device_.structureAddress(top_), results_.address(), kProbedBits, 0};
         InjectedWork work(device_, commands_);
         const bool traced = work.dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
         work.barrier();
+        return traced;
+    }
+
+    bool tracePipeline()
+    {
+        const RayFlagProbePush push{device_.structureAddress(top_), results_.address() + 8, kProbedBits, 0};
+        const bool traced = pipeline_.record(commands_, push);
+        InjectedWork(device_, commands_).barrier();
         return traced;
     }
 
@@ -169,16 +195,19 @@ private:
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
     GpuBuffer vertices_, instances_, results_;
     GpuBuffer bottomMemory_, bottomScratch_, topMemory_, topScratch_;
+    RayFlagPipelineProbe pipeline_;
     VkAccelerationStructureKHR bottom_ = VK_NULL_HANDLE;
     VkAccelerationStructureKHR top_ = VK_NULL_HANDLE;
 };
 
 } // namespace
 
-bool carriesRayFlagBits(Device &device, const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData)
+CarriedRayFlagBits probeRayFlagBits(Device &device, const VkDeviceCreateInfo &info,
+                                    PFN_vkSetDeviceLoaderData setLoaderData)
 {
-    if (!enablesRayQueries(info))
-        return true;
+    const CarriedRayFlagBits asked{enablesRayQueries(info), enablesPipelines(info)};
+    if (!asked.inQueries && !asked.inPipelines)
+        return {};
     const InstanceTable &instance = device.instance->next;
     uint32_t count = 0;
     instance.GetPhysicalDeviceQueueFamilyProperties(device.physicalDevice, &count, nullptr);
@@ -189,9 +218,10 @@ bool carriesRayFlagBits(Device &device, const VkDeviceCreateInfo &info, PFN_vkSe
         const bool isProtected = (queues.flags & VK_DEVICE_QUEUE_CREATE_PROTECTED_BIT) != 0;
         if (!isProtected && queues.queueFamilyIndex < count &&
             (families[queues.queueFamilyIndex].queueFlags & VK_QUEUE_COMPUTE_BIT) != 0)
-            return setLoaderData && Probe(device).run(queues.queueFamilyIndex, queues.flags, setLoaderData);
+            return setLoaderData ? Probe(device).run(asked, queues.queueFamilyIndex, queues.flags, setLoaderData)
+                                 : CarriedRayFlagBits{!asked.inQueries, !asked.inPipelines};
     }
-    return true; // no queue that could trace a ray
+    return {}; // no queue that could trace a ray
 }
 
 } // namespace vellum::layer

@@ -16,7 +16,7 @@ using namespace shared;
 constexpr uint32_t kSlots = 1u << 24; // instanceCustomIndex has 24 bits
 constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
-constexpr uint32_t kPagesPerBuffer = 16;
+constexpr uint32_t kPagesPerBuffer = kFirstSlots / kSlotsPerPage;
 constexpr uint32_t kCellsPerBuffer = 4096;
 constexpr uint32_t kFirstBuckets = 1024;
 constexpr VkDeviceAddress kDeletedKey = ~VkDeviceAddress{0};

@@ -47,6 +47,8 @@ class RootTable
 public:
     VkResult create(const GpuContext &context);
     [[nodiscard]] VkDeviceAddress address() const { return root_.address(); }
+    // Of the instance records of the first kFirstSlots slots.
+    [[nodiscard]] VkDeviceAddress firstSlots() const { return pages_.front().address(); }
 
     // Null where the 2^24 slots, or memory, are used up.
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);

@@ -107,7 +107,7 @@ private:
         std::vector<uint32_t> primitives(part.build.geometryCount());
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
             primitives[g] = ranges_[i][g].primitiveCount;
-        part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
+        part.tailBytes = bottomLevelTailBytes(device_, part.build, primitives.data());
         if (part.tailBytes == 0)
             return;
         VkDeviceSize offset =
@@ -238,6 +238,7 @@ private:
             push.cell = g == 0 ? part.cell.address : 0;
             push.geometryCount = geometries;
             push.tailUnits = unitsOf(part.tailBytes);
+            push.cellFlags = part.build.hasBoxes() ? kCellBoxes : 0;
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges[g].primitiveCount;
                 push.triangleRecords = triangles;

@@ -7,13 +7,16 @@
 
 #include "curve.h"
 #include "opacity.h"
+#include "ray_flags.h"
 #include "records.h"
 
 layout(local_size_x = 1) in;
 
-// Address of the root table. The linker turns both into ordinary constants.
+// Addresses of the root table and of its first slots. The linker turns them into ordinary constants.
 layout(constant_id = 0) const uint kRootLow = 0u;
 layout(constant_id = 1) const uint kRootHigh = 0u;
+layout(constant_id = 2) const uint kFirstSlotsLow = 0u;
+layout(constant_id = 3) const uint kFirstSlotsHigh = 0u;
 
 // Everything is indexed in whole records, so that no byte offset has to fit 32 bits. Data units are read word by word
 // but addressed by unit.
@@ -34,15 +37,19 @@ struct GeometryRecord {
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instances { InstanceRecord at[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometries { GeometryRecord at[]; };
 
+// Where the instance record of a slot is: in this page, with this index. Most devices never have more than the first
+// slots, which no load leads to.
 uvec2 vellumPage(const in uint slot)
 {
+    if (slot < kFirstSlots)
+        return uvec2(kFirstSlotsLow, kFirstSlotsHigh);
     const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
     return Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page];
 }
 
 uint vellumInPage(const in uint slot)
 {
-    return slot & ((1u << kSlotsPerPageLog2) - 1u);
+    return slot < kFirstSlots ? slot : slot & ((1u << kSlotsPerPageLog2) - 1u);
 }
 
 // State of the micro-triangle at barycentrics uv.
@@ -98,18 +105,29 @@ uint vellumCustomIndex(const in uint slot)
     return Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndex & 0xffffffu;
 }
 
-// Ray flags as the driver gets them. Opaque and CullNoOpaque would make it decide without us, and it does not know
-// ForceOpacityMicromap2State; all three travel in bits that it carries along unused.
 uint vellumDriverFlags(const in uint f)
 {
-    const uint hidden = kRayOpaque | kRayCullNoOpaque | kRayForce2State;
-    return (f & ~hidden) | ((f & kRayOpaque) << 11u) | ((f & kRayCullNoOpaque) << 5u) | ((f & kRayForce2State) << 3u);
+    return driverRayFlags(f);
 }
 
-// The inverse: ray flags as the application wrote them.
 uint vellumApplicationFlags(const in uint f)
 {
-    return (f & ~0x3800u) | ((f >> 11u) & kRayOpaque) | ((f >> 5u) & kRayCullNoOpaque) | ((f >> 3u) & kRayForce2State);
+    return applicationRayFlags(f);
+}
+
+// True if a box is to be culled by the CullNoOpaque flag, the one of those hidden from the driver that culls boxes.
+// Without records nobody can tell here; the any-hit shader, which runs for boxes that are not opaque, will.
+bool vellumCullsBox(const in uint slot, const in uint geometry, const in uint rayFlags)
+{
+    if ((rayFlags & kRayCullNoOpaque) == 0u)
+        return false;
+    const uvec2 tagged = Instances(vellumPage(slot)).at[vellumInPage(slot)].geometries;
+    const uint flags = (tagged.x & kInstanceFlagsMask) << kInstanceFlagsShift;
+    const uvec2 geometries = uvec2(tagged.x & ~kInstanceFlagsMask, tagged.y);
+    if ((geometries.x | geometries.y) == 0u)
+        return false;
+    const bool opaque = (Geometries(geometries).at[geometry].triangles & kGeometryRecordOpaque) != 0u;
+    return resolveHit(kStateNone, opaque, flags, rayFlags) == kHitIgnored;
 }
 
 void main() {}

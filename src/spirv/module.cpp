@@ -75,6 +75,7 @@ std::uint32_t minimumWords(std::uint32_t opcode)
     case spv::OpDecorate:
     case spv::OpSelectionMerge:
     case spv::OpSwitch:
+    case spv::OpCopyMemory:
     case spv::OpConstantNull: return 3;
     case spv::OpEntryPoint:
     case spv::OpTypeInt:
@@ -91,12 +92,23 @@ std::uint32_t minimumWords(std::uint32_t opcode)
     case spv::OpBranchConditional:
     case spv::OpRayQueryProceedKHR:
     case spv::OpRayQueryGetRayFlagsKHR:
-    case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return 4;
+    case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR:
+    case kOpHitObjectTraceRayNV:
+    case kOpHitObjectTraceRayMotionNV:
+    case kOpHitObjectTraceRayEXT:
+    case kOpHitObjectTraceRayMotionEXT:
+    case kOpHitObjectTraceReorderExecuteEXT:
+    case kOpHitObjectTraceMotionReorderExecuteEXT:
+    case kOpHitObjectGetInstanceCustomIndexNV:
+    case kOpHitObjectGetInstanceCustomIndexEXT:
+    case kOpHitObjectGetRayFlagsEXT: return 4;
     case spv::OpFunction:
     case spv::OpExtInst:
     case spv::OpRayQueryGetIntersectionTypeKHR:
     case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: return 5;
     case spv::OpRayQueryInitializeKHR: return 9;
+    case spv::OpTraceRayKHR: return 12;
+    case kOpTraceRayMotionNV: return 13;
     default: return 1;
     }
 }

@@ -16,6 +16,19 @@ inline constexpr std::uint32_t kCapabilityOpacityMicromap = 5381; // EXT and KHR
 inline constexpr std::uint32_t kCapabilityOpacityMicromapExecutionMode = 6032;
 inline constexpr std::uint32_t kExecutionModeOpacityMicromapId = 6031;
 
+// Hit objects (SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder) and motion
+// (SPV_NV_ray_tracing_motion_blur)
+inline constexpr std::uint32_t kOpTraceRayMotionNV = 5339;
+inline constexpr std::uint32_t kOpHitObjectTraceRayMotionNV = 5256;
+inline constexpr std::uint32_t kOpHitObjectTraceRayNV = 5260;
+inline constexpr std::uint32_t kOpHitObjectGetInstanceCustomIndexNV = 5271;
+inline constexpr std::uint32_t kOpHitObjectGetRayFlagsEXT = 5308;
+inline constexpr std::uint32_t kOpHitObjectTraceReorderExecuteEXT = 5311;
+inline constexpr std::uint32_t kOpHitObjectTraceMotionReorderExecuteEXT = 5312;
+inline constexpr std::uint32_t kOpHitObjectTraceRayEXT = 5316;
+inline constexpr std::uint32_t kOpHitObjectTraceRayMotionEXT = 5317;
+inline constexpr std::uint32_t kOpHitObjectGetInstanceCustomIndexEXT = 5326;
+
 inline constexpr std::uint32_t kVersion14 = 0x00010400;
 inline constexpr std::uint32_t kVersion15 = 0x00010500;
 

@@ -1,7 +1,9 @@
 #include "spirv/ray_query.h"
 
-#include "core/opacity.h"
+#include "core/ray_flags.h"
+#include "spirv/built_ins.h"
 #include "spirv/opcodes.h"
+#include "spirv/trace_ray.h"
 
 #include <algorithm>
 
@@ -10,8 +12,8 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr std::uint32_t kHiddenFlags = shared::kRayOpaque | shared::kRayCullNoOpaque | shared::kRayForce2State;
-constexpr std::uint32_t kOpacityFlags = kHiddenFlags | shared::kRayNoOpaque | shared::kRayCullOpaque;
+using shared::kHiddenRayFlags;
+constexpr std::uint32_t kOpacityFlags = kHiddenRayFlags | shared::kRayNoOpaque | shared::kRayCullOpaque;
 
 } // namespace
 
@@ -28,8 +30,8 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types)
         if (!flags)
             return {};
         if (first)
-            mode = {.hidden = *flags & kHiddenFlags, .all = *flags & kOpacityFlags};
-        else if (mode.hidden != (*flags & kHiddenFlags))
+            mode = {.hidden = *flags & kHiddenRayFlags, .all = *flags & kOpacityFlags};
+        else if (mode.hidden != (*flags & kHiddenRayFlags))
             return {};
         else if (mode.all != (*flags & kOpacityFlags))
             mode.all.reset();
@@ -42,10 +44,6 @@ RayQueries::RayQueries(Module &module, Types &types, Linker &linker, bool carrie
     : module_(module), types_(types), linker_(linker), mode_(findMode(module, types)),
       carriesFlagBits_(carriesFlagBits), candidates_(module, types, linker, mode_)
 {
-    for (const Instruction in : module.section(Section::Decorations))
-        if (in.opcode == spv::OpDecorate && module.word(in, 2) == spv::DecorationBuiltIn &&
-            module.word(in, 3) == spv::BuiltInInstanceCustomIndexKHR)
-            customIndexVariables_.insert(module.word(in, 1));
 }
 
 bool RayQueries::rewrite()
@@ -119,11 +117,9 @@ bool RayQueries::replace(Instruction in, Code &out)
     case spv::OpRayQueryProceedKHR: return proceed(in, out);
     case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
-    case spv::OpLoad:
-        if (!customIndexVariables_.contains(module_.word(in, 3)))
-            return false;
-        [[fallthrough]];
-    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: restoreCustomIndex(in, out); return true;
+    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR:
+        restoreResult(module_, types_, linker_.function("vellumCustomIndex"), in, out);
+        return true;
     default: return false;
     }
 }
@@ -135,7 +131,7 @@ bool RayQueries::initialize(Instruction in, Code &out)
         if (*mode_.hidden == 0)
             return false;
         const Id type = module_.resultType(module_.definition(flags));
-        const std::uint32_t value = types_.valueOf(flags).value_or(0) & ~kHiddenFlags;
+        const std::uint32_t value = types_.valueOf(flags).value_or(0) & ~kHiddenRayFlags;
         out.out.push_back(module_.with(in, 3, types_.get(spv::OpConstant, {type, value})));
         return true;
     }
@@ -144,12 +140,7 @@ bool RayQueries::initialize(Instruction in, Code &out)
                  "flag bits";
         return false;
     }
-    const Id uint = types_.uint32();
-    // The type of what an unknown instruction made is unknown too; a cast to the same type does no harm.
-    const bool isUint = module_.resultType(module_.definition(flags)) == uint;
-    const Id asUint = isUint ? flags : out.value(spv::OpBitcast, uint, {flags});
-    const Id driverFlags = out.value(spv::OpFunctionCall, uint, {linker_.function("vellumDriverFlags"), asUint});
-    out.out.push_back(module_.with(in, 3, driverFlags));
+    out.out.push_back(module_.with(in, 3, hideRayFlags(module_, types_, linker_, flags, out)));
     return true;
 }
 
@@ -179,13 +170,7 @@ bool RayQueries::getRayFlags(Instruction in, Code &out)
                 {type, module_.result(in), flags, types_.get(spv::OpConstant, {type, *mode_.hidden})});
         return true;
     }
-    const Id uint = types_.uint32();
-    const Id function = linker_.function("vellumApplicationFlags");
-    const Id flags = out.value(spv::OpRayQueryGetRayFlagsKHR, uint, {module_.word(in, 3)});
-    if (type == uint)
-        out.put(spv::OpFunctionCall, {type, module_.result(in), function, flags});
-    else
-        out.put(spv::OpBitcast, {type, module_.result(in), out.value(spv::OpFunctionCall, uint, {function, flags})});
+    restoreResult(module_, types_, linker_.function("vellumApplicationFlags"), in, out);
     return true;
 }
 
@@ -206,21 +191,6 @@ bool RayQueries::getAabbOpaque(Instruction in, Code &out)
     }
     out.put(spv::OpLogicalOr, {boolean, module_.result(in), byDriver, byFlags});
     return true;
-}
-
-// What the driver returns is the slot.
-void RayQueries::restoreCustomIndex(Instruction in, Code &out)
-{
-    const Id uint = types_.uint32();
-    const Id type = module_.resultType(in);
-    const Id slot = module_.newId();
-    const Id function = linker_.function("vellumCustomIndex");
-    out.out.push_back(module_.with(in, 2, slot));
-    const Id asUint = type == uint ? slot : out.value(spv::OpBitcast, uint, {slot});
-    if (type == uint)
-        out.put(spv::OpFunctionCall, {type, module_.result(in), function, asUint});
-    else
-        out.put(spv::OpBitcast, {type, module_.result(in), out.value(spv::OpFunctionCall, uint, {function, asUint})});
 }
 
 } // namespace vellum::spirv

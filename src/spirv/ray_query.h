@@ -1,4 +1,4 @@
-// Rewrites the instructions of ray queries, and reads of built-ins that the layer has changed.
+// Rewrites the instructions of ray queries.
 #pragma once
 
 #include "spirv/candidate.h"
@@ -28,7 +28,6 @@ private:
     bool proceed(Instruction in, Code &out);
     bool getRayFlags(Instruction in, Code &out);
     bool getAabbOpaque(Instruction in, Code &out);
-    void restoreCustomIndex(Instruction in, Code &out);
 
     Module &module_;
     Types &types_;
@@ -36,7 +35,6 @@ private:
     RayFlagMode mode_;
     bool carriesFlagBits_;
     CandidateFunctions candidates_;
-    std::set<Id> customIndexVariables_;
     std::set<Id> decidedInLoops_; // results of proceed calls that stay
     std::string error_;
 };

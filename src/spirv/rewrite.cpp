@@ -1,7 +1,10 @@
 #include "spirv/rewrite.h"
 
+#include "spirv/built_ins.h"
+#include "spirv/entry_wrapper.h"
 #include "spirv/opcodes.h"
 #include "spirv/ray_query.h"
+#include "spirv/trace_ray.h"
 
 #include "shaders/lookup.h"
 
@@ -31,6 +34,42 @@ bool removeDeclarations(Module &module)
     return removed != 0;
 }
 
+// What the driver returns to a module is restored, and in a pipeline that uses micromaps ray flags are hidden from it.
+// Returns whether anything changed.
+bool replaceInstructions(Module &module, BuiltIns &builtIns, TraceRays *traces)
+{
+    bool changed = false;
+    Code code(module);
+    const std::vector<Instruction> functions = module.section(Section::Functions);
+    for (const Instruction in : functions) {
+        if (builtIns.replace(in, code) || (traces && traces->replace(in, code)))
+            changed = true;
+        else
+            code.out.push_back(in);
+    }
+    module.section(Section::Functions) = std::move(code.out);
+    return changed;
+}
+
+// Whether some instruction before the functions satisfies predicate(opcode, first operand). False for what is no
+// SPIR-V.
+template <typename Predicate>
+bool declares(std::span<const std::uint32_t> words, Predicate predicate)
+{
+    if (words.size() < 5 || words[0] != spv::MagicNumber)
+        return false;
+    for (std::size_t at = 5; at + 1 < words.size();) {
+        const std::uint32_t opcode = words[at] & 0xffff;
+        const std::uint32_t count = words[at] >> 16;
+        if (opcode == spv::OpFunction || count == 0)
+            return false;
+        if (predicate(opcode, words[at + 1]))
+            return true;
+        at += count;
+    }
+    return false;
+}
+
 RewriteResult failed(std::string error)
 {
     return {.status = RewriteResult::Status::Failed, .words = {}, .error = std::move(error)};
@@ -40,30 +79,28 @@ RewriteResult failed(std::string error)
 
 bool tracesRays(std::span<const std::uint32_t> words)
 {
-    if (words.size() < 5 || words[0] != spv::MagicNumber)
-        return false;
-    for (std::size_t at = 5; at + 1 < words.size();) {
-        const std::uint32_t opcode = words[at] & 0xffff;
-        if (opcode == spv::OpMemoryModel || opcode == spv::OpFunction)
+    return declares(words, [](std::uint32_t opcode, std::uint32_t capability) {
+        if (opcode != spv::OpCapability)
             return false;
-        if (opcode == spv::OpCapability) {
-            switch (words[at + 1]) {
-            // The first two are declared implicitly by the others.
-            case spv::CapabilityRayQueryKHR:
-            case spv::CapabilityRayTracingKHR:
-            case kCapabilityRayTraversalPrimitiveCulling:
-            case kCapabilityRayQueryPositionFetch:
-            case kCapabilityOpacityMicromap:
-            case kCapabilityOpacityMicromapExecutionMode: return true;
-            default: break;
-            }
+        switch (capability) {
+        // The first two are declared implicitly by the others.
+        case spv::CapabilityRayQueryKHR:
+        case spv::CapabilityRayTracingKHR:
+        case kCapabilityRayTraversalPrimitiveCulling:
+        case kCapabilityRayQueryPositionFetch:
+        case kCapabilityOpacityMicromap:
+        case kCapabilityOpacityMicromapExecutionMode: return true;
+        default: return false;
         }
-        const std::uint32_t count = words[at] >> 16;
-        if (count == 0)
-            return false;
-        at += count;
-    }
-    return false;
+    });
+}
+
+bool hasRayTracingStages(std::span<const std::uint32_t> words)
+{
+    return declares(words, [](std::uint32_t opcode, std::uint32_t model) {
+        return opcode == spv::OpEntryPoint && model >= spv::ExecutionModelRayGenerationKHR &&
+               model <= spv::ExecutionModelCallableKHR;
+    });
 }
 
 RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options)
@@ -79,11 +116,26 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     Types types(*module);
     Linker linker(*module, types, lookup,
                   {{0, static_cast<std::uint32_t>(options.rootAddress)},
-                   {1, static_cast<std::uint32_t>(options.rootAddress >> 32)}});
-    RayQueries queries(*module, types, linker, options.carriesFlagBits);
+                   {1, static_cast<std::uint32_t>(options.rootAddress >> 32)},
+                   {2, static_cast<std::uint32_t>(options.firstSlots)},
+                   {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
+    RayQueries queries(*module, types, linker, options.queriesCarryFlagBits);
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
         return failed(queries.error());
+
+    const bool inPipeline = options.pipelineStage.has_value();
+    BuiltIns builtIns(*module, types, linker, inPipeline);
+    TraceRays traces(*module, types, linker, options.pipelinesCarryFlagBits);
+    changed = replaceInstructions(*module, builtIns, inPipeline ? &traces : nullptr) || changed;
+    if (!traces.error().empty())
+        return failed(traces.error());
+    if (inPipeline) {
+        EntryWrapper wrapper(*module, types, linker);
+        if (!wrapper.wrap(*options.pipelineStage))
+            return failed(wrapper.error());
+        changed = true;
+    }
     if (!linker.finish())
         return failed(linker.error());
     if (!changed)

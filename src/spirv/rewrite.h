@@ -3,29 +3,55 @@
 // What the rewritten module relies on (the layer's side of it):
 //   - hits on geometry with a micromap reach the shader as non-opaque triangle candidates;
 //   - the driver's instanceCustomIndex is a slot of the root table (core/records.h), for every instance;
-//   - ray flag bits 11..13 come back unchanged from OpRayQueryGetRayFlagsKHR;
+//   - ray flag bits 11..13 come back unchanged from OpRayQueryGetRayFlagsKHR and in IncomingRayFlagsKHR;
 //   - instances without geometry records keep their flags; of the others, the instance record holds the true ones.
 //
 // What changes for the driver: the module needs physical storage buffer addresses (bufferDeviceAddress); opacity
 // micromap extensions, capabilities and execution modes are gone.
+//
+// Stages of ray tracing pipelines are rewritten per pipeline: those of pipelines that do not use micromaps only get
+// their custom index back, the others hide ray flags from the driver, and hits are decided before the application's
+// shader.
 //
 // Semantics are VK_EXT_opacity_micromap's: every ray query consumes micromaps. An OpacityMicromapIdKHR execution mode
 // is removed without regard to its operand.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace vellum::spirv
 {
 
+// What code of ours at the head of a stage decides.
+enum class Decides {
+    Nothing,
+    TriangleHits, // an any-hit shader of triangle hit groups
+    BoxHits,      // an any-hit shader of procedural hit groups
+    BoxCulling    // an intersection shader
+};
+
+// A stage of a ray tracing pipeline that uses micromaps.
+struct PipelineStage {
+    std::string_view entryPoint;
+    std::uint32_t executionModel = 0; // SPIR-V's
+    Decides decides = Decides::Nothing;
+};
+
 struct RewriteOptions {
     std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
+    std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     // Whether the driver gives ray flag bits 11..13 back. Without them, a module whose ray queries do not all pass
     // constant flags with the same hidden bits is Failed.
-    bool carriesFlagBits = true;
+    bool queriesCarryFlagBits = true;
+    // The same of traceRay. Without them, a stage that hides any flag is Failed.
+    bool pipelinesCarryFlagBits = true;
+    // The result is good for this stage only: other entry points are gone.
+    std::optional<PipelineStage> pipelineStage;
 };
 
 struct RewriteResult {
@@ -41,6 +67,9 @@ struct RewriteResult {
 
 // True if the module declares a capability to trace rays. Looks at the capabilities only; false for what is no SPIR-V.
 bool tracesRays(std::span<const std::uint32_t> words);
+
+// True if an entry point is a stage of ray tracing pipelines.
+bool hasRayTracingStages(std::span<const std::uint32_t> words);
 
 // Modules for which tracesRays() is false are Unchanged, whatever they hold. Reads nothing outside `words` and throws
 // nothing but std::bad_alloc.

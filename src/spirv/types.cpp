@@ -50,6 +50,11 @@ Id Types::get(std::uint32_t opcode, std::vector<std::uint32_t> operands)
     return it->second;
 }
 
+Id Types::none()
+{
+    return get(spv::OpTypeVoid, {});
+}
+
 Id Types::boolean()
 {
     return get(spv::OpTypeBool, {});

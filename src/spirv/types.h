@@ -19,6 +19,7 @@ public:
     // application has must be found. Not for aggregates.
     Id get(std::uint32_t opcode, std::vector<std::uint32_t> operands);
 
+    Id none(); // OpTypeVoid
     Id boolean();
     Id uint32();
     Id float32();

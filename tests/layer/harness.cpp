@@ -57,12 +57,22 @@ constexpr std::array<const char *, 9> kWantedExtensions{
     VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME,
 };
 
-// VkPhysicalDeviceShaderObjectFeaturesEXT, for headers that lack it.
-struct ShaderObjectFeatures {
-    VkStructureType sType = static_cast<VkStructureType>(1000482000);
+// A features structure of one member, for headers that lack it.
+struct OneFeature {
+    VkStructureType sType;
     void *pNext = nullptr;
-    VkBool32 shaderObject = VK_FALSE;
+    VkBool32 enabled = VK_FALSE;
 };
+constexpr auto kShaderObjectFeatures = static_cast<VkStructureType>(1000482000);
+struct NewerExtension {
+    const char *name;
+    VkStructureType features;
+};
+constexpr std::array<NewerExtension, 3> kNewerExtensions{{
+    {"VK_KHR_maintenance5", static_cast<VkStructureType>(1000470000)},
+    {"VK_KHR_ray_tracing_position_fetch", static_cast<VkStructureType>(1000481000)},
+    {"VK_EXT_pipeline_library_group_handles", static_cast<VkStructureType>(1000498000)},
+}};
 
 } // namespace
 
@@ -210,6 +220,12 @@ void Gpu::createDevice()
         extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     if (options_.shaderObject)
         add("VK_EXT_shader_object");
+    if (options_.maintenance)
+        add(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+    if (options_.newer) {
+        for (const NewerExtension &extension : kNewerExtensions)
+            add(extension.name);
+    }
 
     VkPhysicalDeviceFeatures2 features{};
     features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
@@ -228,7 +244,9 @@ void Gpu::createDevice()
     VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{};
     VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT libraries{};
     VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
-    ShaderObjectFeatures shaderObjects;
+    VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR maintenance{};
+    OneFeature shaderObjects{kShaderObjectFeatures};
+    std::array<OneFeature, kNewerExtensions.size()> newer{};
     chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
     chain(vulkan12, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
     chain(vulkan13, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES);
@@ -244,7 +262,14 @@ void Gpu::createDevice()
         chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
     if (options_.shaderObject)
         chain(shaderObjects, shaderObjects.sType);
+    if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
+        chain(maintenance, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MAINTENANCE_1_FEATURES_KHR);
+    for (std::size_t i = 0; i < newer.size(); ++i) {
+        if (has(kNewerExtensions[i].name))
+            chain(newer[i], kNewerExtensions[i].features);
+    }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
+    micromaps.micromap = options_.micromapFeature ? micromaps.micromap : VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
 
     const float priority = 1;

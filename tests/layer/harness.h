@@ -31,6 +31,10 @@ struct Options {
     bool spy = true;           // spy_layer.cpp, below everything
     bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
+    bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
+    bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
+                        // the validation layer of that age complains about
+    bool micromapFeature = true; // where the extension is enabled, its feature too
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
@@ -57,6 +61,14 @@ struct Options {
     X(CreateRayTracingPipelinesKHR)                                                                                    \
     X(GetRayTracingShaderGroupHandlesKHR)                                                                              \
     X(CmdTraceRaysKHR)                                                                                                 \
+    X(CmdTraceRaysIndirectKHR)                                                                                         \
+    X(CmdTraceRaysIndirect2KHR)                                                                                        \
+    X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
+    X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(CreateDeferredOperationKHR)                                                                                      \
+    X(DestroyDeferredOperationKHR)                                                                                     \
+    X(DeferredOperationJoinKHR)                                                                                        \
+    X(GetDeferredOperationResultKHR)                                                                                   \
     X(CmdPushDescriptorSetKHR)                                                                                         \
     X(CmdBeginConditionalRenderingEXT)                                                                                 \
     X(CmdEndConditionalRenderingEXT)

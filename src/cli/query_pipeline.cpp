@@ -1,0 +1,36 @@
+#include "cli/query_pipeline.h"
+
+#include "shaders/render_comp.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr std::uint32_t kGroup = 8; // local size of the shader, both ways
+
+} // namespace
+
+QueryPipeline::QueryPipeline(Device &device, const TracePipelineInfo &info) : m_device(device)
+{
+    const ShaderStage shader(device, VK_SHADER_STAGE_COMPUTE_BIT, render_comp, info.constants);
+    VkComputePipelineCreateInfo create{};
+    create.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+    create.stage = shader.info();
+    create.layout = info.layout;
+    check(vkCreateComputePipelines(device.handle(), VK_NULL_HANDLE, 1, &create, nullptr, &m_pipeline),
+          "creating the pipeline");
+}
+
+QueryPipeline::~QueryPipeline()
+{
+    vkDestroyPipeline(m_device.handle(), m_pipeline, nullptr);
+}
+
+void QueryPipeline::record(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height) const
+{
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, m_pipeline);
+    vkCmdDispatch(commands, (width + kGroup - 1) / kGroup, (height + kGroup - 1) / kGroup, 1);
+}
+
+} // namespace vellum::cli

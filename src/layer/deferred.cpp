@@ -1,0 +1,57 @@
+#include "layer/deferred.h"
+
+#include "layer/device.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+void finish(const Device &device, VkDeferredOperationKHR operation)
+{
+    const auto deferred = device.deferredOperations.get(operation);
+    if (!deferred)
+        return;
+    std::lock_guard lock(deferred->mutex);
+    if (deferred->work)
+        deferred->work->finish();
+    deferred->work.reset();
+}
+
+} // namespace
+
+void finishWhenComplete(Device &device, VkDeferredOperationKHR operation, std::unique_ptr<DeferredWork> work)
+{
+    auto deferred = std::make_shared<DeferredOperation>();
+    deferred->work = std::move(work);
+    device.deferredOperations.set(operation, std::move(deferred));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL deferredOperationJoin(VkDevice handle, VkDeferredOperationKHR operation)
+{
+    const Device &device = deviceOf(handle);
+    const VkResult result = device.next.DeferredOperationJoinKHR(handle, operation);
+    if (result == VK_SUCCESS)
+        finish(device, operation);
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL getDeferredOperationResult(VkDevice handle, VkDeferredOperationKHR operation)
+{
+    const Device &device = deviceOf(handle);
+    const VkResult result = device.next.GetDeferredOperationResultKHR(handle, operation);
+    if (result != VK_NOT_READY)
+        finish(device, operation);
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyDeferredOperation(VkDevice handle, VkDeferredOperationKHR operation,
+                                                    const VkAllocationCallbacks *allocator)
+{
+    Device &device = deviceOf(handle);
+    finish(device, operation);
+    device.deferredOperations.take(operation);
+    device.next.DestroyDeferredOperationKHR(handle, operation, allocator);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,106 @@
+#include "spirv/built_ins.h"
+
+#include "spirv/opcodes.h"
+
+namespace vellum::spirv
+{
+namespace
+{
+
+constexpr const char *kCustomIndex = "vellumCustomIndex";
+constexpr const char *kRayFlags = "vellumApplicationFlags";
+
+// The last of a chain of copies longer than this is not looked for: the module is malformed.
+constexpr int kMaxCopies = 64;
+
+// Words of the memory operands that begin at word i of an instruction (SPIR-V specification, 3.26).
+std::uint32_t memoryOperandWords(const Module &module, Instruction in, std::uint32_t i)
+{
+    if (i >= in.count)
+        return 0;
+    const std::uint32_t mask = module.word(in, i);
+    std::uint32_t words = 1;
+    for (const std::uint32_t bit : {spv::MemoryAccessAlignedMask, spv::MemoryAccessMakePointerAvailableMask,
+                                    spv::MemoryAccessMakePointerVisibleMask})
+        words += (mask & bit) != 0 ? 1 : 0;
+    return words;
+}
+
+} // namespace
+
+void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out)
+{
+    const Id type = module.word(in, 1);
+    const Id result = module.word(in, 2);
+    const Id driver = module.newId();
+    out.out.push_back(module.with(in, 2, driver));
+    const Id uint = types.uint32();
+    if (type == uint) {
+        out.put(spv::OpFunctionCall, {type, result, function, driver});
+        return;
+    }
+    const Id asUint = out.value(spv::OpBitcast, uint, {driver});
+    out.put(spv::OpBitcast, {type, result, out.value(spv::OpFunctionCall, uint, {function, asUint})});
+}
+
+BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, bool rayFlags)
+    : module_(module), types_(types), linker_(linker), rayFlags_(rayFlags)
+{
+    for (const Instruction in : module.section(Section::Decorations)) {
+        if (in.opcode != spv::OpDecorate || module.word(in, 2) != spv::DecorationBuiltIn)
+            continue;
+        if (module.word(in, 3) == spv::BuiltInInstanceCustomIndexKHR)
+            customIndex_.insert(module.word(in, 1));
+        else if (module.word(in, 3) == spv::BuiltInIncomingRayFlagsKHR && rayFlags)
+            incomingFlags_.insert(module.word(in, 1));
+    }
+}
+
+const char *BuiltIns::restoring(Id pointer) const
+{
+    Instruction in = module_.definition(pointer);
+    for (int i = 0; i < kMaxCopies && in.opcode == spv::OpCopyObject; ++i) {
+        pointer = module_.word(in, 3);
+        in = module_.definition(pointer);
+    }
+    if (customIndex_.contains(pointer))
+        return kCustomIndex;
+    return incomingFlags_.contains(pointer) ? kRayFlags : nullptr;
+}
+
+bool BuiltIns::replace(Instruction in, Code &out)
+{
+    const char *function = nullptr;
+    switch (in.opcode) {
+    case spv::OpLoad: function = restoring(module_.word(in, 3)); break;
+    case spv::OpCopyMemory:
+        function = restoring(module_.word(in, 2));
+        if (function)
+            copy(in, function, out);
+        return function != nullptr;
+    case kOpHitObjectGetInstanceCustomIndexNV:
+    case kOpHitObjectGetInstanceCustomIndexEXT: function = kCustomIndex; break;
+    case kOpHitObjectGetRayFlagsEXT: function = rayFlags_ ? kRayFlags : nullptr; break;
+    default: break;
+    }
+    if (function)
+        restoreResult(module_, types_, linker_.function(function), in, out);
+    return function != nullptr;
+}
+
+// A copy from memory to memory becomes a load, which is restored, and a store.
+void BuiltIns::copy(Instruction in, const char *function, Code &out)
+{
+    const Id pointerType = module_.resultType(module_.definition(module_.word(in, 2)));
+    const Id type = module_.word(module_.definition(pointerType), 3);
+    const Id value = module_.newId();
+    restoreResult(module_, types_, linker_.function(function),
+                  module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), out);
+    std::vector<std::uint32_t> store{module_.word(in, 1), value};
+    // The first operands are the target's.
+    for (std::uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)
+        store.push_back(module_.word(in, i));
+    out.put(spv::OpStore, std::move(store));
+}
+
+} // namespace vellum::spirv

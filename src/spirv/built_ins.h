@@ -1,0 +1,37 @@
+// What the driver returns is not always what the application is to see: restores it.
+#pragma once
+
+#include <set>
+
+#include "spirv/code.h"
+#include "spirv/link.h"
+
+namespace vellum::spirv
+{
+
+// An instruction whose result, a 32-bit integer, goes through `function`, which takes and returns a uint.
+void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out);
+
+// Reads of built-in variables: InstanceCustomIndex, which is a slot, and with `rayFlags` IncomingRayFlags, which carry
+// hidden bits. Also the same of hit objects.
+class BuiltIns
+{
+public:
+    BuiltIns(Module &module, Types &types, Linker &linker, bool rayFlags);
+    // Writes what replaces an instruction to `out`. False if it stays as it is.
+    bool replace(Instruction in, Code &out);
+
+private:
+    // The library function that restores what `pointer` points to; null where there is nothing to restore.
+    const char *restoring(Id pointer) const;
+    void copy(Instruction in, const char *function, Code &out);
+
+    Module &module_;
+    Types &types_;
+    Linker &linker_;
+    bool rayFlags_;
+    std::set<Id> customIndex_;
+    std::set<Id> incomingFlags_;
+};
+
+} // namespace vellum::spirv

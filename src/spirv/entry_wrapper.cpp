@@ -1,0 +1,247 @@
+#include "spirv/entry_wrapper.h"
+
+#include <algorithm>
+
+#include "core/opacity.h"
+#include "spirv/opcodes.h"
+
+namespace vellum::spirv
+{
+namespace
+{
+
+// Bounds on what is looked at and made: hit attributes have a few dozen bytes, and an instruction 65535 words.
+constexpr std::size_t kMaxTypes = 256;
+constexpr std::size_t kMaxEntryOperands = 65000;
+
+} // namespace
+
+bool EntryWrapper::selectEntryPoint(const PipelineStage &stage)
+{
+    auto &entries = module_.section(Section::EntryPoints);
+    const auto chosen = std::ranges::find_if(entries, [&](Instruction in) {
+        return in.opcode == spv::OpEntryPoint && module_.word(in, 1) == stage.executionModel &&
+               module_.string(in, 3) == stage.entryPoint;
+    });
+    if (chosen == entries.end()) {
+        error_ = "it has no entry point \"" + std::string(stage.entryPoint) + "\" of the stage";
+        return false;
+    }
+    const Words words = module_.words(*chosen);
+    entry_.assign(words.begin() + 1, words.end());
+    if (entry_.size() > kMaxEntryOperands) {
+        error_ = "its entry point has too long an interface";
+        return false;
+    }
+    interface_ = std::min(2 + stringWords(std::string(stage.entryPoint).c_str()).size(), entry_.size());
+    application_ = module_.word(*chosen, 2);
+    const Instruction entry = *chosen;
+    entries = {entry};
+    std::erase_if(module_.section(Section::ExecutionModes), [&](Instruction in) {
+        return (in.opcode == spv::OpExecutionMode || in.opcode == spv::OpExecutionModeId) &&
+               module_.word(in, 1) != application_;
+    });
+    return true;
+}
+
+bool EntryWrapper::wrap(const PipelineStage &stage)
+{
+    if (!selectEntryPoint(stage))
+        return false;
+    if (stage.decides == Decides::Nothing)
+        return true;
+    const Id wrapper = module_.newId();
+    for (Instruction &in : module_.section(Section::ExecutionModes))
+        in = module_.with(in, 1, wrapper);
+    std::vector<std::uint32_t> name = stringWords("vellumEntry");
+    name.insert(name.begin(), wrapper);
+    module_.append(Section::Names, spv::OpName, name);
+
+    const Id none = types_.none();
+    code_.put(spv::OpFunction, {none, wrapper, spv::FunctionControlMaskNone, types_.function(none, {})});
+    code_.put(spv::OpLabel, {module_.newId()});
+    switch (stage.decides) {
+    case Decides::TriangleHits: decideTriangle(); break;
+    case Decides::BoxHits: decideBox(); break;
+    default: cullBox(); break;
+    }
+    code_.put(spv::OpReturn, {});
+    code_.put(spv::OpFunctionEnd, {});
+    auto &functions = module_.section(Section::Functions);
+    functions.insert(functions.end(), code_.out.begin(), code_.out.end());
+    entry_[1] = wrapper;
+    module_.section(Section::EntryPoints) = {module_.make(spv::OpEntryPoint, entry_)};
+    return error_.empty();
+}
+
+// Ignored: as if there were no hit. Opaque: committed without the application's shader. Else its shader decides.
+void EntryWrapper::decideTriangle()
+{
+    const Id uint = types_.uint32();
+    const Id boolean = types_.boolean();
+    const Id slot = readBuiltIn(spv::BuiltInInstanceCustomIndexKHR);
+    const Id geometry = readBuiltIn(spv::BuiltInRayGeometryIndexKHR);
+    const Id primitive = readBuiltIn(spv::BuiltInPrimitiveId);
+    const Id barycentrics = readBarycentrics();
+    const Id flags = applicationFlags();
+    const Id hit = code_.value(spv::OpFunctionCall, uint,
+                               {linker_.function("vellumResolve"), slot, geometry, primitive, barycentrics, flags});
+    ignoreIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitIgnored)}));
+    callIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)}));
+}
+
+// The driver runs an any-hit shader for boxes that are not opaque; of the hidden flags, Opaque makes them so.
+void EntryWrapper::decideBox()
+{
+    const Id flags = applicationFlags();
+    ignoreIf(isSet(flags, shared::kRayCullNoOpaque));
+    callIf(code_.value(spv::OpLogicalNot, types_.boolean(), {isSet(flags, shared::kRayOpaque)}));
+}
+
+// A box that is culled does not run its intersection shader (Vulkan, "Ray Opacity Culling").
+void EntryWrapper::cullBox()
+{
+    const Id slot = readBuiltIn(spv::BuiltInInstanceCustomIndexKHR);
+    const Id geometry = readBuiltIn(spv::BuiltInRayGeometryIndexKHR);
+    const Id culled = code_.value(spv::OpFunctionCall, types_.boolean(),
+                                  {linker_.function("vellumCullsBox"), slot, geometry, applicationFlags()});
+    callIf(code_.value(spv::OpLogicalNot, types_.boolean(), {culled}));
+}
+
+void EntryWrapper::ignoreIf(Id condition)
+{
+    const Id ignore = module_.newId(), rest = module_.newId();
+    code_.put(spv::OpSelectionMerge, {rest, spv::SelectionControlMaskNone});
+    code_.put(spv::OpBranchConditional, {condition, ignore, rest});
+    code_.put(spv::OpLabel, {ignore});
+    code_.put(spv::OpIgnoreIntersectionKHR, {});
+    code_.put(spv::OpLabel, {rest});
+}
+
+void EntryWrapper::callIf(Id condition)
+{
+    const Id call = module_.newId(), end = module_.newId();
+    code_.put(spv::OpSelectionMerge, {end, spv::SelectionControlMaskNone});
+    code_.put(spv::OpBranchConditional, {condition, call, end});
+    code_.put(spv::OpLabel, {call});
+    code_.value(spv::OpFunctionCall, types_.none(), {application_});
+    code_.put(spv::OpBranch, {end});
+    code_.put(spv::OpLabel, {end});
+}
+
+Id EntryWrapper::applicationFlags()
+{
+    const Id flags = readBuiltIn(spv::BuiltInIncomingRayFlagsKHR);
+    return code_.value(spv::OpFunctionCall, types_.uint32(), {linker_.function("vellumApplicationFlags"), flags});
+}
+
+Id EntryWrapper::isSet(Id flags, std::uint32_t flag)
+{
+    const Id bit = code_.value(spv::OpBitwiseAnd, types_.uint32(), {flags, types_.uintConstant(flag)});
+    return code_.value(spv::OpINotEqual, types_.boolean(), {bit, types_.uintConstant(0)});
+}
+
+bool EntryWrapper::inInterface(Id variable) const
+{
+    return std::find(entry_.begin() + static_cast<std::ptrdiff_t>(interface_), entry_.end(), variable) != entry_.end();
+}
+
+// A built-in may be there twice in a module, but not in one interface (VUID-StandaloneSpirv-OpEntryPoint-09658): the
+// application's variable is used where there is one.
+Id EntryWrapper::readBuiltIn(std::uint32_t builtIn)
+{
+    const Id uint = types_.uint32();
+    Id variable = 0;
+    for (const Instruction in : module_.section(Section::Decorations)) {
+        if (in.opcode == spv::OpDecorate && module_.word(in, 2) == spv::DecorationBuiltIn &&
+            module_.word(in, 3) == builtIn && inInterface(module_.word(in, 1)))
+            variable = module_.word(in, 1);
+    }
+    if (variable == 0) {
+        variable = makeInput(spv::StorageClassInput, uint);
+        module_.append(Section::Decorations, spv::OpDecorate, {variable, spv::DecorationBuiltIn, builtIn});
+    }
+    const Id pointer = module_.resultType(module_.definition(variable));
+    const Id type = module_.word(module_.definition(pointer), 3);
+    const Id value = code_.value(spv::OpLoad, type, {variable});
+    return type == uint ? value : code_.value(spv::OpBitcast, uint, {value});
+}
+
+Id EntryWrapper::makeInput(std::uint32_t storageClass, Id type)
+{
+    const Id pointer = types_.get(spv::OpTypePointer, {storageClass, type});
+    const Id variable = module_.newId();
+    module_.append(Section::Globals, spv::OpVariable, {pointer, variable, storageClass});
+    // Before SPIR-V 1.4 an interface holds inputs and outputs only.
+    if (storageClass == spv::StorageClassInput || module_.version() >= kVersion14)
+        entry_.push_back(variable);
+    return variable;
+}
+
+// An interface has at most one variable of this class (VUID-StandaloneSpirv-HitAttributeKHR-04702), and for triangles
+// it begins with the barycentrics, whatever its type calls them.
+Id EntryWrapper::readBarycentrics()
+{
+    const Id vec2 = types_.float32x2();
+    Id variable = 0;
+    for (const Instruction in : module_.section(Section::Globals)) {
+        if (in.opcode == spv::OpVariable && module_.word(in, 3) == spv::StorageClassHitAttributeKHR &&
+            (module_.version() < kVersion14 || inInterface(module_.result(in))))
+            variable = module_.result(in);
+    }
+    if (variable == 0)
+        return code_.value(spv::OpLoad, vec2, {makeInput(spv::StorageClassHitAttributeKHR, vec2)});
+    const Id pointer = module_.resultType(module_.definition(variable));
+    const Id type = module_.word(module_.definition(pointer), 3);
+    if (type == vec2)
+        return code_.value(spv::OpLoad, vec2, {variable});
+
+    std::vector<std::uint32_t> path;
+    std::vector<Scalar> found;
+    std::size_t budget = kMaxTypes;
+    if (!findScalars(type, path, found, budget) || found.size() < 2) {
+        error_ = "its hit attributes do not begin with two 32-bit numbers";
+        return 0;
+    }
+    const Id float32 = types_.float32();
+    std::vector<std::uint32_t> floats;
+    for (const Scalar &scalar : {found[0], found[1]}) {
+        std::vector<std::uint32_t> chain{variable};
+        for (const std::uint32_t index : scalar.path)
+            chain.push_back(types_.uintConstant(index));
+        const Id scalarPointer = types_.get(spv::OpTypePointer, {spv::StorageClassHitAttributeKHR, scalar.type});
+        const Id value = code_.value(spv::OpLoad, scalar.type, {code_.value(spv::OpAccessChain, scalarPointer, chain)});
+        floats.push_back(scalar.type == float32 ? value : code_.value(spv::OpBitcast, float32, {value}));
+    }
+    return code_.value(spv::OpCompositeConstruct, vec2, floats);
+}
+
+// Appends the scalars of a type to `found`, up to the second; false where one has not 32 bits.
+bool EntryWrapper::findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found,
+                               std::size_t &budget) const
+{
+    --budget;
+    const Instruction in = module_.definition(type);
+    std::uint32_t members = 0;
+    switch (in.opcode) {
+    case spv::OpTypeFloat:
+    case spv::OpTypeInt: found.push_back({type, path}); return module_.word(in, 2) == 32;
+    case spv::OpTypeVector: members = module_.word(in, 3); break;
+    case spv::OpTypeArray: members = types_.valueOf(module_.word(in, 3)).value_or(0); break;
+    case spv::OpTypeStruct: members = in.count - 2u; break;
+    default: return false;
+    }
+    for (std::uint32_t i = 0; i < members && found.size() < 2; ++i) {
+        if (budget == 0)
+            return false;
+        path.push_back(i);
+        const Id member = module_.word(in, in.opcode == spv::OpTypeStruct ? 2 + i : 2);
+        const bool good = findScalars(member, path, found, budget);
+        path.pop_back();
+        if (!good)
+            return false;
+    }
+    return true;
+}
+
+} // namespace vellum::spirv

@@ -1,0 +1,56 @@
+// Puts code of ours before the entry point of an any-hit or intersection shader: a function that decides what is ours
+// to decide, and else calls the application's.
+#pragma once
+
+#include <string>
+
+#include "spirv/code.h"
+#include "spirv/link.h"
+#include "spirv/rewrite.h"
+
+namespace vellum::spirv
+{
+
+class EntryWrapper
+{
+public:
+    EntryWrapper(Module &module, Types &types, Linker &linker) : module_(module), types_(types), linker_(linker) {}
+
+    // Leaves `stage`'s entry point as the only one, and wraps it if the stage decides anything. Called last: what is
+    // added here must not be rewritten. False with error() set on failure.
+    bool wrap(const PipelineStage &stage);
+    [[nodiscard]] const std::string &error() const { return error_; }
+
+private:
+    bool selectEntryPoint(const PipelineStage &stage);
+    void decideTriangle();
+    void decideBox();
+    void cullBox();
+    void ignoreIf(Id condition);
+    // The application's function runs if the condition is true, and ours returns.
+    void callIf(Id condition);
+
+    Id readBuiltIn(std::uint32_t builtIn);
+    Id applicationFlags();
+    Id isSet(Id flags, std::uint32_t flag);
+    // The barycentrics of the hit: the first two scalars of its attributes.
+    Id readBarycentrics();
+    struct Scalar {
+        Id type = 0;
+        std::vector<std::uint32_t> path; // indices that lead to it
+    };
+    bool findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found, std::size_t &budget) const;
+    Id makeInput(std::uint32_t storageClass, Id type);
+    [[nodiscard]] bool inInterface(Id variable) const;
+
+    Module &module_;
+    Types &types_;
+    Linker &linker_;
+    std::vector<std::uint32_t> entry_; // operands of OpEntryPoint
+    std::size_t interface_ = 0;        // where in them the interface begins
+    Id application_ = 0;               // the application's function
+    Code code_{module_};
+    std::string error_;
+};
+
+} // namespace vellum::spirv

@@ -1,0 +1,35 @@
+// The ray flags of OpTraceRayKHR and its kin, on their way to the driver (core/ray_flags.h).
+#pragma once
+
+#include <string>
+
+#include "spirv/code.h"
+#include "spirv/link.h"
+
+namespace vellum::spirv
+{
+
+// The flags as the driver gets them. Constants stay constants.
+Id hideRayFlags(Module &module, Types &types, Linker &linker, Id flags, Code &out);
+
+class TraceRays
+{
+public:
+    TraceRays(Module &module, Types &types, Linker &linker, bool carriesFlagBits)
+        : module_(module), types_(types), linker_(linker), carriesFlagBits_(carriesFlagBits)
+    {
+    }
+    // Writes what replaces an instruction to `out`. False if it stays as it is.
+    bool replace(Instruction in, Code &out);
+    // Not empty once an instruction was met that cannot be replaced.
+    [[nodiscard]] const std::string &error() const { return error_; }
+
+private:
+    Module &module_;
+    Types &types_;
+    Linker &linker_;
+    bool carriesFlagBits_;
+    std::string error_;
+};
+
+} // namespace vellum::spirv

@@ -1,0 +1,121 @@
+// What the shaders of pipeline_tracer.glsl and its relatives share. The first three bindings are those of tracer.comp.
+struct Ray {
+    float origin[3];
+    float tMin;
+    float direction[3];
+    float tMax;
+    uint flags;
+    uint cullMask;
+    uint rule;      // kNever, kAlways, kHash or kTerminate: what the any-hit shader does
+    float generate; // intersection shaders report a hit at this t, if it is above 0
+};
+
+struct Candidate { // an any-hit invocation
+    uint customIndex;
+    uint instance;
+    uint geometry;
+    uint primitive;
+    uint bits; // 1: box, 4: front face, 8: accepted
+    float t;
+    float u;
+    float v;
+};
+
+struct Result {
+    uint candidates;
+    uint flags;
+    uint committed;
+    uint customIndex;
+    uint instance;
+    uint geometry;
+    uint primitive;
+    float t;
+    float u;
+    float v;
+    float tMin;
+    uint frontFace;
+};
+
+struct Note { // beside each candidate
+    uint flags;
+    uint hitKind;
+    uint record; // first word of the shader record
+    uint intact; // 1: the payload is what the ray generation shader wrote
+};
+
+struct Visit { // an invocation of an intersection shader
+    uint customIndex;
+    uint instance;
+    uint geometry;
+    uint primitive;
+    uint flags;
+    uint record;
+    uint reported; // 1: reported a hit, 2: which was accepted
+    float tMin;
+};
+
+struct More { // beside each result
+    uint visits;
+    uint hitKind;
+    uint record;
+    uint invocations; // closest-hit and miss shaders, together
+    uint intact;
+    uint pad0, pad1, pad2;
+};
+
+struct Payload {
+    uint id;
+    uint rule;
+    uint count;
+    uint invocations;
+    uint flags;
+    uint committed;
+    uint customIndex;
+    uint instance;
+    uint geometry;
+    uint primitive;
+    uint hitKind;
+    uint record;
+    float t;
+    float u;
+    float v;
+    float tMin;
+    uint canary;
+};
+
+layout(binding = 0) uniform accelerationStructureEXT scene;
+layout(binding = 1, std430) readonly buffer Rays { Ray rays[]; };
+layout(binding = 2, std430) buffer Results { Result results[]; };
+layout(binding = 3, std430) buffer Candidates { Candidate candidates[]; };
+layout(binding = 4, std430) buffer Notes { Note notes[]; };
+layout(binding = 5, std430) buffer Visits { Visit visits[]; };
+layout(binding = 6, std430) buffer Mores { More mores[]; };
+layout(push_constant) uniform Push
+{
+    uint rayCount;
+    uint capacity; // candidates kept for each ray, and visits
+    uint sbtOffset;
+    uint sbtStride;
+    uint missIndex;
+    uint pad;
+    uvec2 sceneAddress;
+} push;
+
+const uint kNever = 0u;
+const uint kAlways = 1u;
+const uint kHash = 2u;
+const uint kTerminate = 3u;
+
+bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint primitive)
+{
+    const uint h = (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^
+                   (primitive * 0x27d4eb2fu);
+    return rule == kAlways || rule == kTerminate || (rule == kHash && ((h ^ (h >> 15u)) & 0x40u) != 0u);
+}
+
+uint canaryOf(uint id)
+{
+    return id * 0x9e3779b1u + 0x7f4a7c15u;
+}
+
+const uint kUnknown = 0xffffffffu;

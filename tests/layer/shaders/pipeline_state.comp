@@ -1,0 +1,13 @@
+#version 460
+// Writes down the push constants that it gets beside those of ray tracing shaders.
+layout(local_size_x = 48) in;
+layout(binding = 0, std430) writeonly buffer Seen { uint seen[]; };
+layout(push_constant) uniform Push
+{
+    layout(offset = 64) uint words[48];
+} push;
+
+void main()
+{
+    seen[gl_GlobalInvocationID.x] = push.words[gl_GlobalInvocationID.x];
+}

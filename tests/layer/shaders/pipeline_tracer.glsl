@@ -1,0 +1,240 @@
+#version 460
+#extension GL_EXT_ray_tracing : require
+#extension GL_GOOGLE_include_directive : require
+// tracer.comp as a ray tracing pipeline. One of RAYGEN, MISS, CLOSEST_HIT, ANY_HIT, INTERSECTION is defined. Variants of
+// the ray generation shader:
+//   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
+//   SPEC_FLAGS    they are a specialization constant
+//   MIXED=n       some rays are traced by an instruction of its own with the constant n, where that is their flags
+//   BY_ADDRESS    the acceleration structure comes as a device address
+//   IN_FUNCTION   rays are traced in a loop, in a function that gets the flags as a parameter
+#ifdef BY_ADDRESS
+#extension GL_EXT_ray_query : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#endif
+#include "pipeline_common.glsl"
+
+#ifndef RAYGEN
+layout(shaderRecordEXT, std430) buffer Record { uint recordData[4]; };
+#endif
+
+#ifndef RAYGEN
+// Functions, for the test that gives several entry points the same one.
+uint rayFlagsRead()
+{
+    return gl_IncomingRayFlagsEXT;
+}
+#if !defined(MISS)
+uint customIndexRead()
+{
+    return uint(gl_InstanceCustomIndexEXT);
+}
+#endif
+#endif
+
+// WIDE: boxes have as many hit attributes as there may be.
+#ifdef WIDE
+struct Wide {
+    vec2 uv;
+    float more[6];
+};
+#define ATTRIBUTES hitAttributeEXT Wide wide;
+#define attributes wide.uv
+#define WRITE_WIDE                                                                                                     \
+    for (int i = 0; i < 6; ++i)                                                                                        \
+        wide.more[i] = wide.uv.x * float(i + 3);
+#define ATTRIBUTES_RIGHT                                                                                               \
+    (wide.more[0] == wide.uv.x * 3.0 && wide.more[1] == wide.uv.x * 4.0 && wide.more[2] == wide.uv.x * 5.0 &&          \
+     wide.more[3] == wide.uv.x * 6.0 && wide.more[4] == wide.uv.x * 7.0 && wide.more[5] == wide.uv.x * 8.0)
+#else
+#define ATTRIBUTES hitAttributeEXT vec2 attributes;
+#define WRITE_WIDE
+#define ATTRIBUTES_RIGHT true
+#endif
+
+#if defined(RAYGEN)
+layout(location = 0) rayPayloadEXT Payload payload;
+
+#ifdef SPEC_FLAGS
+layout(constant_id = 0) const uint kFlags = 0u;
+#define FLAGS(ray) kFlags
+#elif defined(RAY_FLAGS)
+#define FLAGS(ray) RAY_FLAGS
+#else
+#define FLAGS(ray) ray.flags
+#endif
+
+#ifdef BY_ADDRESS
+#define SCENE accelerationStructureEXT(push.sceneAddress)
+#else
+#define SCENE scene
+#endif
+#define TRACE(ray, flags)                                                                                              \
+    traceRayEXT(SCENE, flags, ray.cullMask, push.sbtOffset, push.sbtStride, push.missIndex,                            \
+                vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,                                           \
+                vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax, 0)
+
+void traceWith(Ray ray, uint flags)
+{
+    TRACE(ray, flags);
+}
+
+void main()
+{
+    const uint id = (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
+    if (id >= push.rayCount)
+        return;
+    const Ray ray = rays[id];
+    mores[id].visits = 0u;
+    payload.id = id;
+    payload.rule = ray.rule;
+    payload.count = 0u;
+    payload.invocations = 0u;
+    payload.flags = kUnknown;
+    payload.committed = kUnknown;
+    payload.customIndex = 0u;
+    payload.instance = 0u;
+    payload.geometry = 0u;
+    payload.primitive = 0u;
+    payload.hitKind = kUnknown;
+    payload.record = kUnknown;
+    payload.t = 0.0;
+    payload.u = 0.0;
+    payload.v = 0.0;
+    payload.tMin = 0.0;
+    payload.canary = canaryOf(id);
+#if defined(MIXED)
+    if (ray.flags == MIXED && (id & 1u) == 0u)
+        TRACE(ray, MIXED);
+    else
+        TRACE(ray, ray.flags);
+#elif defined(IN_FUNCTION)
+    // Once, by what the compiler cannot know.
+    for (uint i = 0u; i < 4u; ++i) {
+        const uint bit = i == 0u ? 0x0fu : i == 1u ? 0xf0u : i == 2u ? 0x300u : 0xffffffffu;
+        if (i + 1u == max(ray.cullMask / 0x3fu, 1u))
+            traceWith(ray, (ray.flags & bit) | (ray.flags & ~bit));
+    }
+#else
+    TRACE(ray, FLAGS(ray));
+#endif
+    Result r;
+    r.candidates = payload.count;
+    r.flags = payload.flags;
+    r.committed = payload.committed;
+    r.customIndex = payload.customIndex;
+    r.instance = payload.instance;
+    r.geometry = payload.geometry;
+    r.primitive = payload.primitive;
+    r.t = payload.t;
+    r.u = payload.u;
+    r.v = payload.v;
+    r.tMin = payload.tMin;
+    r.frontFace = payload.hitKind == gl_HitKindFrontFacingTriangleEXT ? 1u : 0u;
+    results[id] = r;
+    mores[id].hitKind = payload.hitKind;
+    mores[id].record = payload.record;
+    mores[id].invocations = payload.invocations;
+    mores[id].intact =
+        payload.canary == canaryOf(id) && payload.id == id && payload.rule == ray.rule ? 1u : 0u;
+}
+
+#elif defined(MISS)
+layout(location = 0) rayPayloadInEXT Payload payload;
+
+void main()
+{
+    payload.invocations += 1u;
+    payload.flags = rayFlagsRead();
+    payload.committed = 0u;
+    payload.tMin = gl_RayTminEXT;
+    payload.record = recordData[0];
+}
+
+#elif defined(CLOSEST_HIT)
+layout(location = 0) rayPayloadInEXT Payload payload;
+ATTRIBUTES
+
+void main()
+{
+    payload.invocations += 1u;
+    payload.flags = rayFlagsRead();
+    payload.hitKind = gl_HitKindEXT;
+    payload.committed =
+        gl_HitKindEXT == gl_HitKindFrontFacingTriangleEXT || gl_HitKindEXT == gl_HitKindBackFacingTriangleEXT ? 1u : 2u;
+    payload.customIndex = customIndexRead();
+    payload.instance = uint(gl_InstanceID);
+    payload.geometry = uint(gl_GeometryIndexEXT);
+    payload.primitive = uint(gl_PrimitiveID);
+    payload.t = gl_HitTEXT;
+    payload.u = ATTRIBUTES_RIGHT ? attributes.x : -1.0;
+    payload.v = attributes.y;
+    payload.tMin = gl_RayTminEXT;
+    payload.record = recordData[0];
+}
+
+#elif defined(ANY_HIT)
+layout(location = 0) rayPayloadInEXT Payload payload;
+ATTRIBUTES
+
+void main()
+{
+    const bool triangle =
+        gl_HitKindEXT == gl_HitKindFrontFacingTriangleEXT || gl_HitKindEXT == gl_HitKindBackFacingTriangleEXT;
+    Candidate c;
+    c.customIndex = customIndexRead();
+    c.instance = uint(gl_InstanceID);
+    c.geometry = uint(gl_GeometryIndexEXT);
+    c.primitive = uint(gl_PrimitiveID);
+    c.t = gl_HitTEXT;
+    c.u = ATTRIBUTES_RIGHT ? attributes.x : -1.0;
+    c.v = attributes.y;
+    const bool accepted = confirms(payload.rule, c.customIndex, c.instance, c.geometry, c.primitive);
+    c.bits = (triangle ? 0u : 1u) | (gl_HitKindEXT == gl_HitKindFrontFacingTriangleEXT ? 4u : 0u) |
+             (accepted ? 8u : 0u);
+    if (payload.count < push.capacity) {
+        const uint at = payload.id * push.capacity + payload.count;
+        candidates[at] = c;
+        Note n;
+        n.flags = rayFlagsRead();
+        n.hitKind = gl_HitKindEXT;
+        n.record = recordData[0];
+        n.intact = payload.canary == canaryOf(payload.id) ? 1u : 0u;
+        notes[at] = n;
+    }
+    payload.count += 1u;
+    if (!accepted)
+        ignoreIntersectionEXT;
+    if (payload.rule == kTerminate)
+        terminateRayEXT;
+}
+
+#elif defined(INTERSECTION)
+ATTRIBUTES
+
+void main()
+{
+    const uint id = (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
+    const uint count = atomicAdd(mores[id].visits, 1u);
+    Visit v;
+    v.customIndex = customIndexRead();
+    v.instance = uint(gl_InstanceID);
+    v.geometry = uint(gl_GeometryIndexEXT);
+    v.primitive = uint(gl_PrimitiveID);
+    v.flags = rayFlagsRead();
+    v.record = recordData[0];
+    v.reported = 0u;
+    v.tMin = gl_RayTminEXT;
+    const float t = rays[id].generate;
+    const uint at = id * push.capacity + count;
+    if (t > 0.0) {
+        v.reported = 1u; // stays where the any-hit shader ends the ray, and this invocation with it
+        attributes = vec2(float(v.primitive) + 0.25, float(v.geometry) + 0.5);
+        WRITE_WIDE
+    }
+    if (count < push.capacity)
+        visits[at] = v;
+    if (t > 0.0 && reportIntersectionEXT(t, 0x10u + (v.primitive & 0xfu)) && count < push.capacity)
+        visits[at].reported = 3u;
+}
+#endif

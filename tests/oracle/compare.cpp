@@ -1,0 +1,114 @@
+#include "compare.h"
+
+#include <cstdio>
+#include <cstdlib>
+
+namespace oracle
+{
+
+std::uint32_t setting(const char *name, std::uint32_t otherwise)
+{
+    const char *value = std::getenv(name);
+    return value != nullptr ? static_cast<std::uint32_t>(std::strtoul(value, nullptr, 0)) : otherwise;
+}
+
+std::uint32_t recordOffset(const Scene &scene, std::uint32_t instance)
+{
+    const bool boxes = !scene.objects[scene.instances[instance].object].meshes[0].boxes.empty();
+    return instance % kRecordOffsets + (boxes ? kBoxRecords : 0);
+}
+
+Built build(vt::Gpu &gpu, const Scene &scene)
+{
+    Built built;
+    for (const Object &object : scene.objects) {
+        std::vector<vt::Geometry> geometries;
+        for (const Mesh &mesh : object.meshes) {
+            vt::Geometry geometry;
+            geometry.vertices = mesh.vertices;
+            geometry.boxes = mesh.boxes;
+            geometry.flags = mesh.opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
+            if (mesh.micromap) {
+                const MeshMicromap &from = *mesh.micromap;
+                vt::Attachment attachment;
+                attachment.indexType = from.indexType;
+                attachment.indices = from.indices;
+                attachment.base = from.base;
+                if (!from.null) {
+                    vt::MicromapInput input;
+                    for (const MicromapTriangle &triangle : from.triangles)
+                        input.add(triangle.level, triangle.format, triangle.states);
+                    built.micromaps.push_back(std::make_unique<vt::Micromap>(gpu, std::move(input)));
+                    built.micromaps.back()->build();
+                    attachment.micromap = built.micromaps.back().get();
+                }
+                geometry.micromap = std::move(attachment);
+            }
+            geometries.push_back(std::move(geometry));
+        }
+        built.objects.push_back(std::make_unique<vt::Blas>(
+            gpu, std::move(geometries),
+            gpu.options().micromaps
+                ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT}
+                : 0));
+    }
+    std::vector<VkAccelerationStructureInstanceKHR> instances;
+    for (const Instance &from : scene.instances) {
+        auto instance = vt::instance(*built.objects[from.object], {}, from.customIndex, from.flags, from.mask);
+        instance.transform = from.transform;
+        instance.instanceShaderBindingTableRecordOffset =
+            recordOffset(scene, static_cast<std::uint32_t>(instances.size())) & 0xffffffu;
+        if (from.inactive)
+            instance.accelerationStructureReference = 0;
+        instances.push_back(instance);
+    }
+    built.scene = std::make_unique<vt::Tlas>(gpu, instances);
+    return built;
+}
+
+bool confirms(const vt::Ray &ray, const Hit &hit)
+{
+    return ray.rule == vt::kAlways ||
+           (ray.rule == vt::kHash && vt::hashConfirms(hit.customIndex, hit.instance, hit.geometry, hit.primitive));
+}
+
+void compareScenes(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint64_t minimum,
+                   const TraceScene &trace)
+{
+    const std::uint32_t seed = setting("VELLUM_ORACLE_SEED", 20260519);
+    scenes = setting("VELLUM_ORACLE_SCENES", scenes);
+    std::printf("seed %u, %u scenes\n", seed, scenes);
+    std::uint64_t compared = 0, unsure = 0, handed = 0, hit = 0;
+    int faults = 0;
+    for (std::uint32_t s = 0; s < scenes; ++s) {
+        Random random(seed + s);
+        const Scene scene = randomScene(random, limits);
+        const Built built = build(gpu, scene);
+        std::vector<Hits> hits;
+        for (const vt::Ray &ray : scene.rays)
+            hits.push_back(allHits(scene, ray));
+        const std::vector<Traced> traced = trace(built, scene, hits);
+        for (std::size_t i = 0; i < traced.size(); ++i) {
+            if (hits[i].unsure) {
+                ++unsure;
+                continue;
+            }
+            ++compared;
+            handed += traced[i].candidates;
+            hit += traced[i].hit ? 1u : 0u;
+            if (!traced[i].fault.empty() && ++faults <= 10)
+                ADD_FAILURE() << "scene seed " << seed + s << " ray " << i << std::hex << " flags 0x"
+                              << scene.rays[i].flags << std::dec << ": " << traced[i].fault;
+        }
+    }
+    std::printf("%llu rays compared, %llu too close to call, %llu candidates, %llu hits\n",
+                static_cast<unsigned long long>(compared), static_cast<unsigned long long>(unsure),
+                static_cast<unsigned long long>(handed), static_cast<unsigned long long>(hit));
+    EXPECT_EQ(faults, 0);
+    EXPECT_LT(static_cast<double>(unsure), 0.05 * static_cast<double>(compared + unsure));
+    if (std::getenv("VELLUM_ORACLE_SCENES") == nullptr) {
+        EXPECT_GE(compared, minimum);
+    }
+}
+
+} // namespace oracle

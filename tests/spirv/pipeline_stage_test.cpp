@@ -1,0 +1,220 @@
+// Stages of ray tracing pipelines that use micromaps.
+#include "support.h"
+
+#include "spirv/opcodes.h"
+
+#include <gtest/gtest.h>
+
+namespace vellum::test
+{
+namespace
+{
+
+using spirv::Decides;
+using Status = spirv::RewriteResult::Status;
+
+struct Stage {
+    const char *shader;
+    spv::ExecutionModel model;
+    Decides decides;
+};
+
+spirv::RewriteOptions optionsOf(const Stage &stage)
+{
+    return {.rootAddress = 0x1000,
+            .pipelineStage = spirv::PipelineStage{"main", static_cast<std::uint32_t>(stage.model), stage.decides}};
+}
+
+std::string rewriteStage(const Stage &stage, const char *variant = "v15")
+{
+    const auto result = spirv::rewrite(loadShader(stage.shader, variant), optionsOf(stage));
+    EXPECT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
+    EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
+    return disassemble(result.words);
+}
+
+constexpr Stage kTriangles{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits};
+constexpr Stage kBoxes{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Decides::BoxHits};
+constexpr Stage kEmpty{"empty.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits};
+constexpr Stage kCulling{"box.rint", spv::ExecutionModelIntersectionKHR, Decides::BoxCulling};
+constexpr Stage kTrace{"trace.rgen", spv::ExecutionModelRayGenerationKHR, Decides::Nothing};
+
+TEST(PipelineStages, AreValidInEveryVersion)
+{
+    for (const char *variant : {"v15", "v14", "v16"})
+        for (const Stage &stage :
+             {kTriangles, kBoxes, kEmpty, kCulling, kTrace,
+              Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Decides::BoxHits},
+              Stage{"integer_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
+              Stage{"struct_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
+              Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
+              Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}})
+            rewriteStage(stage, variant);
+}
+
+TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
+{
+    const std::string text = rewriteStage(kTriangles);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
+    EXPECT_EQ(count(text, "OpFunctionCall %void %main"), 1u);
+    EXPECT_EQ(count(text, "OpEntryPoint AnyHitNV %vellumEntry \"main\"") +
+                  count(text, "OpEntryPoint AnyHitKHR %vellumEntry \"main\""),
+              1u);
+    EXPECT_EQ(count(text, "OpIgnoreIntersectionKHR"), 2u); // the application's, and ours
+    // The application's variables are used, none is there twice.
+    for (const char *builtIn : {"InstanceCustomIndex", "IncomingRayFlags", "PrimitiveId", "RayGeometryIndex"})
+        EXPECT_EQ(count(text, std::string("BuiltIn ") + builtIn), 1u) << builtIn;
+    EXPECT_EQ(count(text, "OpVariable %_ptr_HitAttributeNV") + count(text, "OpVariable %_ptr_HitAttributeKHR"), 1u);
+}
+
+TEST(PipelineStages, WhatAnAnyHitShaderLacksIsAdded)
+{
+    const std::string text = rewriteStage(kEmpty);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
+    for (const char *builtIn : {"InstanceCustomIndex", "IncomingRayFlags", "PrimitiveId", "RayGeometryIndex"})
+        EXPECT_EQ(count(text, std::string("BuiltIn ") + builtIn), 1u) << builtIn;
+}
+
+TEST(PipelineStages, BoxesAreNotLookedUp)
+{
+    EXPECT_EQ(count(rewriteStage(kBoxes), "vellumResolve"), 0u);
+    const std::string text = rewriteStage(kCulling);
+    EXPECT_EQ(count(text, "vellumResolve"), 0u);
+    EXPECT_EQ(count(text, "OpFunctionCall %bool %vellumCullsBox"), 1u);
+    EXPECT_EQ(count(text, "OpFunctionCall %void %main"), 1u);
+}
+
+TEST(PipelineStages, RayFlagsAreHidden)
+{
+    const std::string text = rewriteStage(kTrace);
+    // The run-time flags and the specialization constant, which may still change.
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumDriverFlags"), 2u);
+    EXPECT_EQ(count(text, "OpConstant %uint 2052"), 1u); // Opaque | TerminateOnFirstHit -> bit 11 | 4
+    EXPECT_EQ(count(text, "OpTraceRayKHR %"), 4u);
+    EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u); // nothing to hide
+}
+
+// In pipelines without micromaps nothing is hidden, so nothing may be restored.
+TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheCustomIndexChanges)
+{
+    EXPECT_EQ(spirv::rewrite(loadShader("trace.rgen", "v15"), {}).status, Status::Unchanged);
+    const auto result = spirv::rewrite(loadShader("any_hit.rahit", "v15"), {});
+    ASSERT_EQ(result.status, Status::Rewritten);
+    const std::string text = disassemble(result.words);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
+    EXPECT_EQ(count(text, "vellumApplicationFlags"), 0u);
+}
+
+TEST(PipelineStages, NeedCarriedBitsOnlyToHideFlags)
+{
+    spirv::RewriteOptions options = optionsOf(kTrace);
+    options.pipelinesCarryFlagBits = false;
+    const auto result = spirv::rewrite(loadShader("trace.rgen", "v15"), options);
+    EXPECT_EQ(result.status, Status::Failed);
+    EXPECT_NE(result.error.find("flag bits"), std::string::npos) << result.error;
+    options = optionsOf(kTriangles);
+    options.pipelinesCarryFlagBits = false;
+    EXPECT_EQ(spirv::rewrite(loadShader("any_hit.rahit", "v15"), options).status, Status::Rewritten);
+}
+
+TEST(PipelineStages, ThatCannotBeRewrittenSayWhy)
+{
+    spirv::RewriteOptions options = optionsOf(kTriangles);
+    options.pipelineStage->entryPoint = "other";
+    auto result = spirv::rewrite(loadShader("any_hit.rahit", "v15"), options);
+    EXPECT_EQ(result.status, Status::Failed);
+    EXPECT_NE(result.error.find("\"other\""), std::string::npos) << result.error;
+
+    options = optionsOf(kTriangles);
+    result = spirv::rewrite(loadShader("trace.rgen", "v15"), options);
+    EXPECT_EQ(result.status, Status::Failed); // "main" is there, but of another stage
+    result = spirv::rewrite(loadShader("short_attributes.rahit", "v15"), options);
+    EXPECT_EQ(result.status, Status::Failed);
+    EXPECT_NE(result.error.find("hit attributes"), std::string::npos) << result.error;
+}
+
+// Two entry points, one function, a built-in that both know, and a copy of it from memory to memory.
+constexpr const char *kTwoEntryPoints = R"(
+        OpCapability RayTracingKHR
+        OpExtension "SPV_KHR_ray_tracing"
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint AnyHitKHR %f "first" %index %index2 %payload
+        OpEntryPoint ClosestHitKHR %f "second" %index %index2 %payload
+        OpEntryPoint RayGenerationKHR %g "main"
+        OpDecorate %index BuiltIn InstanceCustomIndexKHR
+        OpDecorate %index2 BuiltIn IncomingRayFlagsKHR
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+ %int = OpTypeInt 32 1
+  %in = OpTypePointer Input %int
+  %pp = OpTypePointer IncomingRayPayloadKHR %int
+%index = OpVariable %in Input
+%index2 = OpVariable %in Input
+%payload = OpVariable %pp IncomingRayPayloadKHR
+   %f = OpFunction %void None %proc
+  %l1 = OpLabel
+        OpCopyMemory %payload %index Volatile
+  %v = OpLoad %int %index2
+        OpStore %payload %v
+        OpReturn
+        OpFunctionEnd
+   %g = OpFunction %void None %proc
+  %l2 = OpLabel
+        OpReturn
+        OpFunctionEnd
+)";
+
+TEST(PipelineStages, OtherEntryPointsAreGone)
+{
+    const Module words = assemble(kTwoEntryPoints);
+    for (const auto &[name, model, decides] :
+         {std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits),
+          std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::BoxHits),
+          std::tuple("second", spv::ExecutionModelClosestHitKHR, Decides::Nothing)}) {
+        const auto result = spirv::rewrite(
+            words, {.rootAddress = 0x1000,
+                    .pipelineStage = spirv::PipelineStage{name, static_cast<std::uint32_t>(model), decides}});
+        ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+        EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+        const std::string text = disassemble(result.words);
+        EXPECT_EQ(count(text, "OpEntryPoint"), 1u);
+        EXPECT_EQ(count(text, std::string("\"") + name + "\""), 1u);
+        EXPECT_EQ(count(text, "OpCopyMemory"), 0u);
+        EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 1u) << text;
+        EXPECT_EQ(count(text, "Volatile"), 1u);
+        EXPECT_GE(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 1u);
+    }
+}
+
+// Types of hit attributes that would take for ever to walk through.
+TEST(PipelineStages, HostileHitAttributesAreRefused)
+{
+    std::string types = "%s0 = OpTypeStruct\n";
+    for (int i = 1; i < 12; ++i) {
+        const std::string member = " %s" + std::to_string(i - 1);
+        types += "%s" + std::to_string(i) + " = OpTypeStruct";
+        for (int m = 0; m < 64; ++m)
+            types += member;
+        types += "\n";
+    }
+    const Module words = assemble(R"(
+        OpCapability RayTracingKHR
+        OpExtension "SPV_KHR_ray_tracing"
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint AnyHitKHR %f "main" %a
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+)" + types + R"(
+   %p = OpTypePointer HitAttributeKHR %s11
+   %a = OpVariable %p HitAttributeKHR
+   %f = OpFunction %void None %proc
+   %l = OpLabel
+        OpReturn
+        OpFunctionEnd
+)");
+    EXPECT_EQ(spirv::rewrite(words, optionsOf(kTriangles)).status, Status::Failed);
+}
+
+} // namespace
+} // namespace vellum::test
