@@ -51,14 +51,17 @@ VELLUM_CONST uint kGeometryRecordOpaque = 1u;
 VELLUM_CONST uint kGeometryTrianglesShift = 1u;
 
 // --- instance record ---
-// word 0: instanceCustomIndex in the low 24 bits
-// word 1: 0
+// word 0: instanceCustomIndex in the low 24 bits. Of instances of boxes: bit kInstanceBoxes, and in bits 24..27 the
+//         instance flags 2..5
+// word 1: of instances of boxes: which geometries are opaque, see BLAS cell
 // word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. The low 4 bits of word
 // 2 hold instance flags 2..5: all of those that resolution needs (opacity.h). Lookup reads as few words as can be: a
 // driver for the CPU gathers each one lane by lane.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
+VELLUM_CONST uint kInstanceBoxes = 0x10000000u;
+VELLUM_CONST uint kInstanceBoxFlagsShift = 24u;
 VELLUM_CONST uint kSlotsPerPageLog2 = 12u;
 VELLUM_CONST uint kDirectoryPages = 4096u;
 VELLUM_CONST uint kFirstSlots = 65536u;
@@ -75,10 +78,9 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- BLAS cell: written by the GPU when a build with that reference executes ---
 // word 0, 1: address of the geometry records, 0: none
-// word 2: kCell*
+// word 2: 1: it is known which geometries of boxes are opaque; else 0
+// word 3: and these are: bit (geometry % 32), which says it for any number of geometries if they are all alike
 VELLUM_CONST uint kBlasCellWords = 4u;
-VELLUM_CONST uint kCellTriangles = 0u; // some geometry has a micromap, and the driver does not see FORCE_OPAQUE
-VELLUM_CONST uint kCellBoxes = 1u;     // the driver decides which boxes are opaque
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

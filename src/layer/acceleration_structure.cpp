@@ -26,17 +26,28 @@ constexpr VkDeviceSize kAlignment = 256; // of parts within acceleration structu
 constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
 constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
 
-// Whether a bottom-level structure has geometry records. Those of boxes say whether a geometry is opaque, which an
-// intersection shader cannot know; no ray query needs them.
-bool hasRecords(const Device &device, const DriverBuildInfo &build)
+// An intersection shader cannot know whether its geometry is opaque: the cell says it. No ray query needs that.
+void setBoxes(BlasRecordsPush &push, const DriverBuildInfo &build)
 {
-    return build.hasMicromaps() || (build.hasBoxes() && device.next.CreateRayTracingPipelinesKHR);
+    if (!build.hasBoxes())
+        return;
+    bool alike = true;
+    for (uint32_t i = 0; i < build.geometryCount(); ++i) {
+        alike = alike && build.opaque(i) == build.opaque(0);
+        if (build.opaque(i))
+            push.opaqueBoxes |= 1u << i % 32;
+    }
+    push.boxes = alike || build.geometryCount() <= 32 ? 1 : 0;
+    if (alike)
+        push.opaqueBoxes = build.opaque(0) ? ~0u : 0;
 }
 
 // Bytes of the records of a bottom-level structure, which lie at the end of its memory. `primitives(i)`: of geometry i.
 template <typename Primitives>
 VkDeviceSize tailBytes(const DriverBuildInfo &build, Primitives primitives)
 {
+    if (!build.hasMicromaps())
+        return 0;
     VkDeviceSize bytes = build.geometryCount() * kGeometryRecordBytes;
     for (uint32_t i = 0; i < build.geometryCount(); ++i) {
         if (build.micromap(i))
@@ -171,9 +182,10 @@ private:
     {
         AccelerationStructure &target = *part.target;
         const VkDeviceAddress reference = device_.structureAddress(infos_[i].dstAccelerationStructure);
-        if (!hasRecords(device_, part.build)) {
+        if (!part.build.hasMicromaps()) {
             // A structure of the same address had micromaps once: the TLAS must no longer find them.
-            if (device_.root.findCell(reference))
+            const bool boxes = part.build.hasBoxes() && device_.next.CreateRayTracingPipelinesKHR;
+            if (boxes || device_.root.findCell(reference))
                 part.cell = acquireCell(device_, target, reference);
             target.hasMicromaps = false;
             return;
@@ -186,7 +198,7 @@ private:
                        " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
             return;
         }
-        target.hasMicromaps = part.build.hasMicromaps();
+        target.hasMicromaps = true;
         part.cell = acquireCell(device_, target, reference);
         if (!part.cell) {
             refuse(part, i, "VELLUM-out-of-memory", "no memory for the layer's tables");
@@ -275,6 +287,7 @@ private:
             if (!part.tail) {
                 BlasRecordsPush push{};
                 push.cell = part.cell;
+                setBoxes(push, part.build);
                 work.dispatch(InjectedShader::BlasRecords, push, 1, 64);
                 continue;
             }
@@ -293,7 +306,6 @@ private:
             push.firstGeometryRecord = part.tail;
             push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell : 0;
-            push.cellKind = part.build.hasBoxes() ? kCellBoxes : kCellTriangles;
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges[g].primitiveCount;
                 push.triangleRecords = triangles;
@@ -369,7 +381,7 @@ VKAPI_ATTR void VKAPI_CALL getAccelerationStructureBuildSizes(VkDevice handle, V
         const VkDeviceSize extra = patchedInstancesBytes(maxPrimitives[0]);
         sizes->buildScratchSize += extra;
         sizes->updateScratchSize += extra;
-    } else if (hasRecords(device, build)) {
+    } else if (build.hasMicromaps()) {
         const VkDeviceSize tail =
             tailBytes(build, [&](uint32_t g) { return VkDeviceSize{maxPrimitives ? maxPrimitives[g] : 0}; });
         sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kAlignment) + tail;
@@ -438,7 +450,7 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer 
     Device &device = deviceOf(commandBuffer);
     if (const auto source = device.accelerationStructures.get(info->src)) {
         std::lock_guard lock(source->mutex);
-        if (source->cell) {
+        if (source->hasMicromaps) {
             device.report().notAvailable(
                 "vkCmdCopyAccelerationStructureToMemoryKHR of a bottom-level structure with micromaps");
             return;

@@ -25,7 +25,7 @@ struct MicromapPush {
 };
 struct BlasRecordsPush {
     VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord;
-    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, cellKind;
+    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, boxes, opaqueBoxes;
 };
 struct TlasInstancesPush {
     VkDeviceAddress source, target, root;

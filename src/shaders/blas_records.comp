@@ -23,7 +23,8 @@ layout(push_constant, std430) uniform Push
     uint readable; // indices that lie inside their buffer
     uint baseTriangle;
     uint geometryWord; // word 0 of the geometry record
-    uint cellKind;
+    uint boxes; // words 2 and 3 of the cell
+    uint opaqueBoxes;
 } push;
 
 const uint kUnknownOpaque = ~0u; // all sixteen states
@@ -84,6 +85,7 @@ void main()
         Words cell = Words(push.cell);
         cell.w[0] = push.firstGeometryRecord.x;
         cell.w[1] = push.firstGeometryRecord.y;
-        cell.w[2] = push.cellKind;
+        cell.w[2] = push.boxes;
+        cell.w[3] = push.opaqueBoxes;
     }
 }

@@ -30,11 +30,11 @@ uvec2 loadAddress(uvec2 at)
     return uvec2(words.w[0], words.w[1]);
 }
 
-// Address of the geometry records of the BLAS with this reference, zero where it has none, and the kind of its cell.
-uvec3 findRecords(uvec2 reference)
+// The cell of the BLAS with this reference; zero where it has none.
+uvec4 findCell(uvec2 reference)
 {
     if (all(equal(reference, uvec2(0))))
-        return uvec3(0);
+        return uvec4(0);
     Words table = Words(loadAddress(push.root));
     const uint mask = table.w[0];
     uint bucket = hashReference(reference.x, reference.y) & mask;
@@ -43,23 +43,25 @@ uvec3 findRecords(uvec2 reference)
         const uvec2 key = uvec2(table.w[at], table.w[at + 1u]);
         if (all(equal(key, reference))) {
             Words cell = Words(uvec2(table.w[at + 2u], table.w[at + 3u]));
-            return uvec3(cell.w[0], cell.w[1], cell.w[2]);
+            return uvec4(cell.w[0], cell.w[1], cell.w[2], cell.w[3]);
         }
         if (all(equal(key, uvec2(0))))
             break;
         bucket = (bucket + 1u) & mask;
     }
-    return uvec3(0);
+    return uvec4(0);
 }
 
-void writeRecord(uint slot, uint customIndex, uint flags, uvec2 records)
+void writeRecord(uint slot, uint customIndex, uint flags, uvec4 cell)
 {
+    const uvec2 records = cell.xy;
+    const uint recordFlags = (flags >> kInstanceFlagsShift) & kInstanceFlagsMask;
     const uvec2 entry = elementAddress(push.root, (slot >> kSlotsPerPageLog2) + kRootHeaderWords / 2u, 8u);
     const uint inPage = slot & ((1u << kSlotsPerPageLog2) - 1u);
     Words record = Words(elementAddress(loadAddress(entry), inPage, kInstanceRecordWords * 4u));
-    record.w[0] = customIndex;
-    record.w[1] = 0u;
-    record.w[2] = records.x | (any(notEqual(records, uvec2(0))) ? (flags >> kInstanceFlagsShift) & kInstanceFlagsMask : 0u);
+    record.w[0] = customIndex | (cell.z != 0u ? kInstanceBoxes | (recordFlags << kInstanceBoxFlagsShift) : 0u);
+    record.w[1] = cell.w;
+    record.w[2] = records.x | (any(notEqual(records, uvec2(0))) ? recordFlags : 0u);
     record.w[3] = records.y;
 }
 
@@ -78,12 +80,11 @@ void main()
     const uint customAndMask = source.w[kCustomIndexWord];
     const uint offsetAndFlags = source.w[kFlagsWord];
     const uvec2 reference = uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
-    const uvec3 found = findRecords(reference);
-    const uvec2 records = found.xy;
+    const uvec4 cell = findCell(reference);
 
     // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
     uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;
-    if (any(notEqual(records, uvec2(0))) && found.z == kCellTriangles)
+    if (any(notEqual(cell.xy, uvec2(0))))
         hidden |= kInstanceForceOpaque;
 
     const uint slot = push.firstSlot + i;
@@ -91,5 +92,5 @@ void main()
     target.w[kFlagsWord] = offsetAndFlags & ~(hidden << 24u);
     target.w[kReferenceWord] = reference.x;
     target.w[kReferenceWord + 1u] = reference.y;
-    writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, records);
+    writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, cell);
 }
