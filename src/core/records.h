@@ -54,14 +54,17 @@ VELLUM_CONST uint kGeometryRecordOpaque = 1u;
 VELLUM_CONST uint kGeometryTrianglesShift = 1u;
 
 // --- instance record ---
-// word 0: instanceCustomIndex in the low 24 bits
-// word 1: 0
+// word 0: instanceCustomIndex in the low 24 bits. Of instances of boxes: bit kInstanceBoxes, and in bits 24..27 the
+//         instance flags 2..5
+// word 1: of instances of boxes: which geometries are opaque, see word 7 of the cell
 // word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. The low 4 bits of word
 // 2 hold instance flags 2..5: all of those that resolution needs (opacity.h). Lookup reads as few words as can be: a
 // driver for the CPU gathers each one lane by lane.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
+VELLUM_CONST uint kInstanceBoxes = 0x10000000u;
+VELLUM_CONST uint kInstanceBoxFlagsShift = 24u;
 VELLUM_CONST uint kSlotsPerPageLog2 = 12u;
 VELLUM_CONST uint kDirectoryPages = 4096u;
 VELLUM_CONST uint kFirstSlots = 65536u;
@@ -96,16 +99,16 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // word 4: number of geometry records or of instances
 // word 5: of a BLAS: 16-byte units of the tail without data units, which come last
 // word 6: of a BLAS: 16-byte units of the driver's part of a compacted copy; 0: nobody has asked
-// word 7: of a BLAS: kCellBoxes
+// word 7: of a kCellBoxes: which geometries are opaque: bit (geometry % 32), which says it for any number of geometries
+//         if they are all alike
 //         in the place of a cell that describes serialized data: address (words 6, 7) of the handles
 VELLUM_CONST uint kCellWords = 8u;
 VELLUM_CONST uint kCellUnbuilt = 0u; // nothing was built there
 VELLUM_CONST uint kCellBottom = 1u;  // a BLAS with geometry records
 VELLUM_CONST uint kCellTop = 2u;     // a TLAS
 VELLUM_CONST uint kCellBroken = 3u;  // a copy that was not carried out: not to be instanced
-VELLUM_CONST uint kCellPlain = 4u;   // a BLAS without geometry records; every word holds this
-
-VELLUM_CONST uint kCellBoxes = 1u; // bit: the driver decides which boxes are opaque, and sees FORCE_OPAQUE
+VELLUM_CONST uint kCellPlain = 4u;   // a BLAS without geometry records
+VELLUM_CONST uint kCellBoxes = 5u;   // the same, of boxes of which it is known which geometries are opaque
 
 // --- serialized acceleration structures: the header of the specification, padded to 16 bytes; for a BLAS the driver's
 // serialized data; the layer's block: header (16 words), then the tail, with places of data units as units from the
@@ -123,7 +126,7 @@ VELLUM_CONST uint kBlockHeaderRecordUnits = 4u;
 VELLUM_CONST uint kBlockHeaderTailUnits = 5u;
 VELLUM_CONST uint kBlockHeaderTailOffset = 6u; // 16-byte units from the beginning of the structure
 VELLUM_CONST uint kBlockHeaderChecksum = 7u;   // of the driver's data and the tail
-VELLUM_CONST uint kBlockHeaderFlags = 8u;      // word 7 of the cell
+VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the cell
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f01u; // changes with kBlockVersion

@@ -31,8 +31,11 @@ VKAPI_ATTR VkResult VKAPI_CALL deferredOperationJoin(VkDevice handle, VkDeferred
 {
     const Device &device = deviceOf(handle);
     const VkResult result = device.next.DeferredOperationJoinKHR(handle, operation);
-    if (result == VK_SUCCESS)
+    if (result == VK_SUCCESS) {
+        // Validation layers below learn of what was made only when the result is asked for.
+        device.next.GetDeferredOperationResultKHR(handle, operation);
         finish(device, operation);
+    }
     return result;
 }
 

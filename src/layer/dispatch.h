@@ -82,6 +82,7 @@ namespace vellum::layer
     X(CmdPipelineBarrier, CmdPipelineBarrier)                                                                          \
     X(CmdCopyBuffer, CmdCopyBuffer)                                                                                    \
     X(CmdFillBuffer, CmdFillBuffer)                                                                                    \
+    X(CmdUpdateBuffer, CmdUpdateBuffer)                                                                                \
     X(CmdBeginConditionalRenderingEXT, CmdBeginConditionalRenderingEXT)                                                \
     X(CmdEndConditionalRenderingEXT, CmdEndConditionalRenderingEXT)                                                    \
     X(CmdPipelineBarrier2, CmdPipelineBarrier2KHR)                                                                     \

@@ -11,7 +11,7 @@ namespace
 {
 
 // Room for the hit records of an indirect command, which only the GPU knows the number of.
-constexpr uint32_t kIndirectRoom = 1024 * 1024;
+constexpr uint32_t kIndirectRoom = 16 * 1024 * 1024;
 constexpr uint32_t kIndirectThreads = 4096;
 constexpr VkDeviceSize kCommandRoom = 256;
 static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandRoom);
@@ -35,7 +35,7 @@ HitRecordsPush pushOf(const RayTracingPipeline &pipeline)
 
 VkDeviceAddress allocate(const Device &device, CommandState &state, VkDeviceSize bytes)
 {
-    const VkDeviceAddress address = state.transient.allocate(device.gpu, bytes);
+    const VkDeviceAddress address = state.transient.get(device.gpu, bytes);
     if (!address)
         device.report().error("VELLUM-out-of-memory",
                               "no memory for hit records: null ones do not see opacity micromaps");

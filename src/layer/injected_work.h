@@ -38,8 +38,7 @@ struct MicromapPush {
 };
 struct BlasRecordsPush {
     VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord;
-    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits,
-        cellFlags;
+    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits;
 };
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {

@@ -64,6 +64,7 @@ public:
     {
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
+        groupsOfOurs_.emplace_back();
         bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0;
         if (usesMicromaps && !device_.micromapFeature) {
             refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
@@ -101,7 +102,8 @@ public:
             if (!records_[i] || !pipelines_[i])
                 continue;
             if (records_[i]->hasNullGroup)
-                inspectNullGroup(pipelines_[i], *records_[i]);
+                readNullHandle(pipelines_[i], *records_[i]);
+            measureStacks(pipelines_[i], groupsOfOurs_[i]);
             device_.rayTracingPipelines.set(pipelines_[i], records_[i]);
         }
     }
@@ -143,18 +145,20 @@ private:
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
             return result;
         std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups(info.pGroups, info.pGroups + info.groupCount);
-        for (VkRayTracingShaderGroupCreateInfoKHR &group : groups) {
-            if (!setHitShaders(group, stages))
-                return VK_ERROR_OUT_OF_HOST_MEMORY;
-        }
         if (record.hasNullGroup) {
             VkRayTracingShaderGroupCreateInfoKHR group{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR};
             group.type = VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
             group.generalShader = group.closestHitShader = group.intersectionShader = VK_SHADER_UNUSED_KHR;
             group.anyHitShader = VK_SHADER_UNUSED_KHR;
-            if (!setHitShaders(group, stages))
-                return VK_ERROR_OUT_OF_HOST_MEMORY;
             groups.push_back(group);
+        }
+        for (uint32_t i = 0; i < groups.size(); ++i) {
+            const bool own = groups[i].type != VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR &&
+                             groups[i].anyHitShader == VK_SHADER_UNUSED_KHR;
+            if (!setHitShaders(groups[i], stages))
+                return VK_ERROR_OUT_OF_HOST_MEMORY;
+            if (own)
+                groupsOfOurs_.back().push_back(i);
         }
         const auto &ownStages = stageArrays_.emplace_back(std::move(stages.infos));
         const auto &ownGroups = groupArrays_.emplace_back(std::move(groups));
@@ -319,18 +323,26 @@ private:
         return known->second;
     }
 
-    void inspectNullGroup(VkPipeline pipeline, RayTracingPipeline &record)
+    void readNullHandle(VkPipeline pipeline, RayTracingPipeline &record)
     {
-        const DeviceTable &next = device_.next;
-        if (next.GetRayTracingShaderGroupHandlesKHR(device_.handle, pipeline, record.ownGroups, 1, kGroupHandleBytes,
-                                                    record.nullHandle.data()) != VK_SUCCESS)
+        if (device_.next.GetRayTracingShaderGroupHandlesKHR(device_.handle, pipeline, record.ownGroups, 1,
+                                                            kGroupHandleBytes,
+                                                            record.nullHandle.data()) != VK_SUCCESS) {
             device_.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
-        const auto stack = static_cast<uint32_t>(
-            std::min<VkDeviceSize>(next.GetRayTracingShaderGroupStackSizeKHR(device_.handle, pipeline, record.ownGroups,
-                                                                             VK_SHADER_GROUP_SHADER_ANY_HIT_KHR),
-                                   UINT32_MAX));
-        uint32_t most = device_.anyHitStack.load();
-        while (most < stack && !device_.anyHitStack.compare_exchange_weak(most, stack)) {
+            record.nullHandle = {}; // null stays null
+        }
+    }
+
+    // `groups`: of the driver's pipeline, those with any-hit shaders of the layer's.
+    void measureStacks(VkPipeline pipeline, const std::vector<uint32_t> &groups)
+    {
+        for (const uint32_t group : groups) {
+            const VkDeviceSize bytes = device_.next.GetRayTracingShaderGroupStackSizeKHR(
+                device_.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
+            const auto stack = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX));
+            uint32_t most = device_.anyHitStack.load();
+            while (most < stack && !device_.anyHitStack.compare_exchange_weak(most, stack)) {
+            }
         }
     }
 
@@ -339,6 +351,7 @@ private:
     VkPipeline *pipelines_; // the application's, which must stay valid until a deferred operation is complete
     std::vector<VkRayTracingPipelineCreateInfoKHR> infos_;
     std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
+    std::vector<std::vector<uint32_t>> groupsOfOurs_; // per pipeline, those whose any-hit shader is the layer's
     std::deque<Chain> chains_;
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stageArrays_;
     std::deque<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groupArrays_;

@@ -21,6 +21,22 @@ using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
 constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
 
+// An intersection shader cannot know whether its geometry is opaque: the cell says it.
+void setBoxes(uint32_t (&cell)[kCellWords], const DriverBuildInfo &build)
+{
+    bool alike = true;
+    uint32_t opaque = 0;
+    for (uint32_t i = 0; i < build.geometryCount(); ++i) {
+        alike = alike && build.opaque(i) == build.opaque(0);
+        if (build.opaque(i))
+            opaque |= 1u << i % 32;
+    }
+    if (!build.hasBoxes() || (!alike && build.geometryCount() > 32))
+        return;
+    cell[2] = kCellBoxes;
+    cell[7] = alike ? (build.opaque(0) ? ~0u : 0) : opaque;
+}
+
 // One vkCmdBuildAccelerationStructuresKHR: the patched copies, and the work around the driver's build.
 class Build
 {
@@ -43,7 +59,7 @@ public:
         InjectedWork work(device_, commandBuffer_);
         patchInstances(work);
         runDriver();
-        clearCells();
+        writeCells();
         writeTails(work);
     }
 
@@ -195,14 +211,17 @@ private:
                                                            infos.data(), ranges.data());
     }
 
-    // What an earlier build put there must not be found any more. No barriers: whoever reads or writes a cell in a
-    // shader waits for everything before it, and lets everything after it wait.
-    void clearCells()
+    // Cells of structures without records: what an earlier build put there must not be found any more. No barriers:
+    // whoever reads or writes a cell in a shader waits for everything before it, and lets everything after it wait.
+    void writeCells()
     {
         for (const Part &part : parts_) {
-            if (!part.skipped && !part.build.topLevel() && !part.tail)
-                device_.next.CmdFillBuffer(commandBuffer_, part.cell.buffer, part.cell.offset,
-                                           VkDeviceSize{kCellWords} * 4, kCellPlain);
+            if (part.skipped || part.build.topLevel() || part.tail)
+                continue;
+            uint32_t words[kCellWords]{};
+            words[2] = kCellPlain;
+            setBoxes(words, part.build);
+            device_.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words, words);
         }
     }
 
@@ -238,7 +257,6 @@ private:
             push.cell = g == 0 ? part.cell.address : 0;
             push.geometryCount = geometries;
             push.tailUnits = unitsOf(part.tailBytes);
-            push.cellFlags = part.build.hasBoxes() ? kCellBoxes : 0;
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges[g].primitiveCount;
                 push.triangleRecords = triangles;

@@ -21,9 +21,7 @@ VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Device &device, Drive
 
 VkDeviceSize bottomLevelTailBytes(const Device &device, const DriverBuildInfo &build, const uint32_t *primitives)
 {
-    // Records of boxes say whether a geometry is opaque, which an intersection shader cannot know; no ray query needs
-    // them.
-    if (!build.hasMicromaps() && !(build.hasBoxes() && device.next.CreateRayTracingPipelinesKHR))
+    if (!build.hasMicromaps())
         return 0;
     VkDeviceSize bytes = build.geometryCount() * VkDeviceSize{kGeometryRecordWords} * 4;
     for (uint32_t i = 0; i < build.geometryCount(); ++i) {

@@ -8,38 +8,30 @@ namespace
 {
 
 constexpr VkDeviceSize kAlignment = 256; // shaderGroupBaseAlignment is at most 64
-constexpr VkDeviceSize kBlockBytes = 64 * 1024;
+constexpr VkDeviceSize kLeast = 16 * 1024;
 constexpr VkBufferUsageFlags kUsage =
     VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
 
 } // namespace
 
-VkDeviceAddress TransientMemory::allocate(const GpuContext &context, VkDeviceSize bytes)
+VkDeviceAddress TransientMemory::get(const GpuContext &context, VkDeviceSize bytes)
 {
-    const VkDeviceSize aligned = (bytes + kAlignment - 1) / kAlignment * kAlignment;
-    for (; current_ < blocks_.size(); ++current_, used_ = 0) {
-        const Block &block = blocks_[current_];
+    if (blocks_.empty() || blocks_.back().size < bytes) {
+        Block block;
+        // Doubling keeps them few.
+        block.size = std::max({kLeast, bytes, blocks_.empty() ? 0 : 2 * blocks_.back().size});
         // Where a buffer begins is the driver's choice.
-        const VkDeviceAddress begin = (block.buffer.address() + kAlignment - 1) & ~(kAlignment - 1);
-        if (begin + used_ + aligned <= block.buffer.address() + block.size) {
-            const VkDeviceAddress address = begin + used_;
-            used_ += aligned;
-            return address;
-        }
+        if (block.buffer.create(context, block.size + kAlignment, kUsage) != VK_SUCCESS)
+            return 0;
+        blocks_.push_back(std::move(block));
     }
-    Block block;
-    block.size = std::max(kBlockBytes, aligned + kAlignment);
-    if (block.buffer.create(context, block.size, kUsage) != VK_SUCCESS)
-        return 0;
-    blocks_.push_back(std::move(block));
-    used_ = aligned;
     return (blocks_.back().buffer.address() + kAlignment - 1) & ~(kAlignment - 1);
 }
 
 void TransientMemory::reset()
 {
-    current_ = 0;
-    used_ = 0;
+    if (blocks_.size() > 1)
+        blocks_.erase(blocks_.begin(), blocks_.end() - 1);
 }
 
 } // namespace vellum::layer

@@ -1,4 +1,4 @@
-// Memory for what the layer's work in one recording of a command buffer leaves for the commands after it.
+// Memory for what the layer's work in a command buffer leaves for the command after it.
 #pragma once
 
 #include <vector>
@@ -8,12 +8,13 @@
 namespace vellum::layer
 {
 
+// The same memory serves one command after the other: the barriers around injected work order its uses.
 class TransientMemory
 {
 public:
-    // Address of `bytes` bytes, a multiple of 256; 0 where memory is used up. Contents are undefined.
-    VkDeviceAddress allocate(const GpuContext &context, VkDeviceSize bytes);
-    // Everything may be used again.
+    // Address of at least `bytes` bytes, a multiple of 256; 0 where memory is used up. Contents are undefined.
+    VkDeviceAddress get(const GpuContext &context, VkDeviceSize bytes);
+    // The command buffer is recorded anew: of what it had, the largest piece is enough.
     void reset();
 
 private:
@@ -21,9 +22,7 @@ private:
         GpuBuffer buffer;
         VkDeviceSize size = 0;
     };
-    std::vector<Block> blocks_;
-    size_t current_ = 0;
-    VkDeviceSize used_ = 0; // of the current block
+    std::vector<Block> blocks_; // each larger than those before, which commands recorded earlier use
 };
 
 } // namespace vellum::layer

@@ -26,7 +26,6 @@ layout(push_constant, std430) uniform Push
     uint geometryWord; // word 0 of the geometry record
     uint geometryCount;
     uint tailUnits; // of all records
-    uint cellFlags;
 } push;
 
 const uint kUnknownOpaque = ~0u; // all sixteen states
@@ -85,5 +84,5 @@ void main()
     geometry.w[2] = units.x;
     geometry.w[3] = units.y;
     if (any(notEqual(push.cell, uvec2(0))))
-        storeCell(push.cell, Cell(push.firstGeometryRecord, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0u, push.cellFlags)));
+        storeCell(push.cell, Cell(push.firstGeometryRecord, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
 }

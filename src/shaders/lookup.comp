@@ -20,19 +20,22 @@ layout(constant_id = 3) const uint kFirstSlotsHigh = 0u;
 
 // Everything is indexed in whole records, so that no byte offset has to fit 32 bits. Data units are read word by word
 // but addressed by unit.
-layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { uvec2 at[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
+
+// Two words that lie together are declared as an address, whether they are one or not: a driver for the CPU loads each
+// member lane by lane, and an address in one load.
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Quads at[]; };
 
 // Records by their members (core/records.h), so that only the words that are needed are loaded.
 struct InstanceRecord {
     uint customIndex;
-    uint unused;
-    uvec2 geometries;
+    uint opaqueBoxes;
+    Quads geometries;
 };
 struct GeometryRecord {
     uint triangles;
     uint unused;
-    uvec2 units;
+    Quads units;
 };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instances { InstanceRecord at[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometries { GeometryRecord at[]; };
@@ -44,7 +47,7 @@ uvec2 vellumPage(const in uint slot)
     if (slot < kFirstSlots)
         return uvec2(kFirstSlotsLow, kFirstSlotsHigh);
     const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
-    return Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page];
+    return uvec2(Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page]);
 }
 
 uint vellumInPage(const in uint slot)
@@ -58,7 +61,7 @@ uint vellumInPage(const in uint slot)
 //   triangle    index of the triangle's record, from the same address on
 uint vellumState(const in uvec2 geometries, const in uint geometry, const in uint triangle, const in vec2 uv)
 {
-    const uvec2 record = Pairs(geometries).at[triangle];
+    const uvec2 record = uvec2(Pairs(geometries).at[triangle]);
     const uint kind = record.x & kKindMask;
     const bool far = kind == kKindFar;
     const uint n = far ? (record.x >> kUnitShift) & kKindMask : kind - kKindData;
@@ -73,7 +76,7 @@ uint vellumState(const in uvec2 geometries, const in uint geometry, const in uin
     const uint bits = 1u + (n & 1u);
     const uint bit = index * bits;
     const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
-    const uvec2 units = Geometries(geometries).at[geometry].units;
+    const uvec2 units = uvec2(Geometries(geometries).at[geometry].units);
     const uint word = Quads(units).at[unit][(bit >> 5u) & 3u];
     return (word >> (bit & 31u)) & ((1u << bits) - 1u);
 }
@@ -82,7 +85,7 @@ uint vellumState(const in uvec2 geometries, const in uint geometry, const in uin
 uint vellumResolve(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
                    const in uint rayFlags)
 {
-    const uvec2 tagged = Instances(vellumPage(slot)).at[vellumInPage(slot)].geometries;
+    const uvec2 tagged = uvec2(Instances(vellumPage(slot)).at[vellumInPage(slot)].geometries);
     const uint flags = (tagged.x & kInstanceFlagsMask) << kInstanceFlagsShift;
     const uvec2 geometries = uvec2(tagged.x & ~kInstanceFlagsMask, tagged.y);
     uint state = kStateNone;
@@ -116,18 +119,18 @@ uint vellumApplicationFlags(const in uint f)
 }
 
 // True if a box is to be culled by the CullNoOpaque flag, the one of those hidden from the driver that culls boxes.
-// Without records nobody can tell here; the any-hit shader, which runs for boxes that are not opaque, will.
+// Where the build of the boxes was not seen nobody can tell here; the any-hit shader, which runs for boxes that are not
+// opaque, will.
 bool vellumCullsBox(const in uint slot, const in uint geometry, const in uint rayFlags)
 {
     if ((rayFlags & kRayCullNoOpaque) == 0u)
         return false;
-    const uvec2 tagged = Instances(vellumPage(slot)).at[vellumInPage(slot)].geometries;
-    const uint flags = (tagged.x & kInstanceFlagsMask) << kInstanceFlagsShift;
-    const uvec2 geometries = uvec2(tagged.x & ~kInstanceFlagsMask, tagged.y);
-    if ((geometries.x | geometries.y) == 0u)
+    const uint word = Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndex;
+    if ((word & kInstanceBoxes) == 0u)
         return false;
-    const bool opaque = (Geometries(geometries).at[geometry].triangles & kGeometryRecordOpaque) != 0u;
-    return resolveHit(kStateNone, opaque, flags, rayFlags) == kHitIgnored;
+    const uint flags = ((word >> kInstanceBoxFlagsShift) & kInstanceFlagsMask) << kInstanceFlagsShift;
+    const uint opaque = Instances(vellumPage(slot)).at[vellumInPage(slot)].opaqueBoxes;
+    return resolveHit(kStateNone, ((opaque >> (geometry & 31u)) & 1u) != 0u, flags, rayFlags) == kHitIgnored;
 }
 
 void main() {}

@@ -49,7 +49,9 @@ void main()
     const uvec2 tail = unitAddress(push.targetBegin, at);
     if (me == 0u) {
         if (source.kind == kCellBottom)
-            storeCell(push.targetCell, Cell(tail, kCellBottom, source.units, source.count, source.recordUnits, uvec2(0u, source.extra.y)));
+            storeCell(push.targetCell, Cell(tail, kCellBottom, source.units, source.count, source.recordUnits, uvec2(0)));
+        else if (source.kind == kCellBoxes)
+            storeCell(push.targetCell, source);
         else
             storeCell(push.targetCell, Cell(uvec2(0), unbuilt ? kCellUnbuilt : source.kind == kCellBroken ? kCellBroken : kCellPlain, 0u, 0u, 0u, uvec2(0)));
     }

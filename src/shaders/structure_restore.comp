@@ -72,7 +72,7 @@ uint fault()
     const uint driverUnits = block - kSerializedHeaderUnits;
     Words driver = Words(unitAddress(push.blob, kSerializedHeaderUnits));
     const uint driverSize = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
-    if ((b.w[kBlockHeaderKind] != kCellBottom && b.w[kBlockHeaderKind] != kCellPlain) || b.w[kBlockHeaderRecordUnits] > tailUnits ||
+    if ((b.w[kBlockHeaderKind] != kCellBottom && b.w[kBlockHeaderKind] != kCellPlain && b.w[kBlockHeaderKind] != kCellBoxes) || b.w[kBlockHeaderRecordUnits] > tailUnits ||
         count > b.w[kBlockHeaderRecordUnits] || driverUnits > push.stagingUnits)
         return kNoticeDamagedData;
     for (uint w = 0u; w < 8u; ++w) {
@@ -160,7 +160,9 @@ void finish(uint me, uint all)
     const uint count = b.w[kBlockHeaderCount];
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
     if (me == 0u && b.w[kBlockHeaderKind] == kCellBottom)
-        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0u, b.w[kBlockHeaderFlags] & kCellBoxes)));
+        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0)));
+    else if (me == 0u && b.w[kBlockHeaderKind] == kCellBoxes)
+        storeCell(push.cell, Cell(uvec2(0), kCellBoxes, 0u, 0u, 0u, uvec2(0u, b.w[kBlockHeaderOpaqueBoxes])));
     else if (me == 0u)
         storeCell(push.cell, Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0)));
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));

@@ -53,7 +53,7 @@ void plan()
     Words driver = Words(unitAddress(push.staging, kPlanUnits));
     Cell cell = loadCell(push.cell);
     const uint offset = unitsBetween(push.begin, cell.tail);
-    if (cell.kind != kCellBottom || !fits(offset, cell.units, push.structureUnits))
+    if (cell.kind != kCellBoxes && (cell.kind != kCellBottom || !fits(offset, cell.units, push.structureUnits)))
         cell = Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0));
 
     uint driverUnits = driverUnitsOf(uvec2(driver.w[8], driver.w[9]), push.structureUnits);
@@ -109,7 +109,7 @@ void plan()
     b.w[kBlockHeaderTailUnits] = tailUnits;
     b.w[kBlockHeaderTailOffset] = tailOffset;
     b.w[kBlockHeaderChecksum] = 0u;
-    b.w[kBlockHeaderFlags] = cell.extra.y;
+    b.w[kBlockHeaderOpaqueBoxes] = cell.extra.y;
     placeData(cell, unitAddress(push.blob, block + kBlockUnits));
 }
 

@@ -43,13 +43,14 @@ struct Referenced {
     bool known;    // there is such a structure
     bool built;
     bool broken;   // it must not be traced
-    bool boxes;    // FORCE_OPAQUE may stay
+    bool boxes;    // it is known which geometries of boxes are opaque
+    uint opaqueBoxes;
     uvec2 records; // its geometry records; zero where it has none
 };
 
 Referenced findReferenced(uvec2 reference)
 {
-    Referenced found = Referenced(false, false, false, false, uvec2(0));
+    Referenced found = Referenced(false, false, false, false, 0u, uvec2(0));
     if (all(equal(reference, uvec2(0))))
         return found;
     Words table = Words(loadAddress(push.root));
@@ -63,10 +64,11 @@ Referenced findReferenced(uvec2 reference)
             found.known = true;
             found.built = cell.w[2] != kCellUnbuilt;
             found.broken = cell.w[2] == kCellBroken;
-            if (cell.w[2] == kCellBottom) {
+            if (cell.w[2] == kCellBottom)
                 found.records = uvec2(cell.w[0], cell.w[1]);
-                found.boxes = (cell.w[7] & kCellBoxes) != 0u;
-            }
+            found.boxes = cell.w[2] == kCellBoxes;
+            if (found.boxes)
+                found.opaqueBoxes = cell.w[7];
             break;
         }
         if (all(equal(key, uvec2(0))))
@@ -76,14 +78,16 @@ Referenced findReferenced(uvec2 reference)
     return found;
 }
 
-void writeRecord(uint slot, uint customIndex, uint flags, uvec2 records)
+void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
 {
+    const uvec2 records = found.records;
+    const uint recordFlags = (flags >> kInstanceFlagsShift) & kInstanceFlagsMask;
     const uvec2 entry = elementAddress(push.root, (slot >> kSlotsPerPageLog2) + kRootHeaderWords / 2u, 8u);
     const uint inPage = slot & ((1u << kSlotsPerPageLog2) - 1u);
     Words record = Words(elementAddress(loadAddress(entry), inPage, kInstanceRecordWords * 4u));
-    record.w[0] = customIndex;
-    record.w[1] = 0u;
-    record.w[2] = records.x | (any(notEqual(records, uvec2(0))) ? (flags >> kInstanceFlagsShift) & kInstanceFlagsMask : 0u);
+    record.w[0] = customIndex | (found.boxes ? kInstanceBoxes | (recordFlags << kInstanceBoxFlagsShift) : 0u);
+    record.w[1] = found.opaqueBoxes;
+    record.w[2] = records.x | (any(notEqual(records, uvec2(0))) ? recordFlags : 0u);
     record.w[3] = records.y;
 }
 
@@ -145,7 +149,7 @@ void main()
         // Inactive: the driver builds for as many instances as there may be.
         for (uint w = 0u; w < kInstanceBytes / 4u; ++w)
             target.w[w] = 0u;
-        writeRecord(slot, 0u, 0u, uvec2(0));
+        writeRecord(slot, 0u, 0u, findReferenced(uvec2(0)));
         return;
     }
     Words source = Words(sourceOf(i, copied));
@@ -163,12 +167,12 @@ void main()
 
     // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
     uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;
-    if (any(notEqual(found.records, uvec2(0))) && !found.boxes)
+    if (any(notEqual(found.records, uvec2(0))))
         hidden |= kInstanceForceOpaque;
 
     target.w[kCustomIndexWord] = slot | (customAndMask & 0xff000000u);
     target.w[kFlagsWord] = offsetAndFlags & ~(hidden << 24u);
     target.w[kReferenceWord] = dead ? 0u : reference.x;
     target.w[kReferenceWord + 1u] = dead ? 0u : reference.y;
-    writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, found.records);
+    writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, found);
 }

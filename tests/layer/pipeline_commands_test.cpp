@@ -140,7 +140,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2WithManyRecords)
 {
     if (gpu().vk().CmdTraceRaysIndirect2KHR == nullptr)
         GTEST_SKIP() << "no vkCmdTraceRaysIndirect2KHR";
-    for (const std::uint32_t count : {100u, 1000u, 10000u}) {
+    for (const std::uint32_t count : {100u, 1000u, 10000u, 30000u}) {
         SCOPED_TRACE(testing::Message() << count << " records");
         std::vector<std::optional<std::uint32_t>> records(count);
         records[count - 1] = 1;

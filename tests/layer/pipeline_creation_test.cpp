@@ -299,6 +299,34 @@ TEST_F(PipelineCreation, StackSizeSetByTheApplication)
     }
 }
 
+// The same where the layer's any-hit shader for boxes is the only one it adds.
+TEST_F(PipelineCreation, StackSizeWithBoxesOnly)
+{
+    PipelineTracer tracer(gpu(), {.groups = {{}, {.box = true, .anyHit = false}},
+                                  .flags = kMicromapBit | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR,
+                                  .dynamicStackSize = true,
+                                  .make = [](Gpu &g, const PipelineSetup &from) {
+                                      PipelineSetup setup = from;
+                                      setup.groups.erase(setup.groups.begin() + 2);
+                                      return MadePipeline{RayPipeline(g, setup), {0, 1, 2, 2}};
+                                  }});
+    const RayPipeline &pipeline = tracer.pipeline();
+    const VkDeviceSize size = pipeline.stackSize(0, VK_SHADER_GROUP_SHADER_GENERAL_KHR) +
+                              std::max({pipeline.stackSize(1, VK_SHADER_GROUP_SHADER_GENERAL_KHR),
+                                        pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR),
+                                        pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR)});
+    for (const std::uint32_t flags : opacityRayFlags()) {
+        tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
+        gpu().submit([&](VkCommandBuffer commands) {
+            tracer.bind(commands);
+            gpu().vk().CmdSetRayTracingPipelineStackSizeKHR(commands, static_cast<std::uint32_t>(size));
+            tracer.dispatch(commands);
+            barrier(commands);
+        });
+        scene_->expect(tracer.results(), flags, {.boxAnyHit = false, .skipTriangles = true});
+    }
+}
+
 // Pipelines are made by several threads at once (VkDevice is not externally synchronized).
 TEST_F(PipelineCreation, MadeByThreads)
 {
