@@ -39,6 +39,42 @@ VELLUM_CONST uint kMicromapMagic = 0x4d4d4f56u; // "VOMM"
 VELLUM_CONST uint kMicromapHeaderMagic = 0u;
 VELLUM_CONST uint kMicromapHeaderTriangles = 1u; // number of triangle records
 VELLUM_CONST uint kMicromapHeaderUnits = 2u;     // data units in use
+VELLUM_CONST uint kMicromapHeaderFlags = 3u;     // VkBuildMicromapFlagsEXT of the build
+
+// --- serialized micromap: this header, then the bytes of the micromap that are in use ---
+// words 0..3: VkPhysicalDeviceIDProperties::driverUUID, 4..7: kMicromapLayoutUuid; both as the specification demands
+// words 8, 9: bytes of the whole; 10, 11: the least size of a micromap that it can be deserialized into; the rest 0
+VELLUM_CONST uint kSerializedHeaderWords = 16u;
+VELLUM_CONST uint kSerializedLayoutUuid = 4u;
+VELLUM_CONST uint kSerializedBytes = 8u;
+VELLUM_CONST uint kSerializedMicromapBytes = 10u;
+// To be changed with every change of the layout of micromap, triangle record or data, and of their meaning.
+VELLUM_CONST uint kMicromapLayoutVersion = 1u;
+VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
+VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
+VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
+
+// --- scratch memory of a micromap build: 4 words of counters, then tables of words ---
+//   sums        kPlaceBlock triangles each: units of the block, then of all blocks before it
+//   parts       two words each, {triangle, part}: pieces of triangles with more than kPartUnits units
+// and where identical data is to be shared:
+//   hashes      one a triangle
+//   slots       one a triangle: its slot of the table, or kNoSlot
+//   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
+VELLUM_CONST uint kScratchCounterWords = 4u;
+VELLUM_CONST uint kScratchPartCount = 0u;
+VELLUM_CONST uint kPlaceBlock = 256u;
+VELLUM_CONST uint kPartUnits = 64u;
+VELLUM_CONST uint kNoSlot = 0xffffffffu;
+VELLUM_CONST uint kMaxProbes = 64u;
+// Comparing is one invocation's work: triangles of more units are only shared where they name the same data.
+VELLUM_CONST uint kMaxComparedUnits = 16384u;
+
+// --- flags of a micromap build's push constants: VkBuildMicromapFlagsEXT, and ---
+VELLUM_CONST uint kBuildFlagsMask = 0xffffu;
+VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the usage counts
+VELLUM_CONST uint kBuildShare = 0x40000000u;
+VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
 // --- geometry record ---
 // word 0: bit 0: VK_GEOMETRY_OPAQUE_BIT_KHR; the other 31: index of its first triangle record, counted in triangle
@@ -75,6 +111,41 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // --- BLAS cell: written by the GPU when a build with that reference executes ---
 // word 0, 1: address of the geometry records, 0: none
 VELLUM_CONST uint kBlasCellWords = 4u;
+
+// --- copies of micromaps (shaders/micromap_move.comp) ---
+VELLUM_CONST uint kMoveSerialize = 0u;
+VELLUM_CONST uint kMoveDeserialize = 1u;
+VELLUM_CONST uint kMoveCheck = 2u; // after a copy into a micromap that may be too small
+VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
+
+// --- values of queries (shaders/query_value.comp) ---
+VELLUM_CONST uint kQueryConstant = 0u;
+VELLUM_CONST uint kQueryMicromapCompacted = 1u;
+VELLUM_CONST uint kQueryMicromapSerialized = 2u;
+VELLUM_CONST uint kQueryLoad = 3u; // 64 bits of GPU memory, plus the constant
+// --- formats of their copies (shaders/query_copy.comp) ---
+VELLUM_CONST uint kQueryCopy64 = 1u;
+VELLUM_CONST uint kQueryCopyAvailability = 2u;
+
+// --- log of wrong input: header (4 words), then kLogCapacity entries (8 words) ---
+// header word 0: number of entries that there were to write
+// entry words: what (kComplaint*; written last), triangle, two values, handle of the object (2 words)
+VELLUM_CONST uint kLogHeaderWords = 4u;
+VELLUM_CONST uint kLogCount = 0u;
+VELLUM_CONST uint kLogEntryWords = 8u;
+VELLUM_CONST uint kLogCapacity = 4096u;
+VELLUM_CONST uint kComplaintUnreadable = 1u; // the triangle lies outside triangleArray's buffer
+VELLUM_CONST uint kComplaintFormat = 2u; // value 0: data offset, value 1: level | format << 16; so for the next ones
+VELLUM_CONST uint kComplaintLevel = 3u;  // above 12
+VELLUM_CONST uint kComplaintUndeclared = 4u;   // above the highest level of the usage counts
+VELLUM_CONST uint kComplaintData = 5u;         // outside the buffer
+VELLUM_CONST uint kComplaintNoRoom = 6u;       // more data than the usage counts
+VELLUM_CONST uint kComplaintFewer = 7u;        // not about a triangle; value 0, 1: data units declared, found
+VELLUM_CONST uint kComplaintIndex = 8u;        // of a geometry; value 0: the index, value 1: triangles of the micromap
+VELLUM_CONST uint kComplaintNotBuilt = 9u;     // a micromap that was never built, not about a triangle
+VELLUM_CONST uint kComplaintTooLarge = 10u;    // a copy into a micromap that is too small, not about a triangle
+VELLUM_CONST uint kComplaintSerialized = 11u;  // not a serialized micromap of this layout
+VELLUM_CONST uint kComplaintIndexBuffer = 12u; // the index lies outside its buffer
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

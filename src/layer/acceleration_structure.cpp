@@ -99,6 +99,7 @@ void forgetMicromaps(Device &device, VkCommandBuffer commandBuffer, VkAccelerati
     BlasRecordsPush push{};
     push.cell = acquireCell(device, *structure, reference);
     structure->hasMicromaps = false;
+    structure->recordsBytes = 0;
     InjectedWork work(device, commandBuffer);
     work.barrier();
     work.dispatch(InjectedShader::BlasRecords, push, 1, 64);
@@ -171,6 +172,7 @@ private:
             if (device_.root.findCell(reference))
                 part.cell = acquireCell(device_, target, reference);
             target.hasMicromaps = false;
+            target.recordsBytes = 0;
             return;
         }
         const VkDeviceSize bytes =
@@ -182,6 +184,7 @@ private:
             return;
         }
         target.hasMicromaps = true;
+        target.recordsBytes = bytes;
         part.cell = acquireCell(device_, target, reference);
         if (!part.cell) {
             refuse(part, i, "VELLUM-out-of-memory", "no memory for the layer's tables");

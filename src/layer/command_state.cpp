@@ -84,6 +84,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
     if (const auto state = commandState(commandBuffer)) {
         state->forgetBindings();
         state->conditionalRendering.reset();
+        state->kept.clear();
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(

@@ -8,6 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/gpu_memory.h"
 #include "layer/vulkan_newer.h"
 
 namespace vellum::layer
@@ -31,6 +32,7 @@ struct CommandState {
     std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
+    std::vector<GpuBuffer> kept; // the layer's own, used by what is recorded
 
     void forgetBindings();
 };

@@ -66,6 +66,16 @@ struct DriverDeviceInfo {
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
 
+std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    std::array<uint8_t, VK_UUID_SIZE> uuid;
+    std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
+    return uuid;
+}
+
 const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
 {
     const auto *link = static_cast<const VkLayerDeviceCreateInfo *>(info.pNext);
@@ -200,6 +210,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         result = device->root.create(device->gpu);
         if (result == VK_SUCCESS)
             result = device->injected.create(device->gpu);
+        if (result == VK_SUCCESS && instance.settings.validate)
+            result = device->complaints.create(device->gpu);
+        device->driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
             const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
@@ -229,6 +242,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         device = std::move(it->second);
         devices.erase(it);
     }
+    device->complaints.drain(device->instance->report);
     forgetCommandBuffers(*device);
     const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
     device.reset();

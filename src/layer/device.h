@@ -1,6 +1,8 @@
 // Per-device state.
 #pragma once
 
+#include <array>
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -8,12 +10,14 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/command_state.h"
+#include "layer/complaints.h"
 #include "layer/dispatch.h"
 #include "layer/gpu_memory.h"
 #include "layer/handle_map.h"
 #include "layer/injected_work.h"
 #include "layer/instance.h"
 #include "layer/private_data.h"
+#include "layer/query_pool.h"
 #include "layer/root_table.h"
 
 namespace vellum::layer
@@ -43,6 +47,8 @@ struct AccelerationStructure {
     bool hasMicromaps = false; // of the build recorded last
     std::shared_ptr<SlotRange> slots;
     std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
+
+    std::atomic<VkDeviceSize> recordsBytes = 0; // at the end of its memory, of the build recorded last; query_pool.h
 };
 
 // Where addresses come from: the end of the buffer that an address lies in bounds what the GPU may read from there.
@@ -77,9 +83,12 @@ struct Device {
     GpuContext gpu;
     RootTable root;
     InjectedPipelines injected;
+    Complaints complaints;
+    std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
     HandleMap<VkBuffer, BufferInfo> buffers;
     AddressMap addresses;
     PrivateData privateData;
+    HandleMap<VkQueryPool, std::shared_ptr<QueryPool>> queryPools;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;
 
     [[nodiscard]] Reporter &report() const { return instance->report; }

@@ -56,6 +56,18 @@ namespace vellum::layer
     X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
     X(CmdCopyMemoryToAccelerationStructureKHR, CmdCopyMemoryToAccelerationStructureKHR)                                \
     X(CreateQueryPool, CreateQueryPool)                                                                                \
+    X(DestroyQueryPool, DestroyQueryPool)                                                                              \
+    X(ResetQueryPool, ResetQueryPoolEXT)                                                                               \
+    X(GetQueryPoolResults, GetQueryPoolResults)                                                                        \
+    X(CmdResetQueryPool, CmdResetQueryPool)                                                                            \
+    X(CmdCopyQueryPoolResults, CmdCopyQueryPoolResults)                                                                \
+    X(CmdWriteAccelerationStructuresPropertiesKHR, CmdWriteAccelerationStructuresPropertiesKHR)                        \
+    X(WriteAccelerationStructuresPropertiesKHR, WriteAccelerationStructuresPropertiesKHR)                              \
+    X(CmdFillBuffer, CmdFillBuffer)                                                                                    \
+    X(DeviceWaitIdle, DeviceWaitIdle)                                                                                  \
+    X(WaitForFences, WaitForFences)                                                                                    \
+    X(GetFenceStatus, GetFenceStatus)                                                                                  \
+    X(WaitSemaphores, WaitSemaphoresKHR)                                                                               \
     X(CmdBindDescriptorBuffersEXT, CmdBindDescriptorBuffersEXT)                                                        \
     X(SetPrivateData, SetPrivateDataEXT)                                                                               \
     X(GetPrivateData, GetPrivateDataEXT)                                                                               \

@@ -8,10 +8,12 @@
 
 #include "layer/acceleration_structure.h"
 #include "layer/command_state.h"
+#include "layer/complaints.h"
 #include "layer/device.h"
 #include "layer/instance.h"
 #include "layer/micromap.h"
 #include "layer/private_data.h"
+#include "layer/query_pool.h"
 #include "layer/resources.h"
 #include "layer/shader_binary.h"
 #include "layer/shaders.h"
@@ -97,6 +99,21 @@ const Row kRows[] = {
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Emulated),
     row<cmdBindDescriptorBuffers>("vkCmdBindDescriptorBuffersEXT", Scope::Emulated),
     row<createQueryPool>("vkCreateQueryPool", Scope::Emulated),
+    row<destroyQueryPool>("vkDestroyQueryPool", Scope::Emulated),
+    row<resetQueryPool>("vkResetQueryPool", Scope::Emulated),
+    row<resetQueryPool>("vkResetQueryPoolEXT", Scope::Emulated),
+    row<getQueryPoolResults>("vkGetQueryPoolResults", Scope::Emulated),
+    row<cmdResetQueryPool>("vkCmdResetQueryPool", Scope::Emulated),
+    row<cmdCopyQueryPoolResults>("vkCmdCopyQueryPoolResults", Scope::Emulated),
+    row<cmdWriteAccelerationStructuresProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
+    row<writeAccelerationStructuresProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
+    row<queueWaitIdle>("vkQueueWaitIdle", Scope::Emulated),
+    row<deviceWaitIdle>("vkDeviceWaitIdle", Scope::Emulated),
+    row<waitForFences>("vkWaitForFences", Scope::Emulated),
+    row<getFenceStatus>("vkGetFenceStatus", Scope::Emulated),
+    row<waitSemaphores>("vkWaitSemaphores", Scope::Emulated),
+    row<waitSemaphores>("vkWaitSemaphoresKHR", Scope::Emulated),
+    row<queueSubmit>("vkQueueSubmit", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateData", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateDataEXT", Scope::Emulated),
     row<getPrivateData>("vkGetPrivateData", Scope::Emulated),

@@ -16,12 +16,45 @@ namespace vellum::layer
 
 struct Device;
 
-enum class InjectedShader { MicromapPlace, MicromapPack, BlasRecords, TlasInstances, RayFlagProbe, Count };
+enum class InjectedShader {
+    MicromapClear,
+    MicromapAnalyse,
+    MicromapParts,
+    MicromapShare,
+    MicromapSums,
+    MicromapScan,
+    MicromapPlace,
+    MicromapFold,
+    MicromapOwners,
+    MicromapMove,
+    QueryValue,
+    QueryCopy,
+    BlasRecords,
+    TlasInstances,
+    RayFlagProbe,
+    Count
+};
 
 // Push constants of the shaders: the structures match the `Push` blocks in src/shaders.
 struct MicromapPush {
-    VkDeviceAddress micromap, triangleArray, data;
-    uint32_t triangleArrayStride, triangleCount, readable, dataBytes, capacityUnits;
+    VkDeviceAddress micromap, triangleArray, data, scratch, log;
+    uint64_t object;
+    uint32_t triangleArrayStride, triangleCount, readable, dataBytes, capacityUnits, partCapacity, tableMask, flags;
+};
+struct MicromapMovePush {
+    VkDeviceAddress micromap, serialized, log;
+    uint64_t object, micromapBytes, serializedBytes;
+    uint32_t driverUuid[4];
+    uint32_t mode, invocations;
+};
+struct QueryValuePush {
+    VkDeviceAddress target, source;
+    uint64_t constant, sourceBytes;
+    uint32_t kind, padding;
+};
+struct QueryCopyPush {
+    VkDeviceAddress values, availability, driver, target;
+    uint32_t count, flags;
 };
 struct BlasRecordsPush {
     VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord;
@@ -79,8 +112,11 @@ public:
         static_assert(sizeof(Push) <= kPushBytes);
         return run(shader, &push, sizeof(Push), (invocations + groupSize - 1) / groupSize);
     }
-    // Orders what came before in the command buffer, ours and the application's, before what comes after.
-    void barrier();
+    // Orders what came before in the command buffer, ours and the application's, before what comes after; and before
+    // what the host reads.
+    void barrier(bool forHost = false);
+    // Keeps a buffer for as long as what is recorded in the command buffer may run.
+    void keep(GpuBuffer buffer);
 
 private:
     bool run(InjectedShader shader, const void *push, uint32_t pushBytes, uint64_t groups);

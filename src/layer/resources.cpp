@@ -131,23 +131,13 @@ VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer commandBuffe
     deviceOf(commandBuffer).next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice handle, const VkQueryPoolCreateInfo *info,
-                                               const VkAllocationCallbacks *allocator, VkQueryPool *pool)
-{
-    Device &device = deviceOf(handle);
-    if (info->queryType == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
-        info->queryType == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT) {
-        device.report().notAvailable("a query pool of micromap sizes");
-        return VK_ERROR_FEATURE_NOT_PRESENT;
-    }
-    return device.next.CreateQueryPool(handle, info, allocator, pool);
-}
-
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
 {
-    // A micromap is the layer's own object: its handle means nothing below.
-    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT)
+    // A micromap is the layer's own object: its handle means nothing below, its name is used in the layer's messages.
+    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT) {
+        deviceOf(handle).report().setName(info->objectHandle, info->pObjectName ? info->pObjectName : "");
         return VK_SUCCESS;
+    }
     return deviceOf(handle).next.SetDebugUtilsObjectNameEXT(handle, info);
 }
 

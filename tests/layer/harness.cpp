@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <stdexcept>
 
 namespace vt
@@ -179,7 +180,10 @@ void Gpu::createInstance()
     info.ppEnabledLayerNames = layers.data();
     info.enabledExtensionCount = 1;
     info.ppEnabledExtensionNames = &extension;
+    if (options_.validate)
+        setenv("VELLUM_VALIDATE", "1", 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
+    unsetenv("VELLUM_VALIDATE");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
     VT_INSTANCE_COMMANDS(VT_LOAD)
 #undef VT_LOAD

@@ -30,6 +30,7 @@ struct Options {
     bool validation = true;
     bool spy = true;           // spy_layer.cpp, below everything
     bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
+    bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
 };
 
@@ -43,6 +44,16 @@ struct Options {
     X(GetMicromapBuildSizesEXT)                                                                                        \
     X(CmdBuildMicromapsEXT)                                                                                            \
     X(GetDeviceMicromapCompatibilityEXT)                                                                               \
+    X(CmdCopyMicromapEXT)                                                                                              \
+    X(CmdCopyMicromapToMemoryEXT)                                                                                      \
+    X(CmdCopyMemoryToMicromapEXT)                                                                                      \
+    X(CmdWriteMicromapsPropertiesEXT)                                                                                  \
+    X(BuildMicromapsEXT)                                                                                               \
+    X(CopyMicromapEXT)                                                                                                 \
+    X(CopyMicromapToMemoryEXT)                                                                                         \
+    X(CopyMemoryToMicromapEXT)                                                                                         \
+    X(WriteMicromapsPropertiesEXT)                                                                                     \
+    X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
     X(CreateAccelerationStructureKHR)                                                                                  \
     X(DestroyAccelerationStructureKHR)                                                                                 \
     X(GetAccelerationStructureBuildSizesKHR)                                                                           \

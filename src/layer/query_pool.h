@@ -1,0 +1,66 @@
+// Query pools whose results the driver cannot give, or not alone.
+//
+// A pool of micromap sizes is the layer's own: its handle is that of a driver pool of a type that every driver knows
+// (so that names, private data and the handle's destruction need no care) and that is never used; values and
+// availability lie in host-visible memory. A pool of acceleration structure sizes is the driver's; the layer keeps what
+// has to be added to each result, because the records of micromaps lie in the structure's own memory but the driver
+// knows nothing of them.
+#pragma once
+
+#include <memory>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+struct Device;
+struct AccelerationStructure;
+
+struct QueryPool {
+    VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
+    uint32_t count = 0;
+    bool ofDriver = false; // acceleration structures: the values here are added to the driver's
+    GpuBuffer memory;      // 64-bit values, then 32-bit availability
+
+    [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
+    [[nodiscard]] VkDeviceSize availabilityOffset(uint32_t query) const { return count * 8ull + query * 4ull; }
+    [[nodiscard]] uint64_t value(uint32_t query) const;
+    [[nodiscard]] bool available(uint32_t query) const;
+};
+
+// What one query writes.
+struct QueryValue {
+    uint32_t kind = 0;          // kQuery* of core/records.h
+    VkDeviceAddress source = 0; // a micromap, or the address of a 64-bit value on the device
+    VkDeviceSize sourceBytes = 0;
+    uint64_t constant = 0;
+};
+
+// Bytes that the layer's records add to the driver's result for a structure; at the time of recording. The queries
+// about a structure are answered with the records of the build that was recorded last before them.
+VkDeviceSize recordsBytes(const AccelerationStructure &structure, VkQueryType type);
+QueryValue recordsValue(const AccelerationStructure &structure, VkQueryType type);
+
+VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
+                                               VkQueryPool *);
+VKAPI_ATTR void VKAPI_CALL destroyQueryPool(VkDevice, VkQueryPool, const VkAllocationCallbacks *);
+VKAPI_ATTR void VKAPI_CALL resetQueryPool(VkDevice, VkQueryPool, uint32_t, uint32_t);
+VKAPI_ATTR void VKAPI_CALL cmdResetQueryPool(VkCommandBuffer, VkQueryPool, uint32_t, uint32_t);
+VKAPI_ATTR VkResult VKAPI_CALL getQueryPoolResults(VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *,
+                                                   VkDeviceSize, VkQueryResultFlags);
+VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResults(VkCommandBuffer, VkQueryPool, uint32_t, uint32_t, VkBuffer,
+                                                   VkDeviceSize, VkDeviceSize, VkQueryResultFlags);
+
+VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
+                                                       VkQueryPool, uint32_t);
+VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuffer, uint32_t,
+                                                                    const VkAccelerationStructureKHR *, VkQueryType,
+                                                                    VkQueryPool, uint32_t);
+VKAPI_ATTR VkResult VKAPI_CALL writeAccelerationStructuresProperties(VkDevice, uint32_t,
+                                                                     const VkAccelerationStructureKHR *, VkQueryType,
+                                                                     size_t, void *, size_t);
+
+} // namespace vellum::layer
