@@ -1,10 +1,12 @@
 #include "core/micromap_memory.h"
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <vector>
 
 #include "core/curve.h"
 #include "core/micromap.h"
@@ -17,6 +19,7 @@ namespace
 using namespace shared;
 
 constexpr std::uint32_t kUnknown = 0xffffffffu;
+constexpr std::uint32_t kPreferFastBuild = 2; // VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT
 
 struct Record {
     std::uint32_t word0 = kKindInline;
@@ -125,6 +128,21 @@ private:
     std::unordered_map<std::uint64_t, std::uint32_t> places_;
 };
 
+// Whether every triangle can use its data where it lies; `last`: the unit behind the last one that does.
+bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &triangles, std::uint64_t &last)
+{
+    last = 0;
+    for (const Triangle &t : triangles) {
+        if (t.units() == 0)
+            continue;
+        const std::uint64_t end = t.dataOffset / kDataUnitBytes + t.units();
+        if (t.dataOffset % kDataUnitBytes != 0 || end > input.capacityUnits)
+            return false;
+        last = std::max(last, end);
+    }
+    return true;
+}
+
 Record readRecord(const std::uint8_t *memory, std::uint64_t i)
 {
     Record record;
@@ -144,15 +162,29 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
     const std::uint32_t count = input.triangleCount;
     std::uint8_t *units = out + micromapMemoryBytes(count, 0);
     Owners owners(input);
+    std::vector<Triangle> triangles;
+    triangles.reserve(count);
+    for (std::uint32_t i = 0; i < count; ++i)
+        triangles.push_back(readTriangle(input, i));
+    std::uint64_t last = 0;
+    const bool stays = !input.share && staysInPlace(input, triangles, last);
+    const bool lookEverywhere = stays && (input.buildFlags & kPreferFastBuild) != 0;
+    // The device copies before it knows.
+    if (!input.share && input.capacityUnits > 0)
+        std::memcpy(units, input.data, std::min<std::uint64_t>(input.dataBytes, input.capacityUnits * 16ull));
     std::uint64_t next = 0;
     for (std::uint32_t i = 0; i < count; ++i) {
-        Triangle t = readTriangle(input, i);
+        Triangle &t = triangles[i];
+        if (stays)
+            next = t.dataOffset / kDataUnitBytes;
+        if (lookEverywhere && t.level > kCoarseLevel)
+            t.mask = 0xaaaaaaaau;
         const bool fold = t.level > kCoarseLevel && describesAll(t.mask);
         if (input.share && t.units() > 0 && !fold)
             t.owner = owners.of(t, i);
         // Without sharing a folded triangle's units stay, since their places are fixed before the data is looked at.
         const std::uint64_t own = t.owner != i || (input.share && fold) ? 0 : t.units();
-        if (own > 0 && own > input.capacityUnits - std::min<std::uint64_t>(next, input.capacityUnits))
+        if (own > 0 && !stays && own > input.capacityUnits - std::min<std::uint64_t>(next, input.capacityUnits))
             t.problem = kComplaintNoRoom;
         if (t.problem != 0) {
             if (complain)
@@ -166,7 +198,7 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
             writeRecord(out, i, readRecord(out, t.owner));
             continue;
         }
-        if (own > 0) {
+        if (own > 0 && !stays) {
             std::uint8_t *place = units + next * kDataUnitBytes;
             std::memset(place, 0, own * kDataUnitBytes);
             std::memcpy(place, input.data + t.dataOffset, t.bytes());
@@ -181,6 +213,8 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
             writeRecord(out, i, {kKindFar | t.kind() << kUnitShift, static_cast<std::uint32_t>(next)});
         next += own;
     }
+    if (stays)
+        next = last;
     if (count % 2 != 0)
         writeRecord(out, count, {0, 0});
     std::uint32_t header[kMicromapHeaderWords] = {};

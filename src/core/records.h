@@ -54,16 +54,21 @@ VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
 VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
 VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 
-// --- scratch memory of a micromap build: 4 words of counters, then tables of words ---
+// --- scratch memory of a micromap build: 8 words of counters, then tables of words ---
 //   sums        kPlaceBlock triangles each: units of the block, then of all blocks before it
 //   parts       two words each, {triangle, part}: pieces of triangles with more than kPartUnits units
 // and where identical data is to be shared:
 //   hashes      one a triangle
 //   slots       one a triangle: its slot of the table, or kNoSlot
 //   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
-VELLUM_CONST uint kScratchCounterWords = 4u;
+VELLUM_CONST uint kScratchCounterWords = 8u;
 VELLUM_CONST uint kScratchPartCount = 0u;
+VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot stay where it lies
+VELLUM_CONST uint kScratchLastUnit = 2u;   // the end of the data that can
+VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, where input is validated
+VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; where input is validated
 VELLUM_CONST uint kPlaceBlock = 256u;
+VELLUM_CONST uint kCheckedPerInvocation = 16u;
 VELLUM_CONST uint kPartUnits = 64u;
 VELLUM_CONST uint kNoSlot = 0xffffffffu;
 VELLUM_CONST uint kMaxProbes = 64u;
@@ -73,6 +78,8 @@ VELLUM_CONST uint kMaxComparedUnits = 16384u;
 // --- flags of a micromap build's push constants: VkBuildMicromapFlagsEXT, and ---
 VELLUM_CONST uint kBuildFlagsMask = 0xffffu;
 VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the usage counts
+// The data was copied as it lies, as much of it as there is room for: triangles can use it there, if all can.
+VELLUM_CONST uint kBuildVerbatim = 0x20000000u;
 VELLUM_CONST uint kBuildShare = 0x40000000u;
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
@@ -140,7 +147,7 @@ VELLUM_CONST uint kComplaintLevel = 3u;  // above 12
 VELLUM_CONST uint kComplaintUndeclared = 4u;   // above the highest level of the usage counts
 VELLUM_CONST uint kComplaintData = 5u;         // outside the buffer
 VELLUM_CONST uint kComplaintNoRoom = 6u;       // more data than the usage counts
-VELLUM_CONST uint kComplaintFewer = 7u;        // not about a triangle; value 0, 1: data units declared, found
+VELLUM_CONST uint kComplaintCounts = 7u;       // not about a triangle; value 0, 1: data units declared, found
 VELLUM_CONST uint kComplaintIndex = 8u;        // of a geometry; value 0: the index, value 1: triangles of the micromap
 VELLUM_CONST uint kComplaintNotBuilt = 9u;     // a micromap that was never built, not about a triangle
 VELLUM_CONST uint kComplaintTooLarge = 10u;    // a copy into a micromap that is too small, not about a triangle

@@ -48,9 +48,10 @@ Text textOf(const Entry &e)
         return {"VELLUM-micromap-data",
                 triangle + "its data at offset " + std::to_string(e.value0) + " end outside the buffer of data"};
     case kComplaintNoRoom: return {"VELLUM-micromap-usage-counts", triangle + "more data than the usage counts say"};
-    case kComplaintFewer:
-        return {"VELLUM-micromap-usage-counts", "less data than the usage counts say: " + std::to_string(e.value1) +
-                                                    " units of 16 bytes, not " + std::to_string(e.value0)};
+    case kComplaintCounts:
+        return {"VELLUM-micromap-usage-counts", "the triangles have " + std::to_string(e.value1) +
+                                                    " data units of 16 bytes, the usage counts say " +
+                                                    std::to_string(e.value0)};
     case kComplaintIndex:
         return {"VELLUM-micromap-index", triangle + "index " + std::to_string(static_cast<int32_t>(e.value0)) +
                                              " plus baseTriangle is outside the micromap's " +

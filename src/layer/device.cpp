@@ -124,19 +124,25 @@ void AddressMap::remove(VkBuffer buffer)
     addresses_.erase(known);
 }
 
-VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
+AddressMap::Place AddressMap::find(VkDeviceAddress address) const
 {
     std::lock_guard lock(mutex_);
-    // Buffers may alias: the one that reaches furthest counts.
-    VkDeviceSize most = 0;
+    Place place;
     for (auto it = ranges_.upper_bound(address); it != ranges_.begin();) {
         --it;
-        if (address - it->first >= largest_)
+        const VkDeviceSize offset = address - it->first;
+        if (offset >= largest_)
             break;
-        if (address - it->first < it->second.size)
-            most = std::max(most, it->second.size - (address - it->first));
+        if (offset < it->second.size && it->second.size - offset > place.bytes)
+            place = {it->second.buffer, offset, it->second.size - offset};
     }
-    return most == 0 ? UINT64_MAX : most;
+    return place;
+}
+
+VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
+{
+    const Place place = find(address);
+    return place.buffer ? place.bytes : UINT64_MAX;
 }
 
 VkDeviceAddress Device::bufferAddress(VkBuffer buffer) const

@@ -25,6 +25,7 @@ namespace vellum::layer
 
 struct BufferInfo {
     VkDeviceSize size = 0;
+    VkFlags64 usage = 0; // as the driver knows it
 };
 
 // A VkMicromapEXT. Handles are pointers to these.
@@ -57,6 +58,13 @@ class AddressMap
 public:
     void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size);
     void remove(VkBuffer buffer);
+    struct Place {
+        VkBuffer buffer = VK_NULL_HANDLE; // null where no buffer of that address is known
+        VkDeviceSize offset = 0;
+        VkDeviceSize bytes = 0; // to the end of the buffer
+    };
+    // The buffer that an address lies in, of several the one that reaches furthest.
+    [[nodiscard]] Place find(VkDeviceAddress address) const;
     // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
     [[nodiscard]] VkDeviceSize bytesFrom(VkDeviceAddress address) const;
 

@@ -31,6 +31,7 @@ enum class Scope {
     Global,   // before there is an instance
     Instance, // where the next layer has it
     Device,   // on every device
+    Debug,    // on every device, where the next layer has it; loaders call it through the instance's chain
     Emulated, // on emulated devices, where the next layer has it
     Own,      // on emulated devices: the layer's own commands
 };
@@ -120,8 +121,8 @@ const Row kRows[] = {
     row<getPrivateData>("vkGetPrivateDataEXT", Scope::Emulated),
     row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlot", Scope::Emulated),
     row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Emulated),
-    row<setDebugUtilsObjectName>("vkSetDebugUtilsObjectNameEXT", Scope::Emulated),
-    row<setDebugUtilsObjectTag>("vkSetDebugUtilsObjectTagEXT", Scope::Emulated),
+    row<setDebugUtilsObjectName>("vkSetDebugUtilsObjectNameEXT", Scope::Debug),
+    row<setDebugUtilsObjectTag>("vkSetDebugUtilsObjectTagEXT", Scope::Debug),
 
     row<createShaderModule>("vkCreateShaderModule", Scope::Emulated),
     row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),
@@ -206,7 +207,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
         return nullptr;
     Instance &instance = instanceOf(handle);
     const PFN_vkVoidFunction next = instance.next.GetInstanceProcAddr(handle, name);
-    if (r && (r->scope == Scope::Instance || r->scope == Scope::Device) && next)
+    const bool ours = r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
+    if (ours && next)
         return r->function;
     return next;
 }
@@ -222,7 +224,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     if (device->emulated && r && r->scope == Scope::Own)
         return r->function;
     const PFN_vkVoidFunction next = device->next.GetDeviceProcAddr(handle, name);
-    return device->emulated && r && r->scope == Scope::Emulated && next ? r->function : next;
+    const bool ours = r && (r->scope == Scope::Debug || (device->emulated && r->scope == Scope::Emulated));
+    return ours && next ? r->function : next;
 }
 
 } // namespace

@@ -3,6 +3,7 @@
 #include "layer/device.h"
 #include "shaders/blas_records.h"
 #include "shaders/micromap_analyse.h"
+#include "shaders/micromap_check.h"
 #include "shaders/micromap_clear.h"
 #include "shaders/micromap_fold.h"
 #include "shaders/micromap_move.h"
@@ -31,6 +32,7 @@ Code codeOf(InjectedShader shader)
 {
     switch (shader) {
     case InjectedShader::MicromapClear: return {micromap_clear, sizeof micromap_clear};
+    case InjectedShader::MicromapCheck: return {micromap_check, sizeof micromap_check};
     case InjectedShader::MicromapAnalyse: return {micromap_analyse, sizeof micromap_analyse};
     case InjectedShader::MicromapParts: return {micromap_parts, sizeof micromap_parts};
     case InjectedShader::MicromapShare: return {micromap_share, sizeof micromap_share};

@@ -18,6 +18,7 @@ struct Device;
 
 enum class InjectedShader {
     MicromapClear,
+    MicromapCheck,
     MicromapAnalyse,
     MicromapParts,
     MicromapShare,

@@ -82,13 +82,44 @@ MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
     return push;
 }
 
+// The data as it lies, as much as there is room for, to be copied to where a micromap's data goes. Nothing where the
+// build shares data, or the driver would not let it be copied.
+struct DataCopy {
+    VkBuffer from = VK_NULL_HANDLE;
+    VkBuffer to = VK_NULL_HANDLE;
+    VkBufferCopy region{};
+};
+
+DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
+{
+    const MicromapExtent extent = extentOf(info);
+    if (extent.share || extent.units == 0)
+        return {};
+    const AddressMap::Place source = device.addresses.find(info.data.deviceAddress);
+    if (!source.buffer || (device.buffers.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
+        return {};
+    const Micromap &target = *micromapOf(info.dstMicromap);
+    const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
+    return {source.buffer,
+            target.buffer,
+            {source.offset, target.offset + begin, std::min(source.bytes, extent.units * kDataUnitBytes)}};
+}
+
 // One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
 class Build
 {
 public:
-    Build(Device &device, VkCommandBuffer commandBuffer, std::vector<MicromapPush> pushes)
-        : work_(device, commandBuffer), pushes_(std::move(pushes))
+    Build(Device &device, VkCommandBuffer commandBuffer)
+        : device_(device), commandBuffer_(commandBuffer), work_(device, commandBuffer)
     {
+    }
+
+    void add(const VkMicromapBuildInfoEXT &info)
+    {
+        copies_.push_back(dataCopyOf(device_, info));
+        pushes_.push_back(pushOf(device_, info));
+        if (copies_.back().from)
+            pushes_.back().flags |= kBuildVerbatim;
     }
 
     void record()
@@ -96,8 +127,21 @@ public:
         const bool share = any([](const MicromapPush &push) { return shares(push); });
         const bool parts = any([](const MicromapPush &push) { return hasParts(push); });
         work_.barrier();
+        for (const DataCopy &copy : copies_) {
+            if (copy.from)
+                device_.next.CmdCopyBuffer(commandBuffer_, copy.from, copy.to, 1, &copy.region);
+        }
+        stage(InjectedShader::MicromapClear, [](const MicromapPush &push) {
+            return push.triangleCount == 0 ? 0 : std::max<uint64_t>(push.tableMask + uint64_t{1}, kScratchCounterWords);
+        });
         if (share)
             analyse(parts);
+        if (any([](const MicromapPush &push) { return (push.flags & kBuildVerbatim) != 0; }))
+            stage(InjectedShader::MicromapCheck, [](const MicromapPush &push) {
+                const uint64_t runs =
+                    (uint64_t{push.triangleCount} + kCheckedPerInvocation - 1) / kCheckedPerInvocation;
+                return (push.flags & kBuildVerbatim) != 0 ? runs : 0;
+            });
         stage(InjectedShader::MicromapSums, [](const MicromapPush &push) { return blockInvocations(push); });
         stage(
             InjectedShader::MicromapScan, [](const MicromapPush &) { return 1; }, 1);
@@ -124,8 +168,6 @@ private:
 
     void analyse(bool parts)
     {
-        stage(InjectedShader::MicromapClear,
-              [](const MicromapPush &push) { return shares(push) ? uint64_t{push.tableMask} + 1 : 0; });
         stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
         if (parts)
             stage(
@@ -154,8 +196,11 @@ private:
         work_.barrier();
     }
 
+    Device &device_;
+    VkCommandBuffer commandBuffer_;
     InjectedWork work_;
     std::vector<MicromapPush> pushes_;
+    std::vector<DataCopy> copies_;
 };
 
 } // namespace
@@ -283,7 +328,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer commandBuffer, uint
     Device &device = deviceOf(commandBuffer);
     if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdBuildMicromapsEXT"))
         return;
-    std::vector<MicromapPush> pushes;
+    std::vector<const VkMicromapBuildInfoEXT *> good;
     for (uint32_t i = 0; i < count; ++i) {
         if (const auto offence = deviceOffenceOf(device, infos[i])) {
             device.report().error(offence->id,
@@ -291,10 +336,14 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer commandBuffer, uint
                                   VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(infos[i].dstMicromap));
             continue;
         }
-        pushes.push_back(pushOf(device, infos[i]));
+        good.push_back(&infos[i]);
     }
-    if (!pushes.empty())
-        Build(device, commandBuffer, std::move(pushes)).record();
+    if (good.empty())
+        return;
+    Build build(device, commandBuffer);
+    for (const VkMicromapBuildInfoEXT *info : good)
+        build.add(*info);
+    build.record();
 }
 
 } // namespace vellum::layer

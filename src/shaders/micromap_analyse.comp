@@ -37,6 +37,7 @@ void main()
         }
     }
     complainAbout(triangle, s);
+    countForLog(units, s.problem != 0u);
     Words record = recordOf(triangle);
     record.w[0] = word0;
     record.w[1] = word1;

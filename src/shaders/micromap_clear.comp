@@ -1,6 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build that shares identical data: empties the table and the list of parts.
+// Micromap build: empties what the other passes add to.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -8,8 +8,8 @@ layout(local_size_x = 64) in;
 void main()
 {
     const uint i = globalInvocation();
-    if (i <= push.tableMask)
+    if ((push.flags & kBuildShare) != 0u && i <= push.tableMask)
         Words(tableAddress()).w[i] = 0u;
-    if (i == 0u)
-        Words(push.scratch).w[kScratchPartCount] = 0u;
+    if (i < kScratchCounterWords)
+        Words(push.scratch).w[i] = 0u;
 }

@@ -3,22 +3,31 @@
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
 
-// A data unit of a source at any byte address; `bytes` is 8 or 16. Touches only words that hold one of them.
-uvec4 loadUnit(uvec2 address, uint bytes)
+// A data unit of a source at an address that is a multiple of 4; `bytes` is 8 or 16.
+uvec4 loadAlignedUnit(uvec2 address, uint bytes)
 {
-    const uint shift = (address.x & 3u) * 8u;
-    Words words = Words(uvec2(address.x & ~3u, address.y));
+    Words words = Words(address);
     uvec4 v = uvec4(words.w[0], words.w[1], 0u, 0u);
     if (bytes == 16u)
         v.zw = uvec2(words.w[2], words.w[3]);
-    if (shift != 0u) {
-        const uint last = words.w[bytes >> 2u];
-        const uvec4 next = bytes == 16u ? uvec4(v.yzw, last) : uvec4(v.y, last, 0u, 0u);
-        v = v >> shift | next << (32u - shift);
-        if (bytes == 8u)
-            v.zw = uvec2(0u);
-    }
     return v;
+}
+
+// The same at any other address. Touches only words that hold one of the bytes.
+uvec4 loadShiftedUnit(uvec2 address, uint bytes)
+{
+    const uint shift = (address.x & 3u) * 8u;
+    const uvec2 aligned = uvec2(address.x & ~3u, address.y);
+    const uvec4 v = loadAlignedUnit(aligned, bytes);
+    const uint last = Words(aligned).w[bytes >> 2u];
+    const uvec4 next = bytes == 16u ? uvec4(v.yzw, last) : uvec4(v.y, last, 0u, 0u);
+    const uvec4 both = v >> shift | next << (32u - shift);
+    return bytes == 16u ? both : uvec4(both.xy, 0u, 0u);
+}
+
+uvec4 loadUnit(uvec2 address, uint bytes)
+{
+    return (address.x & 3u) == 0u ? loadAlignedUnit(address, bytes) : loadShiftedUnit(address, bytes);
 }
 
 // Any change of order changes it, and it is a sum over the units, so that several invocations can share the work.
@@ -91,6 +100,28 @@ struct Walk {
     uint hash;
 };
 
+// What units of less than a sub-triangle of level 2, or of several, say about them.
+uint gatherUnit(uvec4 v, uvec4 w, uint i, uint subBits, uint bytes)
+{
+    if (subBits == 64u) {
+        const uint low = ((v.x | v.y) != 0u ? 1u : 0u) | ((w.x | w.y) != 0u ? 2u : 0u);
+        const uint high = ((v.z | v.w) != 0u ? 4u : 0u) | ((w.z | w.w) != 0u ? 8u : 0u);
+        return (low | high) << (4u * i);
+    }
+    if (subBits == 32u) {
+        const uvec4 a = mix(uvec4(0u), uvec4(1u, 4u, 16u, 64u), notEqual(v, uvec4(0u)));
+        const uvec4 b = mix(uvec4(0u), uvec4(2u, 8u, 32u, 128u), notEqual(w, uvec4(0u)));
+        const uvec4 c = a | b;
+        return (c.x | c.y | c.z | c.w) << (8u * i);
+    }
+    // 2, 4 or 8 sub-triangles a word; 64 bits in all at level 3 of the 2-state format.
+    const uint shift = 64u / subBits;
+    uint gathered = 0u;
+    for (uint k = 0u; k < bytes >> 2u; ++k)
+        gathered |= (groupsWithBits(v[k], subBits) | groupsWithBits(w[k], subBits) << 1u) << (shift * (4u * i + k));
+    return gathered;
+}
+
 // Reads units first .. last - 1 of a triangle; writes them to `target` (of the triangle's first unit) where `store`.
 Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
 {
@@ -101,34 +132,35 @@ Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
     const uint subBits = s.bitsPerState << (2u * (s.level - kCoarseLevel));
     const uint bytes = min(sourceBytes(s.level, s.bitsPerState), 16u);
     const uvec2 source = addressPlus(push.data, s.dataOffset);
+    const bool hash = (push.flags & kBuildAnalysing) != 0u;
     Quads to = Quads(target);
+    if (subBits >= 128u && (source.x & 3u) == 0u) {
+        // Most of the data of large micromaps.
+        const uint subShift = findMSB(subBits) - 7u;
+        for (uint i = first; i < last; ++i) {
+            const uvec4 v = loadAlignedUnit(addressPlus(source, i * 16u), 16u);
+            if (store)
+                to.at[i] = v;
+            if (hash)
+                walk.hash += hashUnit(v, i);
+            const uvec4 w = v ^ opaque;
+            const uint code = min(v.x | v.y | v.z | v.w, 1u) | min(w.x | w.y | w.z | w.w, 1u) << 1u;
+            walk.gathered |= code << (2u * (i >> subShift));
+        }
+        return walk;
+    }
     for (uint i = first; i < last; ++i) {
         const uvec4 v = loadUnit(addressPlus(source, i * 16u), bytes);
         if (store)
             to.at[i] = v;
-        if ((push.flags & kBuildAnalysing) != 0u)
+        if (hash)
             walk.hash += hashUnit(v, i);
         const uvec4 w = v ^ opaque;
         if (subBits >= 128u) {
-            const uint sub = i / (subBits >> 7u);
-            const uint code = ((v.x | v.y | v.z | v.w) != 0u ? 1u : 0u) | ((w.x | w.y | w.z | w.w) != 0u ? 2u : 0u);
-            walk.gathered |= code << (2u * sub);
-        } else if (subBits == 64u) {
-            const uint low = ((v.x | v.y) != 0u ? 1u : 0u) | ((w.x | w.y) != 0u ? 2u : 0u);
-            const uint high = ((v.z | v.w) != 0u ? 4u : 0u) | ((w.z | w.w) != 0u ? 8u : 0u);
-            walk.gathered |= (low | high) << (4u * i);
-        } else if (subBits == 32u) {
-            const uvec4 a = mix(uvec4(0u), uvec4(1u, 4u, 16u, 64u), notEqual(v, uvec4(0u)));
-            const uvec4 b = mix(uvec4(0u), uvec4(2u, 8u, 32u, 128u), notEqual(w, uvec4(0u)));
-            const uvec4 c = a | b;
-            walk.gathered |= (c.x | c.y | c.z | c.w) << (8u * i);
+            const uint code = min(v.x | v.y | v.z | v.w, 1u) | min(w.x | w.y | w.z | w.w, 1u) << 1u;
+            walk.gathered |= code << (2u * (i / (subBits >> 7u)));
         } else {
-            // 2, 4 or 8 sub-triangles a word; 64 bits in all at level 3 of the 2-state format.
-            const uint shift = 64u / subBits;
-            const uint words = bytes >> 2u;
-            for (uint k = 0u; k < words; ++k)
-                walk.gathered |= (groupsWithBits(v[k], subBits) | groupsWithBits(w[k], subBits) << 1u)
-                                 << (shift * (4u * i + k));
+            walk.gathered |= gatherUnit(v, w, i, subBits, bytes);
         }
     }
     return walk;

@@ -9,8 +9,6 @@ layout(local_size_x = 64) in;
 
 shared uint sums[64];
 
-const bool kStore = true;
-
 // Units of this triangle's own.
 uint ownUnits(uint triangle, Source s)
 {
@@ -42,11 +40,14 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
     }
     uint mask = share ? record.w[1] : 0u;
     bool fold = false;
-    if (units > kPartUnits) {
+    const bool stays = verbatim();
+    if (stays && (push.flags & kPreferFastBuild) != 0u) {
+        mask = kLookEverywhere;
+    } else if (units > kPartUnits) {
         listParts(triangle, units); // without sharing, the mask is gathered there
     } else {
         const uvec2 target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
-        const Walk walk = walkAll(s, kStore, target);
+        const Walk walk = walkAll(s, !stays, target);
         if (!share) {
             mask = coarseMask(walk.gathered);
             fold = describesAll(mask);
@@ -65,6 +66,13 @@ void main()
     const uint run = kPlaceBlock / gl_WorkGroupSize.x;
     const uint first = block * kPlaceBlock + me * run;
     const uint last = min(first + run, push.triangleCount);
+    if (verbatim()) {
+        for (uint t = first; t < last; ++t) {
+            const Source s = readSource(t);
+            writeRecord(t, s, unitsOf(s), s.dataOffset >> 4u);
+        }
+        return;
+    }
     uint sum = 0u;
     for (uint t = first; t < last; ++t)
         sum += ownUnits(t, readSource(t));

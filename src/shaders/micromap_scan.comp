@@ -11,7 +11,7 @@ shared uint sums[256];
 void main()
 {
     const uint me = gl_LocalInvocationIndex;
-    const uint blocks = (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
+    const uint blocks = verbatim() ? 0u : (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
     const uint run = (blocks + 255u) / 256u;
     const uint first = min(me * run, blocks);
     const uint last = min(first + run, blocks);
@@ -36,7 +36,8 @@ void main()
     }
     if (me != 255u)
         return;
-    const uint units = min(sums[255], push.capacityUnits);
+    const bool stays = verbatim();
+    const uint units = stays ? Words(push.scratch).w[kScratchLastUnit] : min(sums[255], push.capacityUnits);
     Words header = Words(push.micromap);
     header.w[kMicromapHeaderMagic] = kMicromapMagic;
     header.w[kMicromapHeaderTriangles] = push.triangleCount;
@@ -52,6 +53,9 @@ void main()
     }
     if (push.triangleCount > 0u) // without triangles there need not be scratch memory
         Words(push.scratch).w[kScratchPartCount] = 0u;
-    if (units < push.capacityUnits && (push.flags & kBuildShare) == 0u)
-        complain(kComplaintFewer, push.object, 0u, push.capacityUnits, units);
+    if ((push.log.x | push.log.y) == 0u || (push.flags & (kBuildShare | kBuildVerbatim)) == 0u)
+        return;
+    const uint total = Words(push.scratch).w[kScratchTotalUnits];
+    if (total != push.capacityUnits && Words(push.scratch).w[kScratchWrong] == 0u)
+        complain(kComplaintCounts, push.object, 0u, push.capacityUnits, total);
 }

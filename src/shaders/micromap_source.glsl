@@ -83,6 +83,16 @@ void complainAbout(uint triangle, Source s)
         complain(s.problem, push.object, triangle, s.dataOffset, s.level | s.bitsPerState << 16u);
 }
 
+// Counts what a triangle has, to be compared with the usage counts; a wrong triangle is told of by itself.
+void countForLog(uint units, bool wrong)
+{
+    if ((push.log.x | push.log.y) == 0u)
+        return;
+    atomicAdd(Words(push.scratch).w[kScratchTotalUnits], units);
+    if (wrong)
+        Words(push.scratch).w[kScratchWrong] = 1u;
+}
+
 uint unitsOf(Source s)
 {
     if (s.problem != 0u || s.level <= kCoarseLevel)
@@ -100,6 +110,16 @@ Words recordOf(uint triangle)
 {
     return micromapRecord(push.micromap, triangle);
 }
+
+// Whether every triangle uses its data where it lies in the input; known after micromap_check.comp.
+bool verbatim()
+{
+    return (push.flags & kBuildVerbatim) != 0u && Words(push.scratch).w[kScratchElsewhere] == 0u;
+}
+
+// Every sub-triangle of level 2 has to be looked up: data need not be read for it.
+const uint kLookEverywhere = 0xaaaaaaaau;
+const uint kPreferFastBuild = 2u; // VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT
 
 // Tables of the scratch memory.
 uvec2 sumsAddress()

@@ -9,6 +9,8 @@ shared uint total;
 
 void main()
 {
+    if (verbatim())
+        return;
     const uint block = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     if (gl_LocalInvocationIndex == 0u)
         total = 0u;

@@ -28,8 +28,10 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT 
                                          VkDebugUtilsMessageTypeFlagsEXT,
                                          const VkDebugUtilsMessengerCallbackDataEXT *data, void *user)
 {
-    static_cast<Gpu *>(user)->addMessage({severity, data->pMessageIdName != nullptr ? data->pMessageIdName : "",
-                                          data->pMessage != nullptr ? data->pMessage : ""});
+    static_cast<Gpu *>(user)->addMessage(
+        {severity, data->pMessageIdName != nullptr ? data->pMessageIdName : "",
+         data->pMessage != nullptr ? data->pMessage : "",
+         data->objectCount > 0 && data->pObjects[0].pObjectName != nullptr ? data->pObjects[0].pObjectName : ""});
     return VK_FALSE;
 }
 

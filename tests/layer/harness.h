@@ -21,6 +21,7 @@ struct Message {
     VkDebugUtilsMessageSeverityFlagBitsEXT severity;
     std::string id;
     std::string text;
+    std::string object; // name of the first object that it is about
 
     [[nodiscard]] bool fromVellum() const { return id.starts_with("VELLUM-"); }
 };

@@ -397,6 +397,75 @@ TEST_F(MicromapCopy, ALargeMicromap)
     EXPECT_EQ(traced(target), expected(source.input()));
 }
 
+// 2^22 triangles that share 64 patterns, compacted; some of them, picked out by index, are traced.
+TEST_F(MicromapCopy, FourMillionTriangles)
+{
+    constexpr std::uint32_t kCount = 1u << 22;
+    MicromapInput input;
+    input.declared = {{kCount, 3, kFourState}};
+    Random random(41);
+    std::vector<std::vector<std::uint8_t>> patterns;
+    for (int i = 0; i < 64; ++i) {
+        std::vector<std::uint8_t> states(64);
+        for (std::uint8_t &state : states)
+            state = static_cast<std::uint8_t>(random() >> 8 & 3u);
+        patterns.push_back(states);
+        input.add(3, kFourState, states);
+    }
+    input.triangles.resize(kCount);
+    const auto patternOf = [](std::uint32_t i) { return i * 2654435761u >> 26; };
+    for (std::uint32_t i = 0; i < kCount; ++i)
+        input.triangles[i] = {patternOf(i) * 16, 3, kFourState};
+    Micromap source(gpu(), std::move(input), kAllow);
+    source.build();
+    const VkDeviceSize size = compactedSize(source);
+    EXPECT_EQ(size, 64 + kCount * 8ull + 64 * 16);
+    const Micromap compact(gpu(), source, size);
+    copy(source, compact, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+
+    Attachment attachment{&compact, VK_INDEX_TYPE_UINT32};
+    for (std::uint32_t i = 0; i < 64; ++i)
+        attachment.indices.push_back(static_cast<std::int32_t>(i * 65537 + 64511));
+    Geometry geometry{.vertices = triangleRow(64)};
+    geometry.micromap = attachment;
+    const Blas blas(gpu(), {geometry});
+    const Tlas tlas(gpu(), {instance(blas, {}, 1)});
+    std::vector<Ray> rays;
+    std::vector<int> expectedCandidates;
+    for (std::uint32_t t = 0; t < 64; ++t) {
+        for (std::uint32_t i = 0; i < 64; ++i) {
+            const auto centre = microTriangleCentre(i, 3);
+            Ray ray;
+            ray.origin = {1.5f * static_cast<float>(t) + static_cast<float>(centre[0]), static_cast<float>(centre[1]),
+                          1};
+            rays.push_back(ray);
+            const auto micromapTriangle = static_cast<std::uint32_t>(attachment.indices[t]);
+            expectedCandidates.push_back(patterns[patternOf(micromapTriangle)][i] >= 2 ? 1 : 0);
+        }
+    }
+    std::vector<int> candidates;
+    for (const Result &r : Tracer(gpu()).trace(tlas, rays))
+        candidates.push_back(static_cast<int>(r.candidateCount));
+    EXPECT_EQ(candidates, expectedCandidates);
+}
+
+TEST_F(MicromapCopy, OneTriangleOfLevelTwelve)
+{
+    Random random(43);
+    MicromapInput input;
+    std::vector<std::uint8_t> states(std::size_t{1} << 24);
+    for (std::uint8_t &state : states)
+        state = static_cast<std::uint8_t>(random() >> 8 & 3u);
+    input.add(12, kFourState, states);
+    for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kAllow}) {
+        Micromap source(gpu(), input, flags);
+        source.build();
+        const Micromap target(gpu(), source, compactedSize(source));
+        copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+        EXPECT_EQ(traced(target), expected(input));
+    }
+}
+
 class MicromapCopyValidated : public MicromapCopy
 {
 protected:
