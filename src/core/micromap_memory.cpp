@@ -169,9 +169,9 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
     std::uint64_t last = 0;
     const bool stays = !input.share && staysInPlace(input, triangles, last);
     const bool lookEverywhere = stays && (input.buildFlags & kPreferFastBuild) != 0;
-    // The device copies before it knows.
-    if (!input.share && input.capacityUnits > 0)
-        std::memcpy(units, input.data, std::min<std::uint64_t>(input.dataBytes, input.capacityUnits * 16ull));
+    if (input.copiedAhead > 0)
+        std::memcpy(units, input.data,
+                    std::min<std::uint64_t>(input.copiedAhead, std::uint64_t{input.capacityUnits} * kDataUnitBytes));
     std::uint64_t next = 0;
     for (std::uint32_t i = 0; i < count; ++i) {
         Triangle &t = triangles[i];
@@ -188,7 +188,7 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
             t.problem = kComplaintNoRoom;
         if (t.problem != 0) {
             if (complain)
-                complain(t.problem, i);
+                complain(t.problem, i, t.dataOffset, t.level | t.bits << 16);
             writeRecord(out, i, {kKindInline | ~kKindMask, kUnknown});
             if (t.problem == kComplaintNoRoom)
                 next += own;
@@ -198,9 +198,10 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
             writeRecord(out, i, readRecord(out, t.owner));
             continue;
         }
-        if (own > 0 && !stays) {
+        if (own > 0) {
             std::uint8_t *place = units + next * kDataUnitBytes;
-            std::memset(place, 0, own * kDataUnitBytes);
+            if (!stays)
+                std::memset(place, 0, own * kDataUnitBytes);
             std::memcpy(place, input.data + t.dataOffset, t.bytes());
         }
         const bool near = next <= kMaxNearUnit;

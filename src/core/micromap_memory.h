@@ -21,11 +21,16 @@ struct MicromapBuildInput {
     std::uint32_t capacityUnits = 0;       // data units by the usage counts
     std::uint32_t maxLevel = 0;            // highest level of the usage counts
     std::uint32_t buildFlags = 0;          // VkBuildMicromapFlagsEXT, kept in the header
-    bool share = false;                    // identical data is kept once, uniform triangles take none
+    // Bytes of data that the device copies to where data goes, before it knows whether they can stay there. Without
+    // sharing only, and only to write what the device does where no triangle has its data, too.
+    std::uint64_t copiedAhead = 0;
+    bool share = false; // identical data is kept once, uniform triangles take none
 };
 
-// Told of each triangle whose input is wrong: kComplaint* and the triangle's number. It becomes unknown.
-using MicromapComplaint = std::function<void(std::uint32_t what, std::uint32_t triangle)>;
+// Told of each triangle whose input is wrong, which becomes unknown: kComplaint*, the triangle's number, and the values
+// that go with it (records.h).
+using MicromapComplaint =
+    std::function<void(std::uint32_t what, std::uint32_t triangle, std::uint32_t value0, std::uint32_t value1)>;
 
 // Bytes in use of a micromap of that many triangles and data units.
 constexpr std::uint64_t micromapMemoryBytes(std::uint64_t triangles, std::uint64_t units)
@@ -34,7 +39,7 @@ constexpr std::uint64_t micromapMemoryBytes(std::uint64_t triangles, std::uint64
 }
 
 // Writes a micromap to `out`, which has room for micromapMemoryBytes(triangleCount, capacityUnits) bytes. What lies
-// behind the units in use, and units of folded triangles' padding, stay as they are.
+// behind the units in use, and between data that stay where they lie, stays as it is.
 void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, const MicromapComplaint &complain = {});
 
 // Bytes in use of the micromap that lies at `memory`; 0 where there is none.

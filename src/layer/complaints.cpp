@@ -69,6 +69,12 @@ Text textOf(const Entry &e)
 
 } // namespace
 
+void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t micromap)
+{
+    const Text text = textOf({what, triangle, value0, value1, micromap});
+    report.error(text.id, text.text, VK_OBJECT_TYPE_MICROMAP_EXT, micromap);
+}
+
 VkResult Complaints::create(const GpuContext &context)
 {
     return log_.create(context, (kLogHeaderWords + kLogCapacity * kLogEntryWords) * 4);
@@ -86,8 +92,7 @@ void Complaints::drainLocked(Reporter &report)
         if (entry.what == 0)
             return; // still being written
         std::memcpy(&entry.object, at + 4, sizeof entry.object);
-        const Text text = textOf(entry);
-        report.error(text.id, text.text, VK_OBJECT_TYPE_MICROMAP_EXT, entry.object);
+        complain(report, entry.what, entry.triangle, entry.value0, entry.value1, entry.object);
     }
     if (logged > kLogCapacity && !toldOfOverflow_) {
         toldOfOverflow_ = true;

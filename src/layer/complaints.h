@@ -12,6 +12,9 @@
 namespace vellum::layer
 {
 
+// Tells of one wrong input; what: kComplaint* of core/records.h, which say what the values are.
+void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t micromap);
+
 class Complaints
 {
 public:

@@ -27,11 +27,22 @@ bool asksForMicromaps(const VkDeviceCreateInfo &info)
     return false;
 }
 
+const VkPhysicalDeviceOpacityMicromapFeaturesEXT *micromapFeatures(const VkDeviceCreateInfo &info)
+{
+    return findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+}
+
 bool asksForMissingFeatures(const VkDeviceCreateInfo &info)
 {
-    const auto *features = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-    return features && (features->micromapCaptureReplay || features->micromapHostCommands);
+    const auto *features = micromapFeatures(info);
+    return features && features->micromapCaptureReplay;
+}
+
+bool asksForHostCommands(const VkDeviceCreateInfo &info)
+{
+    const auto *features = micromapFeatures(info);
+    return features && features->micromapHostCommands;
 }
 
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
@@ -190,12 +201,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
     if (implementation == Implementation::Emulation && asksForMissingFeatures(*info)) {
-        instance.report.error("VELLUM-device-features",
-                              "micromapCaptureReplay and micromapHostCommands are not supported");
+        instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
         return VK_ERROR_FEATURE_NOT_PRESENT;
     }
     auto device = std::make_unique<Device>();
     device->emulated = implementation == Implementation::Emulation;
+    device->hostCommands = device->emulated && asksForHostCommands(*info);
     VkResult result;
     if (device->emulated) {
         const DriverDeviceInfo driverInfo(*info);

@@ -14,6 +14,7 @@
 #include "layer/dispatch.h"
 #include "layer/gpu_memory.h"
 #include "layer/handle_map.h"
+#include "layer/host_memory.h"
 #include "layer/injected_work.h"
 #include "layer/instance.h"
 #include "layer/private_data.h"
@@ -92,6 +93,8 @@ struct Device {
     RootTable root;
     InjectedPipelines injected;
     Complaints complaints;
+    bool hostCommands = false; // the feature micromapHostCommands is enabled
+    HostMemory hostMemory;
     std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
     HandleMap<VkBuffer, BufferInfo> buffers;
     AddressMap addresses;

@@ -37,6 +37,10 @@ namespace vellum::layer
     X(FreeMemory, FreeMemory)                                                                                          \
     X(BindBufferMemory, BindBufferMemory)                                                                              \
     X(MapMemory, MapMemory)                                                                                            \
+    X(UnmapMemory, UnmapMemory)                                                                                        \
+    X(BindBufferMemory2, BindBufferMemory2KHR)                                                                         \
+    X(FlushMappedMemoryRanges, FlushMappedMemoryRanges)                                                                \
+    X(InvalidateMappedMemoryRanges, InvalidateMappedMemoryRanges)                                                      \
     X(GetBufferDeviceAddress, GetBufferDeviceAddressKHR)                                                               \
     X(CreateShaderModule, CreateShaderModule)                                                                          \
     X(DestroyShaderModule, DestroyShaderModule)                                                                        \
@@ -105,6 +109,8 @@ struct DeviceTable {
 #undef VELLUM_MEMBER
     // Commands that the oldest headers do not declare.
     newer::PFN_CmdPushConstants2 CmdPushConstants2 = nullptr;
+    newer::PFN_MapMemory2 MapMemory2 = nullptr;
+    newer::PFN_UnmapMemory2 UnmapMemory2 = nullptr;
     newer::PFN_CreateShaders CreateShadersEXT = nullptr;
     newer::PFN_CmdBindShaders CmdBindShadersEXT = nullptr;
     newer::PFN_GetShaderBinaryData GetShaderBinaryDataEXT = nullptr;

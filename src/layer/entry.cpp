@@ -10,6 +10,7 @@
 #include "layer/command_state.h"
 #include "layer/complaints.h"
 #include "layer/device.h"
+#include "layer/host_memory.h"
 #include "layer/instance.h"
 #include "layer/micromap.h"
 #include "layer/private_data.h"
@@ -95,6 +96,16 @@ const Row kRows[] = {
     row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Emulated),
     row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Emulated),
     row<allocateMemory>("vkAllocateMemory", Scope::Emulated),
+    row<freeMemory>("vkFreeMemory", Scope::Emulated),
+    row<bindBufferMemory>("vkBindBufferMemory", Scope::Emulated),
+    row<bindBufferMemory2>("vkBindBufferMemory2", Scope::Emulated),
+    row<bindBufferMemory2>("vkBindBufferMemory2KHR", Scope::Emulated),
+    row<mapMemory>("vkMapMemory", Scope::Emulated),
+    row<unmapMemory>("vkUnmapMemory", Scope::Emulated),
+    row<mapMemory2>("vkMapMemory2", Scope::Emulated),
+    row<mapMemory2>("vkMapMemory2KHR", Scope::Emulated),
+    row<unmapMemory2>("vkUnmapMemory2", Scope::Emulated),
+    row<unmapMemory2>("vkUnmapMemory2KHR", Scope::Emulated),
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddress", Scope::Emulated),
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddressKHR", Scope::Emulated),
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Emulated),

@@ -196,7 +196,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
     auto *micromap = ours.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
     micromap->micromap = VK_TRUE;
     micromap->micromapCaptureReplay = VK_FALSE;
-    micromap->micromapHostCommands = VK_FALSE;
+    micromap->micromapHostCommands = VK_TRUE;
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,

@@ -32,7 +32,7 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer, const VkCopyMicromap
 VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT *);
 VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT *);
 
-// Behind features or for uses that this version does not have; each reports so.
+// On the host, behind the feature micromapHostCommands.
 VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice, VkDeferredOperationKHR, uint32_t,
                                               const VkMicromapBuildInfoEXT *);
 VKAPI_ATTR VkResult VKAPI_CALL copyMicromap(VkDevice, VkDeferredOperationKHR, const VkCopyMicromapInfoEXT *);

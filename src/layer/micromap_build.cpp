@@ -307,7 +307,7 @@ std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info)
     return std::nullopt;
 }
 
-VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR,
+VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                                  const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
     sizes->discardable = VK_FALSE;
@@ -319,7 +319,8 @@ VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice handle, VkAcceleration
     }
     const MicromapExtent extent = extentOf(*info);
     sizes->micromapSize = (extent.bytes() + 255) / 256 * 256;
-    sizes->buildScratchSize = extent.scratchBytes();
+    // The host has memory of its own.
+    sizes->buildScratchSize = type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR ? 0 : extent.scratchBytes();
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer commandBuffer, uint32_t count,

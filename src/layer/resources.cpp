@@ -74,6 +74,7 @@ VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const
     Device &device = deviceOf(handle);
     device.addresses.remove(buffer);
     device.buffers.take(buffer);
+    device.hostMemory.destroyed(buffer);
     device.next.DestroyBuffer(handle, buffer, allocator);
 }
 
@@ -104,7 +105,10 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
         chain.prepend(reinterpret_cast<VkBaseInStructure *>(&flags));
     }
     driverInfo.pNext = chain.head();
-    return device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
+    const VkResult result = device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
+    if (result == VK_SUCCESS)
+        device.hostMemory.allocated(*memory, device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+    return result;
 }
 
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)

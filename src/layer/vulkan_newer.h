@@ -33,6 +33,24 @@ struct PushConstantsInfo {
 };
 using PFN_CmdPushConstants2 = void(VKAPI_PTR *)(VkCommandBuffer, const PushConstantsInfo *);
 
+// VK_KHR_map_memory2 (core in 1.4)
+struct MemoryMapInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkDeviceMemory memory;
+    VkDeviceSize offset;
+    VkDeviceSize size;
+};
+struct MemoryUnmapInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkDeviceMemory memory;
+};
+using PFN_MapMemory2 = VkResult(VKAPI_PTR *)(VkDevice, const MemoryMapInfo *, void **);
+using PFN_UnmapMemory2 = VkResult(VKAPI_PTR *)(VkDevice, const MemoryUnmapInfo *);
+
 // VK_EXT_shader_object
 struct Shader_T;
 using ShaderEXT = Shader_T *;

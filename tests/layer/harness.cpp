@@ -252,6 +252,8 @@ void Gpu::createDevice()
         chain(shaderObjects, shaderObjects.sType);
     vkGetPhysicalDeviceFeatures2(physical_, &features);
     features.features.robustBufferAccess = VK_FALSE;
+    if (!options_.hostCommands)
+        micromaps.micromapHostCommands = VK_FALSE;
 
     const float priority = 1;
     VkDeviceQueueCreateInfo queue{};

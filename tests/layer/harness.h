@@ -31,6 +31,7 @@ struct Options {
     bool validation = true;
     bool spy = true;           // spy_layer.cpp, below everything
     bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
+    bool hostCommands = true;  // enable micromapHostCommands
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
 };
@@ -91,6 +92,7 @@ public:
     ~Buffer();
 
     [[nodiscard]] VkBuffer handle() const { return buffer_; }
+    [[nodiscard]] VkDeviceMemory memory() const { return memory_; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Only where the usage holds VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address() const { return address_; }

@@ -22,6 +22,8 @@ std::vector<std::uint8_t> modelOf(const Micromap &micromap, VkBuildMicromapFlags
     input.dataBytes = in.data.size();
     input.buildFlags = flags;
     input.share = flags != 0 && (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
+    if (!input.share)
+        input.copiedAhead = in.data.size();
     for (const VkMicromapUsageEXT &u : in.usage()) {
         const std::uint32_t bytes = std::max(1u, (u.format == kTwoState ? 1u : 2u) << (2 * u.subdivisionLevel) >> 3);
         input.triangleCount += u.count;

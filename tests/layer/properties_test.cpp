@@ -84,7 +84,7 @@ TEST_F(Properties, FeaturesAndLimits)
     const auto features = featuresOf(gpu().physical());
     EXPECT_TRUE(features.micromap);
     EXPECT_FALSE(features.micromapCaptureReplay);
-    EXPECT_FALSE(features.micromapHostCommands);
+    EXPECT_TRUE(features.micromapHostCommands);
 
     VkPhysicalDeviceOpacityMicromapPropertiesEXT micromap{};
     micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;

@@ -173,6 +173,15 @@ void Micromap::build()
     gpu_.submit([this](VkCommandBuffer commands) { record(commands); });
 }
 
+VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
+{
+    VkMicromapBuildInfoEXT info = info_;
+    info.data.hostAddress = data_.bytes();
+    info.triangleArray.hostAddress = triangles_.bytes();
+    info.scratchData.hostAddress = nullptr;
+    return info;
+}
+
 void Micromap::scribble()
 {
     for (const Guarded *buffer : {&data_, &triangles_, &scratch_})

@@ -44,6 +44,7 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     [[nodiscard]] VkDeviceAddress address() const { return buffer_.address() + offset_; }
     [[nodiscard]] std::uint8_t *bytes() const { return buffer_.bytes() + offset_; }
+    [[nodiscard]] VkDeviceMemory memory() const { return buffer_.memory(); }
     [[nodiscard]] bool intact() const;
 
 private:
@@ -73,6 +74,10 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
+    // The same input in host memory, for vkBuildMicromapsEXT.
+    [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
+    // The buffer that the micromap lies in.
+    [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
     // Overwrites everything a build has read or used, as an application may afterwards.
     void scribble();
 
