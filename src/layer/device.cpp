@@ -50,12 +50,14 @@ struct DriverDeviceInfo {
     explicit DriverDeviceInfo(const VkDeviceCreateInfo &application) : info(application), chain(application.pNext)
     {
         for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {
-            if (std::strcmp(application.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) != 0)
+            if (std::strcmp(application.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) != 0 &&
+                std::strcmp(application.ppEnabledExtensionNames[i], newer::kPipelineOpacityMicromapExtension) != 0)
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+        chain.remove(newer::kPipelineOpacityMicromapFeatures);
         // The tables are reached by address from every rewritten shader.
         if (auto *core =
                 chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {

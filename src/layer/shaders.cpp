@@ -19,7 +19,22 @@ namespace vellum::layer
 namespace
 {
 
-constexpr VkFlags64 kMicromapPipelineFlag = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+constexpr VkFlags64 kMicromapPipelineFlag =
+    VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | newer::kPipelineDisallowOpacityMicromap;
+
+// A pipeline's pNext chain without the flags that only mean something to the layer; they promise what a pipeline meets,
+// and the layer does not use them. Copies are kept in `chains`.
+const void *driverChain(const void *pNext, std::deque<Chain> &chains)
+{
+    const auto *flags2 =
+        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
+    if (!flags2 || (flags2->flags & kMicromapPipelineFlag) == 0)
+        return pNext;
+    Chain &chain = chains.emplace_back(pNext);
+    if (auto *edited = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
+        edited->flags &= ~kMicromapPipelineFlag;
+    return chain.head();
+}
 
 void dump(const Device &device, uint32_t number, const char *suffix, std::span<const uint32_t> words)
 {
@@ -141,8 +156,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
 {
     Device &device = deviceOf(handle);
     DriverStages stages(device);
+    std::deque<Chain> chains;
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
     for (VkComputePipelineCreateInfo &info : own) {
+        info.pNext = driverChain(info.pNext, chains);
         const VkPipelineShaderStageCreateInfo *stage = &info.stage;
         if (!stages.rewrite(stage, 1))
             return failAll(count, pipelines);
@@ -158,8 +175,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipeli
 {
     Device &device = deviceOf(handle);
     DriverStages stages(device);
+    std::deque<Chain> chains;
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
     for (VkGraphicsPipelineCreateInfo &info : own) {
+        info.pNext = driverChain(info.pNext, chains);
         if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
             return failAll(count, pipelines);
     }
@@ -179,14 +198,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDefe
     for (VkRayTracingPipelineCreateInfoKHR &info : own) {
         changed = changed || (info.flags & kMicromapPipelineFlag) != 0;
         info.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlag);
-        const auto *flags2 =
-            findInChain<newer::PipelineCreateFlags2CreateInfo>(info.pNext, newer::kPipelineCreateFlags2CreateInfo);
-        if (flags2 && (flags2->flags & kMicromapPipelineFlag) != 0) {
-            Chain &chain = chains.emplace_back(info.pNext);
-            if (auto *edited =
-                    chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
-                edited->flags &= ~kMicromapPipelineFlag;
-            info.pNext = chain.head();
+        if (const void *chain = driverChain(info.pNext, chains); chain != info.pNext) {
+            info.pNext = chain;
             changed = true;
         }
         if (!stages.rewrite(info.pStages, info.stageCount))

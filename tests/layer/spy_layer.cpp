@@ -208,6 +208,23 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
 
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                      const VkComputePipelineCreateInfo *infos,
+                                                      const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    struct Flags2 { // VkPipelineCreateFlags2CreateInfo
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags64 flags;
+    };
+    for (const VkComputePipelineCreateInfo &info : std::span(infos, count)) {
+        const auto *flags = static_cast<const Flags2 *>(inChain(info.pNext, static_cast<VkStructureType>(1000470005)));
+        if (flags != nullptr && (flags->flags >> 37 & 1) != 0)
+            tell("vkCreateComputePipelines: DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+    }
+    return SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
 PFN_vkVoidFunction deviceFunction(const char *name)
 {
     struct Row {
@@ -227,6 +244,7 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkCmdWriteTimestamp2", reinterpret_cast<PFN_vkVoidFunction>(cmdWriteTimestamp2)},
         {"vkQueueSubmit2", reinterpret_cast<PFN_vkVoidFunction>(queueSubmit2)},
         {"vkCreateRenderPass2", reinterpret_cast<PFN_vkVoidFunction>(createRenderPass2)},
+        {"vkCreateComputePipelines", reinterpret_cast<PFN_vkVoidFunction>(createComputePipelines)},
         {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
         {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
@@ -288,9 +306,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
     for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount)) {
         if (std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0)
             tell("vkCreateDevice: VK_EXT_opacity_micromap");
+        if (std::strcmp(name, "VK_ARM_pipeline_opacity_micromap") == 0)
+            tell("vkCreateDevice: VK_ARM_pipeline_opacity_micromap");
     }
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+    // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
+    if (inChain(info->pNext, static_cast<VkStructureType>(1000596000)) != nullptr)
+        tell("vkCreateDevice: features of pipelines with micromaps");
     auto *link = linkOf<VkLayerDeviceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO);
     const PFN_vkGetInstanceProcAddr nextInstance = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
     const PFN_vkGetDeviceProcAddr next = link->u.pLayerInfo->pfnNextGetDeviceProcAddr;
