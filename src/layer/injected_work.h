@@ -54,7 +54,7 @@ struct QueryValuePush {
     uint32_t kind, padding;
 };
 struct QueryCopyPush {
-    VkDeviceAddress values, availability, driver, target;
+    VkDeviceAddress values, availability, target;
     uint32_t count, flags;
 };
 struct BlasRecordsPush {

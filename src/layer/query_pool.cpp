@@ -76,7 +76,7 @@ VkResult wait(const Device &device, VkQueryPool handle, const QueryPool &pool, u
             continue;
         }
         std::this_thread::sleep_for(std::chrono::microseconds(200));
-        // The driver's pool is never available, but it knows when the device is lost.
+        // Whatever the driver's pool says, it knows when the device is lost.
         uint64_t unused = 0;
         const VkResult result = device.next.GetQueryPoolResults(device.handle, handle, query, 1, sizeof unused, &unused,
                                                                 sizeof unused, VK_QUERY_RESULT_64_BIT);
@@ -84,16 +84,6 @@ VkResult wait(const Device &device, VkQueryPool handle, const QueryPool &pool, u
             return result;
     }
     return VK_SUCCESS;
-}
-
-// The driver's results and availability of queries, as pairs of 64 bits.
-VkResult driverResults(const Device &device, VkQueryPool handle, uint32_t first, std::vector<uint64_t> &pairs,
-                       VkQueryResultFlags flags)
-{
-    const VkQueryResultFlags driverFlags =
-        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT | (flags & VK_QUERY_RESULT_WAIT_BIT);
-    return device.next.GetQueryPoolResults(device.handle, handle, first, static_cast<uint32_t>(pairs.size() / 2),
-                                           pairs.size() * 8, pairs.data(), 16, driverFlags);
 }
 
 bool inRange(const Device &device, const QueryPool &pool, uint32_t first, uint64_t count, const char *command)
@@ -117,6 +107,15 @@ void writeValue(InjectedWork &work, const QueryPool &pool, uint32_t query, const
     work.dispatch(InjectedShader::QueryValue, push, 1, 1);
 }
 
+// After the values, so that whoever sees that a query is available sees its value.
+void makeAvailable(InjectedWork &work, const Device &device, VkCommandBuffer commandBuffer, const QueryPool &pool,
+                   uint32_t first, uint32_t count)
+{
+    work.barrier(true);
+    device.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityOffset(first), count * 4ull, 1);
+    work.barrier(true);
+}
+
 } // namespace
 
 uint64_t QueryPool::value(uint32_t query) const
@@ -138,11 +137,6 @@ VkDeviceSize recordsBytes(const AccelerationStructure &structure, VkQueryType ty
                : structure.recordsBytes.load();
 }
 
-QueryValue recordsValue(const AccelerationStructure &structure, VkQueryType type)
-{
-    return {kQueryConstant, 0, 0, recordsBytes(structure, type)};
-}
-
 VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice handle, const VkQueryPoolCreateInfo *info,
                                                const VkAllocationCallbacks *allocator, VkQueryPool *result)
 {
@@ -153,7 +147,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice handle, const VkQueryPoo
     auto pool = std::make_shared<QueryPool>();
     pool->type = info->queryType;
     pool->count = info->queryCount;
-    pool->ofDriver = !micromaps;
     const VkResult created = pool->memory.create(device.gpu, info->queryCount * 12ull + 4,
                                                  VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     if (created != VK_SUCCESS)
@@ -212,22 +205,15 @@ VKAPI_ATTR VkResult VKAPI_CALL getQueryPoolResults(VkDevice handle, VkQueryPool 
         return device.next.GetQueryPoolResults(handle, queryPool, first, count, size, data, stride, flags);
     if (!inRange(device, *pool, first, count, "vkGetQueryPoolResults"))
         return VK_ERROR_UNKNOWN;
-    std::vector<uint64_t> driver(pool->ofDriver ? count * size_t{2} : 0);
-    if (pool->ofDriver) {
-        const VkResult result = driverResults(device, queryPool, first, driver, flags);
-        if (result < 0)
-            return result;
-    }
     bool complete = true;
     for (uint32_t i = 0; i < count && i * stride + Format(flags).bytes() <= size; ++i) {
         const uint32_t query = first + i;
-        if (!pool->ofDriver && (flags & VK_QUERY_RESULT_WAIT_BIT) != 0) {
+        if ((flags & VK_QUERY_RESULT_WAIT_BIT) != 0) {
             if (const VkResult result = wait(device, queryPool, *pool, query); result != VK_SUCCESS)
                 return result;
         }
-        const bool available = pool->ofDriver ? driver[2 * i + 1] != 0 : pool->available(query);
-        const uint64_t value = pool->value(query) + (pool->ofDriver ? driver[2 * i] : 0);
-        complete &= writeResult(flags, static_cast<uint8_t *>(data) + i * stride, value, available);
+        complete &=
+            writeResult(flags, static_cast<uint8_t *>(data) + i * stride, pool->value(query), pool->available(query));
     }
     return complete ? VK_SUCCESS : VK_NOT_READY;
 }
@@ -246,33 +232,25 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResults(VkCommandBuffer commandBuffer
         return;
     // The application's buffer is only known to take transfers: results are put together elsewhere, and copied.
     const Format format(flags);
-    const VkDeviceSize driverBytes = pool->ofDriver ? count * 16ull : 0;
     GpuBuffer own;
-    if (own.create(device.gpu, driverBytes + count * format.bytes(),
+    if (own.create(device.gpu, count * format.bytes(),
                    VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT) != VK_SUCCESS) {
         device.report().error("VELLUM-out-of-memory", "vkCmdCopyQueryPoolResults: no memory for the results");
         return;
     }
     InjectedWork work(device, commandBuffer);
     work.barrier();
-    if (pool->ofDriver) {
-        device.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first, count, own.buffer(), 0, 16,
-                                            VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT |
-                                                (flags & VK_QUERY_RESULT_WAIT_BIT));
-        work.barrier();
-    }
     QueryCopyPush push{};
     push.values = pool->valueAddress(first);
     push.availability = pool->memory.address() + pool->availabilityOffset(first);
-    push.driver = pool->ofDriver ? own.address() : 0;
-    push.target = own.address() + driverBytes;
+    push.target = own.address();
     push.count = count;
     push.flags = (format.wide ? kQueryCopy64 : 0) | (format.both ? kQueryCopyAvailability : 0);
     work.dispatch(InjectedShader::QueryCopy, push, count, 64);
     work.barrier();
     std::vector<VkBufferCopy> regions(count);
     for (uint32_t i = 0; i < count; ++i)
-        regions[i] = {driverBytes + i * format.bytes(), offset + i * stride, format.bytes()};
+        regions[i] = {i * format.bytes(), offset + i * stride, format.bytes()};
     device.next.CmdCopyBuffer(commandBuffer, own.buffer(), buffer, count, regions.data());
     work.barrier(true);
     work.keep(std::move(own));
@@ -310,9 +288,7 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer commandBu
     for (uint32_t i = 0; i < count; ++i)
         writeValue(work, *pool, first + i,
                    {kind, micromapAddress(device, micromaps[i]), micromapOf(micromaps[i])->size, 0});
-    work.barrier(true);
-    device.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->availabilityOffset(first), count * 4ull, 1);
-    work.barrier(true);
+    makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuffer commandBuffer, uint32_t count,
@@ -322,23 +298,26 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuf
 {
     Device &device = deviceOf(commandBuffer);
     const auto pool = device.queryPools.get(queryPool);
-    if (pool && count > 0) {
-        if (!inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
-            InjectedWork::refusedIn(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR"))
-            return;
-        InjectedWork work(device, commandBuffer);
-        work.barrier();
-        device.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), first * 8ull, count * 8ull, 0);
-        work.barrier();
-        for (uint32_t i = 0; i < count; ++i) {
-            const auto structure = device.accelerationStructures.get(structures[i]);
-            const QueryValue value = structure ? recordsValue(*structure, type) : QueryValue{};
-            if (value.kind != kQueryConstant || value.constant != 0)
-                writeValue(work, *pool, first + i, value);
-        }
-        work.barrier(true);
-    }
+    const bool ours = pool && count > 0;
+    if (ours && (!inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
+                 InjectedWork::refusedIn(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR")))
+        return;
     device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, queryPool, first);
+    if (!ours)
+        return;
+    // The driver's answers are taken over, and corrected in place.
+    InjectedWork work(device, commandBuffer);
+    work.barrier();
+    device.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first, count, pool->memory.buffer(), first * 8ull, 8,
+                                        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+    work.barrier();
+    for (uint32_t i = 0; i < count; ++i) {
+        const auto structure = device.accelerationStructures.get(structures[i]);
+        const VkDeviceSize added = structure ? recordsBytes(*structure, type) : 0;
+        if (added != 0)
+            writeValue(work, *pool, first + i, {kQueryLoad, pool->valueAddress(first + i), 0, added});
+    }
+    makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL writeAccelerationStructuresProperties(VkDevice handle, uint32_t count,

@@ -1,10 +1,10 @@
 // Query pools whose results the driver cannot give, or not alone.
 //
-// A pool of micromap sizes is the layer's own: its handle is that of a driver pool of a type that every driver knows
-// (so that names, private data and the handle's destruction need no care) and that is never used; values and
-// availability lie in host-visible memory. A pool of acceleration structure sizes is the driver's; the layer keeps what
-// has to be added to each result, because the records of micromaps lie in the structure's own memory but the driver
-// knows nothing of them.
+// A pool of micromap sizes has the handle of a driver pool of a type that every driver knows (so that names, private
+// data and the handle's destruction need no care) and that is never used. A pool of acceleration structure sizes is the
+// driver's; each answer of the driver is taken over and corrected, because the records of micromaps lie in the
+// structure's own memory but the driver knows nothing of them. Values and availability of both lie in host-visible
+// memory.
 #pragma once
 
 #include <memory>
@@ -22,8 +22,7 @@ struct AccelerationStructure;
 struct QueryPool {
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
     uint32_t count = 0;
-    bool ofDriver = false; // acceleration structures: the values here are added to the driver's
-    GpuBuffer memory;      // 64-bit values, then 32-bit availability
+    GpuBuffer memory; // 64-bit values, then 32-bit availability
 
     [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
     [[nodiscard]] VkDeviceSize availabilityOffset(uint32_t query) const { return count * 8ull + query * 4ull; }
@@ -42,7 +41,6 @@ struct QueryValue {
 // Bytes that the layer's records add to the driver's result for a structure; at the time of recording. The queries
 // about a structure are answered with the records of the build that was recorded last before them.
 VkDeviceSize recordsBytes(const AccelerationStructure &structure, VkQueryType type);
-QueryValue recordsValue(const AccelerationStructure &structure, VkQueryType type);
 
 VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
                                                VkQueryPool *);

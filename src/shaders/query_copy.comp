@@ -9,9 +9,8 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 values;       // 64 bits each; added to the driver's, where there are any
-    uvec2 availability; // 32 bits each; unused where there are the driver's
-    uvec2 driver;       // pairs of 64 bits: result, availability; or 0
+    uvec2 values;       // 64 bits each
+    uvec2 availability; // 32 bits each
     uvec2 target;
     uint count;
     uint flags; // kQueryCopy*
@@ -23,15 +22,7 @@ void main()
     if (i >= push.count)
         return;
     uvec2 value = uvec2(Words(push.values).w[2u * i], Words(push.values).w[2u * i + 1u]);
-    bool available;
-    if ((push.driver.x | push.driver.y) != 0u) {
-        Words driver = Words(push.driver);
-        value = addressPlus(value, driver.w[4u * i]);
-        value.y += driver.w[4u * i + 1u];
-        available = (driver.w[4u * i + 2u] | driver.w[4u * i + 3u]) != 0u;
-    } else {
-        available = Words(push.availability).w[i] != 0u;
-    }
+    const bool available = Words(push.availability).w[i] != 0u;
     // With PARTIAL, a result between zero and the final one; without it, it is undefined.
     if (!available)
         value = uvec2(0u);
