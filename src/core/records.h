@@ -5,8 +5,8 @@
 //   deserialized,
 //               then the data units of its micromaps
 //   TLAS tail   the application's instances (16 words each), as the build read them
-//   slot page   2^kSlotsPerPageLog2 instance records (4 words); the pages of the first kFirstSlots lie one after the other
-//   root        header (16 words), then kDirectoryPages page addresses (2 words each)
+//   slot page   2^kSlotsPerPageLog2 instance records (4 words); the pages of the first kFirstSlots lie one after the
+//   other root        header (16 words), then kDirectoryPages page addresses (2 words each)
 #ifndef VELLUM_CORE_RECORDS_H
 #define VELLUM_CORE_RECORDS_H
 
@@ -42,6 +42,49 @@ VELLUM_CONST uint kMicromapMagic = 0x4d4d4f56u; // "VOMM"
 VELLUM_CONST uint kMicromapHeaderMagic = 0u;
 VELLUM_CONST uint kMicromapHeaderTriangles = 1u; // number of triangle records
 VELLUM_CONST uint kMicromapHeaderUnits = 2u;     // data units in use
+VELLUM_CONST uint kMicromapHeaderFlags = 3u;     // VkBuildMicromapFlagsEXT of the build
+
+// --- serialized micromap: this header, then the bytes of the micromap that are in use ---
+// words 0..3: VkPhysicalDeviceIDProperties::driverUUID, 4..7: kMicromapLayoutUuid; both as the specification demands
+// words 8, 9: bytes of the whole; 10, 11: the least size of a micromap that it can be deserialized into; the rest 0
+VELLUM_CONST uint kSerializedMicromapHeaderWords = 16u;
+VELLUM_CONST uint kSerializedLayoutUuid = 4u;
+VELLUM_CONST uint kSerializedBytes = 8u;
+VELLUM_CONST uint kSerializedMicromapBytes = 10u;
+// To be changed with every change of the layout of micromap, triangle record or data, and of their meaning.
+VELLUM_CONST uint kMicromapLayoutVersion = 1u;
+VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
+VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
+VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
+
+// --- scratch memory of a micromap build: 8 words of counters, then tables of words ---
+//   sums        kPlaceBlock triangles each: units of the block, then of all blocks before it
+//   parts       two words each, {triangle, part}: pieces of triangles with more than kPartUnits units
+// and where identical data is to be shared:
+//   hashes      one a triangle
+//   slots       one a triangle: its slot of the table, or kNoSlot
+//   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
+VELLUM_CONST uint kScratchCounterWords = 8u;
+VELLUM_CONST uint kScratchPartCount = 0u;
+VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot stay where it lies
+VELLUM_CONST uint kScratchLastUnit = 2u;   // the end of the data that can
+VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, where input is validated
+VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; where input is validated
+VELLUM_CONST uint kPlaceBlock = 256u;
+VELLUM_CONST uint kCheckedPerInvocation = 16u;
+VELLUM_CONST uint kPartUnits = 64u;
+VELLUM_CONST uint kNoSlot = 0xffffffffu;
+VELLUM_CONST uint kMaxProbes = 64u;
+// Comparing is one invocation's work: triangles of more units are only shared where they name the same data.
+VELLUM_CONST uint kMaxComparedUnits = 16384u;
+
+// --- flags of a micromap build's push constants: VkBuildMicromapFlagsEXT, and ---
+VELLUM_CONST uint kBuildFlagsMask = 0xffffu;
+VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the usage counts
+// The data was copied as it lies, as much of it as there is room for: triangles can use it there, if all can.
+VELLUM_CONST uint kBuildVerbatim = 0x20000000u;
+VELLUM_CONST uint kBuildShare = 0x40000000u;
+VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
 // --- geometry record ---
 // word 0: bit 0: VK_GEOMETRY_OPAQUE_BIT_KHR; the other 31: index of its first triangle record, counted in triangle
@@ -124,8 +167,8 @@ VELLUM_CONST uint kBlockHeaderKind = 2u;
 VELLUM_CONST uint kBlockHeaderCount = 3u;
 VELLUM_CONST uint kBlockHeaderRecordUnits = 4u;
 VELLUM_CONST uint kBlockHeaderTailUnits = 5u;
-VELLUM_CONST uint kBlockHeaderTailOffset = 6u; // 16-byte units from the beginning of the structure
-VELLUM_CONST uint kBlockHeaderChecksum = 7u;   // of the driver's data and the tail
+VELLUM_CONST uint kBlockHeaderTailOffset = 6u;  // 16-byte units from the beginning of the structure
+VELLUM_CONST uint kBlockHeaderChecksum = 7u;    // of the driver's data and the tail
 VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the cell
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
@@ -135,6 +178,39 @@ VELLUM_CONST uint kCompatibilityWord = 0x564d4f01u; // changes with kBlockVersio
 VELLUM_CONST uint kTopLevelSizeMark = 128u;
 
 VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStructureInstanceKHR
+
+// --- copies of micromaps (shaders/micromap_move.comp) ---
+VELLUM_CONST uint kMoveSerialize = 0u;
+VELLUM_CONST uint kMoveDeserialize = 1u;
+VELLUM_CONST uint kMoveCheck = 2u; // after a copy into a micromap that may be too small
+VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
+
+// --- values of queries (shaders/query_value.comp) ---
+VELLUM_CONST uint kQueryMicromapCompacted = 0u;
+VELLUM_CONST uint kQueryMicromapSerialized = 1u;
+// --- formats of their copies (shaders/query_copy.comp) ---
+VELLUM_CONST uint kQueryCopy64 = 1u;
+VELLUM_CONST uint kQueryCopyAvailability = 2u;
+
+// --- log of wrong input: header (4 words), then kLogCapacity entries (8 words) ---
+// header word 0: number of entries that there were to write
+// entry words: what (kComplaint*; written last), triangle, two values, handle of the object (2 words)
+VELLUM_CONST uint kLogHeaderWords = 4u;
+VELLUM_CONST uint kLogCount = 0u;
+VELLUM_CONST uint kLogEntryWords = 8u;
+VELLUM_CONST uint kLogCapacity = 4096u;
+VELLUM_CONST uint kComplaintUnreadable = 1u; // the triangle lies outside triangleArray's buffer
+VELLUM_CONST uint kComplaintFormat = 2u; // value 0: data offset, value 1: level | format << 16; so for the next ones
+VELLUM_CONST uint kComplaintLevel = 3u;  // above 12
+VELLUM_CONST uint kComplaintUndeclared = 4u;   // above the highest level of the usage counts
+VELLUM_CONST uint kComplaintData = 5u;         // outside the buffer
+VELLUM_CONST uint kComplaintNoRoom = 6u;       // more data than the usage counts
+VELLUM_CONST uint kComplaintCounts = 7u;       // not about a triangle; value 0, 1: data units declared, found
+VELLUM_CONST uint kComplaintIndex = 8u;        // of a geometry; value 0: the index, value 1: triangles of the micromap
+VELLUM_CONST uint kComplaintNotBuilt = 9u;     // a micromap that was never built, not about a triangle
+VELLUM_CONST uint kComplaintTooLarge = 10u;    // a copy into a micromap that is too small, not about a triangle
+VELLUM_CONST uint kComplaintSerialized = 11u;  // not a serialized micromap of this layout
+VELLUM_CONST uint kComplaintIndexBuffer = 12u; // the index lies outside its buffer
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

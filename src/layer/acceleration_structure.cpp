@@ -145,7 +145,7 @@ VKAPI_ATTR void VKAPI_CALL getAccelerationStructureBuildSizes(VkDevice handle, V
         sizes->buildScratchSize =
             topLevelDriverSizes(device, info->flags, count).buildScratchSize + patchedInstancesBytes(count);
         sizes->updateScratchSize = sizes->buildScratchSize; // an update is a build
-    } else if (const VkDeviceSize tail = bottomLevelTailBytes(device, build, maxPrimitives)) {
+    } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, maxPrimitives)) {
         sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kPartAlignment) + tail;
     }
 }

@@ -8,6 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/gpu_memory.h"
 #include "layer/scratch_memory.h"
 #include "layer/transient_memory.h"
 #include "layer/vulkan_newer.h"
@@ -36,7 +37,8 @@ struct CommandState {
     bool inheritsConditionalRendering = false;
     TransientMemory transient; // of what has been recorded since the command buffer was begun
 
-    ScratchMemory scratch; // of injected work; lives as long as what is recorded
+    ScratchMemory scratch;       // of injected work; lives as long as what is recorded
+    std::vector<GpuBuffer> kept; // the layer's own, used by what is recorded
 
     void forgetBindings();
 };

@@ -28,18 +28,28 @@ bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
     return false;
 }
 
+const VkPhysicalDeviceOpacityMicromapFeaturesEXT *micromapFeatures(const VkDeviceCreateInfo &info)
+{
+    return findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+}
+
 bool enablesMicromapFeature(const VkDeviceCreateInfo &info)
 {
-    const auto *features = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    const auto *features = micromapFeatures(info);
     return features && features->micromap;
 }
 
 bool asksForMissingFeatures(const VkDeviceCreateInfo &info)
 {
-    const auto *features = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-    return features && (features->micromapCaptureReplay || features->micromapHostCommands);
+    const auto *features = micromapFeatures(info);
+    return features && features->micromapCaptureReplay;
+}
+
+bool asksForHostCommands(const VkDeviceCreateInfo &info)
+{
+    const auto *features = micromapFeatures(info);
+    return features && features->micromapHostCommands;
 }
 
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
@@ -47,12 +57,14 @@ struct DriverDeviceInfo {
     explicit DriverDeviceInfo(const VkDeviceCreateInfo &application) : info(application), chain(application.pNext)
     {
         for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {
-            if (std::strcmp(application.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) != 0)
+            if (std::strcmp(application.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) != 0 &&
+                std::strcmp(application.ppEnabledExtensionNames[i], newer::kPipelineOpacityMicromapExtension) != 0)
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+        chain.remove(newer::kPipelineOpacityMicromapFeatures);
         // The tables are reached by address from every rewritten shader.
         if (auto *core =
                 chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
@@ -73,6 +85,16 @@ struct DriverDeviceInfo {
     VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
+
+std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    std::array<uint8_t, VK_UUID_SIZE> uuid;
+    std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
+    return uuid;
+}
 
 const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
 {
@@ -122,19 +144,25 @@ void AddressMap::remove(VkBuffer buffer)
     addresses_.erase(known);
 }
 
-VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
+AddressMap::Place AddressMap::find(VkDeviceAddress address) const
 {
     std::lock_guard lock(mutex_);
-    // Buffers may alias: the one that reaches furthest counts.
-    VkDeviceSize most = 0;
+    Place place;
     for (auto it = ranges_.upper_bound(address); it != ranges_.begin();) {
         --it;
-        if (address - it->first >= largest_)
+        const VkDeviceSize offset = address - it->first;
+        if (offset >= largest_)
             break;
-        if (address - it->first < it->second.size)
-            most = std::max(most, it->second.size - (address - it->first));
+        if (offset < it->second.size && it->second.size - offset > place.bytes)
+            place = {it->second.buffer, offset, it->second.size - offset};
     }
-    return most == 0 ? UINT64_MAX : most;
+    return place;
+}
+
+VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
+{
+    const Place place = find(address);
+    return place.buffer ? place.bytes : UINT64_MAX;
 }
 
 VkDeviceAddress Device::bufferAddress(VkBuffer buffer) const
@@ -182,12 +210,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
     if (implementation == Implementation::Emulation && asksForMissingFeatures(*info)) {
-        instance.report.error("VELLUM-device-features",
-                              "micromapCaptureReplay and micromapHostCommands are not supported");
+        instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
         return VK_ERROR_FEATURE_NOT_PRESENT;
     }
     auto device = std::make_unique<Device>();
     device->emulated = implementation == Implementation::Emulation;
+    device->hostCommands = device->emulated && asksForHostCommands(*info);
     VkResult result;
     if (device->emulated) {
         const DriverDeviceInfo driverInfo(*info);
@@ -210,6 +238,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         result = device->root.create(device->gpu);
         if (result == VK_SUCCESS)
             result = device->injected.create(device->gpu);
+        if (result == VK_SUCCESS && instance.settings.validate)
+            result = device->complaints.create(device->gpu);
+        device->driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
             const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
@@ -242,6 +273,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         devices.erase(it);
     }
     reportNotices(*device);
+    device->complaints.drain(device->instance->report);
     forgetCommandBuffers(*device);
     const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
     device.reset();

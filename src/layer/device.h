@@ -1,6 +1,7 @@
 // Per-device state.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <map>
 #include <memory>
@@ -10,13 +11,16 @@
 
 #include "layer/blank_structure.h"
 #include "layer/command_state.h"
+#include "layer/complaints.h"
 #include "layer/deferred.h"
 #include "layer/dispatch.h"
 #include "layer/gpu_memory.h"
 #include "layer/handle_map.h"
+#include "layer/host_memory.h"
 #include "layer/injected_work.h"
 #include "layer/instance.h"
 #include "layer/private_data.h"
+#include "layer/query_pool.h"
 #include "layer/ray_flag_probe.h"
 #include "layer/ray_tracing_pipeline.h"
 #include "layer/root_table.h"
@@ -26,6 +30,7 @@ namespace vellum::layer
 
 struct BufferInfo {
     VkDeviceSize size = 0;
+    VkFlags64 usage = 0; // as the driver knows it
 };
 
 // A VkMicromapEXT. Handles are pointers to these.
@@ -58,6 +63,13 @@ class AddressMap
 public:
     void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size);
     void remove(VkBuffer buffer);
+    struct Place {
+        VkBuffer buffer = VK_NULL_HANDLE; // null where no buffer of that address is known
+        VkDeviceSize offset = 0;
+        VkDeviceSize bytes = 0; // to the end of the buffer
+    };
+    // The buffer that an address lies in, of several the one that reaches furthest.
+    [[nodiscard]] Place find(VkDeviceAddress address) const;
     // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
     [[nodiscard]] VkDeviceSize bytesFrom(VkDeviceAddress address) const;
 
@@ -87,9 +99,14 @@ struct Device {
     GpuContext gpu;
     RootTable root;
     InjectedPipelines injected;
+    Complaints complaints;
+    bool hostCommands = false; // the feature micromapHostCommands is enabled
+    HostMemory hostMemory;
+    std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
     HandleMap<VkBuffer, BufferInfo> buffers;
     AddressMap addresses;
     PrivateData privateData;
+    HandleMap<VkQueryPool, std::shared_ptr<QueryPool>> queryPools;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;
 
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.

@@ -26,6 +26,12 @@ void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
     CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2"));
     if (!CmdPushConstants2)
         CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2KHR"));
+    MapMemory2 = reinterpret_cast<newer::PFN_MapMemory2>(next(device, "vkMapMemory2"));
+    if (!MapMemory2)
+        MapMemory2 = reinterpret_cast<newer::PFN_MapMemory2>(next(device, "vkMapMemory2KHR"));
+    UnmapMemory2 = reinterpret_cast<newer::PFN_UnmapMemory2>(next(device, "vkUnmapMemory2"));
+    if (!UnmapMemory2)
+        UnmapMemory2 = reinterpret_cast<newer::PFN_UnmapMemory2>(next(device, "vkUnmapMemory2KHR"));
     CreateShadersEXT = reinterpret_cast<newer::PFN_CreateShaders>(next(device, "vkCreateShadersEXT"));
     GetShaderBinaryDataEXT = reinterpret_cast<newer::PFN_GetShaderBinaryData>(next(device, "vkGetShaderBinaryDataEXT"));
     CmdBindShadersEXT = reinterpret_cast<newer::PFN_CmdBindShaders>(next(device, "vkCmdBindShadersEXT"));

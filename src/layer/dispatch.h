@@ -37,6 +37,10 @@ namespace vellum::layer
     X(FreeMemory, FreeMemory)                                                                                          \
     X(BindBufferMemory, BindBufferMemory)                                                                              \
     X(MapMemory, MapMemory)                                                                                            \
+    X(UnmapMemory, UnmapMemory)                                                                                        \
+    X(BindBufferMemory2, BindBufferMemory2KHR)                                                                         \
+    X(FlushMappedMemoryRanges, FlushMappedMemoryRanges)                                                                \
+    X(InvalidateMappedMemoryRanges, InvalidateMappedMemoryRanges)                                                      \
     X(GetBufferDeviceAddress, GetBufferDeviceAddressKHR)                                                               \
     X(CreateShaderModule, CreateShaderModule)                                                                          \
     X(DestroyShaderModule, DestroyShaderModule)                                                                        \
@@ -67,6 +71,18 @@ namespace vellum::layer
     X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
     X(CmdCopyMemoryToAccelerationStructureKHR, CmdCopyMemoryToAccelerationStructureKHR)                                \
     X(CreateQueryPool, CreateQueryPool)                                                                                \
+    X(DestroyQueryPool, DestroyQueryPool)                                                                              \
+    X(ResetQueryPool, ResetQueryPoolEXT)                                                                               \
+    X(GetQueryPoolResults, GetQueryPoolResults)                                                                        \
+    X(CmdResetQueryPool, CmdResetQueryPool)                                                                            \
+    X(CmdCopyQueryPoolResults, CmdCopyQueryPoolResults)                                                                \
+    X(CmdWriteAccelerationStructuresPropertiesKHR, CmdWriteAccelerationStructuresPropertiesKHR)                        \
+    X(WriteAccelerationStructuresPropertiesKHR, WriteAccelerationStructuresPropertiesKHR)                              \
+    X(CmdFillBuffer, CmdFillBuffer)                                                                                    \
+    X(DeviceWaitIdle, DeviceWaitIdle)                                                                                  \
+    X(WaitForFences, WaitForFences)                                                                                    \
+    X(GetFenceStatus, GetFenceStatus)                                                                                  \
+    X(WaitSemaphores, WaitSemaphoresKHR)                                                                               \
     X(CmdBindDescriptorBuffersEXT, CmdBindDescriptorBuffersEXT)                                                        \
     X(SetPrivateData, SetPrivateDataEXT)                                                                               \
     X(GetPrivateData, GetPrivateDataEXT)                                                                               \
@@ -81,7 +97,6 @@ namespace vellum::layer
     X(CmdDispatch, CmdDispatch)                                                                                        \
     X(CmdPipelineBarrier, CmdPipelineBarrier)                                                                          \
     X(CmdCopyBuffer, CmdCopyBuffer)                                                                                    \
-    X(CmdFillBuffer, CmdFillBuffer)                                                                                    \
     X(CmdUpdateBuffer, CmdUpdateBuffer)                                                                                \
     X(CmdBeginConditionalRenderingEXT, CmdBeginConditionalRenderingEXT)                                                \
     X(CmdEndConditionalRenderingEXT, CmdEndConditionalRenderingEXT)                                                    \
@@ -106,6 +121,8 @@ struct DeviceTable {
 #undef VELLUM_MEMBER
     // Commands that the oldest headers do not declare.
     newer::PFN_CmdPushConstants2 CmdPushConstants2 = nullptr;
+    newer::PFN_MapMemory2 MapMemory2 = nullptr;
+    newer::PFN_UnmapMemory2 UnmapMemory2 = nullptr;
     newer::PFN_CreateShaders CreateShadersEXT = nullptr;
     newer::PFN_CmdBindShaders CmdBindShadersEXT = nullptr;
     newer::PFN_GetShaderBinaryData GetShaderBinaryDataEXT = nullptr;

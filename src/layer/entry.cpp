@@ -8,11 +8,14 @@
 
 #include "layer/acceleration_structure.h"
 #include "layer/command_state.h"
+#include "layer/complaints.h"
 #include "layer/device.h"
 #include "layer/hit_records.h"
+#include "layer/host_memory.h"
 #include "layer/instance.h"
 #include "layer/micromap.h"
 #include "layer/private_data.h"
+#include "layer/query_pool.h"
 #include "layer/resources.h"
 #include "layer/shader_binary.h"
 #include "layer/shaders.h"
@@ -32,6 +35,7 @@ enum class Scope {
     Global,   // before there is an instance
     Instance, // where the next layer has it
     Device,   // on every device
+    Debug,    // on every device, where the next layer has it; loaders call it through the instance's chain
     Emulated, // on emulated devices, where the next layer has it
     Own,      // on emulated devices: the layer's own commands
 };
@@ -95,19 +99,44 @@ const Row kRows[] = {
     row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Emulated),
     row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Emulated),
     row<allocateMemory>("vkAllocateMemory", Scope::Emulated),
+    row<freeMemory>("vkFreeMemory", Scope::Emulated),
+    row<bindBufferMemory>("vkBindBufferMemory", Scope::Emulated),
+    row<bindBufferMemory2>("vkBindBufferMemory2", Scope::Emulated),
+    row<bindBufferMemory2>("vkBindBufferMemory2KHR", Scope::Emulated),
+    row<mapMemory>("vkMapMemory", Scope::Emulated),
+    row<unmapMemory>("vkUnmapMemory", Scope::Emulated),
+    row<mapMemory2>("vkMapMemory2", Scope::Emulated),
+    row<mapMemory2>("vkMapMemory2KHR", Scope::Emulated),
+    row<unmapMemory2>("vkUnmapMemory2", Scope::Emulated),
+    row<unmapMemory2>("vkUnmapMemory2KHR", Scope::Emulated),
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddress", Scope::Emulated),
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddressKHR", Scope::Emulated),
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Emulated),
     row<cmdBindDescriptorBuffers>("vkCmdBindDescriptorBuffersEXT", Scope::Emulated),
     row<createQueryPool>("vkCreateQueryPool", Scope::Emulated),
+    row<destroyQueryPool>("vkDestroyQueryPool", Scope::Emulated),
+    row<resetQueryPool>("vkResetQueryPool", Scope::Emulated),
+    row<resetQueryPool>("vkResetQueryPoolEXT", Scope::Emulated),
+    row<getQueryPoolResults>("vkGetQueryPoolResults", Scope::Emulated),
+    row<cmdResetQueryPool>("vkCmdResetQueryPool", Scope::Emulated),
+    row<cmdCopyQueryPoolResults>("vkCmdCopyQueryPoolResults", Scope::Emulated),
+    row<cmdWriteAccelerationStructuresProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
+    row<writeAccelerationStructuresProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
+    row<queueWaitIdle>("vkQueueWaitIdle", Scope::Emulated),
+    row<deviceWaitIdle>("vkDeviceWaitIdle", Scope::Emulated),
+    row<waitForFences>("vkWaitForFences", Scope::Emulated),
+    row<getFenceStatus>("vkGetFenceStatus", Scope::Emulated),
+    row<waitSemaphores>("vkWaitSemaphores", Scope::Emulated),
+    row<waitSemaphores>("vkWaitSemaphoresKHR", Scope::Emulated),
+    row<queueSubmit>("vkQueueSubmit", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateData", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateDataEXT", Scope::Emulated),
     row<getPrivateData>("vkGetPrivateData", Scope::Emulated),
     row<getPrivateData>("vkGetPrivateDataEXT", Scope::Emulated),
     row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlot", Scope::Emulated),
     row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Emulated),
-    row<setDebugUtilsObjectName>("vkSetDebugUtilsObjectNameEXT", Scope::Emulated),
-    row<setDebugUtilsObjectTag>("vkSetDebugUtilsObjectTagEXT", Scope::Emulated),
+    row<setDebugUtilsObjectName>("vkSetDebugUtilsObjectNameEXT", Scope::Debug),
+    row<setDebugUtilsObjectTag>("vkSetDebugUtilsObjectTagEXT", Scope::Debug),
 
     row<createShaderModule>("vkCreateShaderModule", Scope::Emulated),
     row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),
@@ -210,7 +239,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
         return nullptr;
     Instance &instance = instanceOf(handle);
     const PFN_vkVoidFunction next = instance.next.GetInstanceProcAddr(handle, name);
-    if (r && (r->scope == Scope::Instance || r->scope == Scope::Device) && next)
+    const bool ours = r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
+    if (ours && next)
         return r->function;
     return next;
 }
@@ -226,7 +256,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     if (device->emulated && r && r->scope == Scope::Own)
         return r->function;
     const PFN_vkVoidFunction next = device->next.GetDeviceProcAddr(handle, name);
-    return device->emulated && r && r->scope == Scope::Emulated && next ? r->function : next;
+    const bool ours = r && (r->scope == Scope::Debug || (device->emulated && r->scope == Scope::Emulated));
+    return ours && next ? r->function : next;
 }
 
 } // namespace

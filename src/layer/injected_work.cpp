@@ -3,8 +3,19 @@
 #include "layer/device.h"
 #include "shaders/blas_records.h"
 #include "shaders/hit_records.h"
-#include "shaders/micromap_pack.h"
+#include "shaders/micromap_analyse.h"
+#include "shaders/micromap_check.h"
+#include "shaders/micromap_clear.h"
+#include "shaders/micromap_fold.h"
+#include "shaders/micromap_move.h"
+#include "shaders/micromap_owners.h"
+#include "shaders/micromap_parts.h"
 #include "shaders/micromap_place.h"
+#include "shaders/micromap_scan.h"
+#include "shaders/micromap_share.h"
+#include "shaders/micromap_sums.h"
+#include "shaders/query_copy.h"
+#include "shaders/query_value.h"
 #include "shaders/ray_flag_probe.h"
 #include "shaders/structure_copy.h"
 #include "shaders/structure_restore.h"
@@ -26,8 +37,19 @@ struct Code {
 Code codeOf(InjectedShader shader)
 {
     switch (shader) {
+    case InjectedShader::MicromapClear: return {micromap_clear, sizeof micromap_clear};
+    case InjectedShader::MicromapCheck: return {micromap_check, sizeof micromap_check};
+    case InjectedShader::MicromapAnalyse: return {micromap_analyse, sizeof micromap_analyse};
+    case InjectedShader::MicromapParts: return {micromap_parts, sizeof micromap_parts};
+    case InjectedShader::MicromapShare: return {micromap_share, sizeof micromap_share};
+    case InjectedShader::MicromapSums: return {micromap_sums, sizeof micromap_sums};
+    case InjectedShader::MicromapScan: return {micromap_scan, sizeof micromap_scan};
     case InjectedShader::MicromapPlace: return {micromap_place, sizeof micromap_place};
-    case InjectedShader::MicromapPack: return {micromap_pack, sizeof micromap_pack};
+    case InjectedShader::MicromapFold: return {micromap_fold, sizeof micromap_fold};
+    case InjectedShader::MicromapOwners: return {micromap_owners, sizeof micromap_owners};
+    case InjectedShader::MicromapMove: return {micromap_move, sizeof micromap_move};
+    case InjectedShader::QueryValue: return {query_value, sizeof query_value};
+    case InjectedShader::QueryCopy: return {query_copy, sizeof query_copy};
     case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
     case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};
     case InjectedShader::RayFlagProbe: return {ray_flag_probe, sizeof ray_flag_probe};
@@ -133,13 +155,20 @@ bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushByt
     return true;
 }
 
-void InjectedWork::barrier()
+void InjectedWork::barrier(bool forHost)
 {
+    const VkPipelineStageFlags host = forHost ? VK_PIPELINE_STAGE_HOST_BIT : 0;
     const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
     device_.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
-                                    VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &memory, 0, nullptr, 0, nullptr);
+                                    VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | host, 0, 1, &memory, 0, nullptr, 0, nullptr);
+}
+
+void InjectedWork::keep(GpuBuffer buffer)
+{
+    if (state_)
+        state_->kept.push_back(std::move(buffer));
 }
 
 InjectedWork::~InjectedWork()

@@ -17,8 +17,6 @@ namespace vellum::layer
 struct Device;
 
 enum class InjectedShader {
-    MicromapPlace,
-    MicromapPack,
     BlasRecords,
     TlasInstances,
     HitRecords,
@@ -28,16 +26,46 @@ enum class InjectedShader {
     StructureRestore,
     StructureSize,
     TopSave,
+    MicromapClear,
+    MicromapCheck,
+    MicromapAnalyse,
+    MicromapParts,
+    MicromapShare,
+    MicromapSums,
+    MicromapScan,
+    MicromapPlace,
+    MicromapFold,
+    MicromapOwners,
+    MicromapMove,
+    QueryValue,
+    QueryCopy,
     Count
 };
 
 // Push constants of the shaders: the structures match the `Push` blocks in src/shaders.
 struct MicromapPush {
-    VkDeviceAddress micromap, triangleArray, data;
-    uint32_t triangleArrayStride, triangleCount, readable, dataBytes, capacityUnits;
+    VkDeviceAddress micromap, triangleArray, data, scratch, log;
+    uint64_t object;
+    uint32_t triangleArrayStride, triangleCount, readable, dataBytes, capacityUnits, partCapacity, tableMask, flags;
+};
+struct MicromapMovePush {
+    VkDeviceAddress micromap, serialized, log;
+    uint64_t object, micromapBytes, serializedBytes;
+    uint32_t driverUuid[4];
+    uint32_t mode, invocations;
+};
+struct QueryValuePush {
+    VkDeviceAddress target, micromap;
+    uint64_t micromapBytes;
+    uint32_t kind, padding;
+};
+struct QueryCopyPush {
+    VkDeviceAddress values, availability, target;
+    uint32_t count, flags;
 };
 struct BlasRecordsPush {
-    VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord;
+    VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord, log;
+    uint64_t object;
     uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits;
 };
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
@@ -120,8 +148,11 @@ public:
         static_assert(sizeof(Push) <= kPushBytes);
         return run(shader, &push, sizeof(Push), (invocations + groupSize - 1) / groupSize);
     }
-    // Orders what came before in the command buffer, ours and the application's, before what comes after.
-    void barrier();
+    // Orders what came before in the command buffer, ours and the application's, before what comes after; and before
+    // what the host reads.
+    void barrier(bool forHost = false);
+    // Keeps a buffer for as long as what is recorded in the command buffer may run.
+    void keep(GpuBuffer buffer);
 
 private:
     bool run(InjectedShader shader, const void *push, uint32_t pushBytes, uint64_t groups);

@@ -25,12 +25,14 @@ std::unordered_map<void *, std::unique_ptr<Instance>> instances;
 
 constexpr const char *kDescription = "Opacity micromaps for every device that traces rays";
 
-VkExtensionProperties ownExtension()
+std::vector<VkExtensionProperties> ownExtensions()
 {
-    VkExtensionProperties properties{};
-    std::strcpy(properties.extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    properties.specVersion = VK_EXT_OPACITY_MICROMAP_SPEC_VERSION;
-    return properties;
+    std::vector<VkExtensionProperties> own(2);
+    std::strcpy(own[0].extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    own[0].specVersion = VK_EXT_OPACITY_MICROMAP_SPEC_VERSION;
+    std::strcpy(own[1].extensionName, newer::kPipelineOpacityMicromapExtension);
+    own[1].specVersion = 1;
+    return own;
 }
 
 // The two-call idiom of Vulkan's enumerations.
@@ -174,29 +176,37 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
                                                                   uint32_t *count, VkExtensionProperties *properties)
 {
     if (layer && std::strcmp(layer, kLayerName) == 0)
-        return giveList<VkExtensionProperties>({ownExtension()}, count, properties);
+        return giveList(ownExtensions(), count, properties);
     Instance &instance = instanceOf(device);
     if (layer)
         return instance.next.EnumerateDeviceExtensionProperties(device, layer, count, properties);
     std::vector<VkExtensionProperties> list = driverExtensions(instance, device);
     const bool emulated = implementationOf(instance, device, list) == Implementation::Emulation;
-    if (emulated && !contains(list, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
-        list.push_back(ownExtension());
+    for (const VkExtensionProperties &own : ownExtensions()) {
+        if (emulated && !contains(list, own.extensionName))
+            list.push_back(own);
+    }
     return giveList(list, count, properties);
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features)
 {
     Instance &instance = instanceOf(device);
-    if (!findInChain(features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) ||
+    if ((!findInChain(features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) &&
+         !findInChain(features->pNext, newer::kPipelineOpacityMicromapFeatures)) ||
         implementationOn(instance, device) != Implementation::Emulation)
         return instance.next.GetPhysicalDeviceFeatures2(device, features);
     const Unlinked ours(features, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    const Unlinked oursOfPipelines(features, newer::kPipelineOpacityMicromapFeatures);
     instance.next.GetPhysicalDeviceFeatures2(device, features);
+    if (auto *pipelines = oursOfPipelines.get<newer::PipelineOpacityMicromapFeatures>())
+        pipelines->pipelineOpacityMicromap = VK_TRUE;
     auto *micromap = ours.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
+    if (!micromap)
+        return;
     micromap->micromap = VK_TRUE;
     micromap->micromapCaptureReplay = VK_FALSE;
-    micromap->micromapHostCommands = VK_FALSE;
+    micromap->micromapHostCommands = VK_TRUE;
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,

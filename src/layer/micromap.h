@@ -9,6 +9,13 @@ namespace vellum::layer
 {
 
 struct Device;
+struct Micromap;
+
+// What a handle stands for; null for null.
+inline Micromap *micromapOf(VkMicromapEXT handle)
+{
+    return reinterpret_cast<Micromap *>(handle);
+}
 
 // Device address of a micromap's memory; 0 for null.
 VkDeviceAddress micromapAddress(const Device &device, VkMicromapEXT micromap);
@@ -22,8 +29,10 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer, uint32_t, const Vk
 VKAPI_ATTR void VKAPI_CALL getDeviceMicromapCompatibility(VkDevice, const VkMicromapVersionInfoEXT *,
                                                           VkAccelerationStructureCompatibilityKHR *);
 VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer, const VkCopyMicromapInfoEXT *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT *);
 
-// Behind features or for uses that this version does not have; each reports so.
+// On the host, behind the feature micromapHostCommands.
 VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice, VkDeferredOperationKHR, uint32_t,
                                               const VkMicromapBuildInfoEXT *);
 VKAPI_ATTR VkResult VKAPI_CALL copyMicromap(VkDevice, VkDeferredOperationKHR, const VkCopyMicromapInfoEXT *);
@@ -33,9 +42,5 @@ VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToMicromap(VkDevice, VkDeferredOperatio
                                                     const VkCopyMemoryToMicromapInfoEXT *);
 VKAPI_ATTR VkResult VKAPI_CALL writeMicromapsProperties(VkDevice, uint32_t, const VkMicromapEXT *, VkQueryType, size_t,
                                                         void *, size_t);
-VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT *);
-VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT *);
-VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
-                                                       VkQueryPool, uint32_t);
 
 } // namespace vellum::layer

@@ -20,6 +20,8 @@ std::size_t structureSize(VkStructureType type)
         return size;
     if (type == newer::kBufferUsageFlags2CreateInfo || type == newer::kPipelineCreateFlags2CreateInfo)
         return sizeof(newer::BufferUsageFlags2CreateInfo);
+    if (type == newer::kPipelineOpacityMicromapFeatures)
+        return sizeof(newer::PipelineOpacityMicromapFeatures);
     return 0;
 }
 

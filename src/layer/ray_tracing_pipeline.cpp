@@ -10,6 +10,7 @@
 #include "layer/deferred.h"
 #include "layer/device.h"
 #include "layer/driver_stages.h"
+#include "layer/pipeline_flags.h"
 #include "layer/pnext.h"
 #include "shaders/any_hit.h"
 #include "spirv/opcodes.h"
@@ -25,7 +26,7 @@ constexpr VkFlags64 kMicromapPipelineFlag = VK_PIPELINE_CREATE_RAY_TRACING_OPACI
 // The application promises that there are no null closest-hit shaders, but the group that stands in for null handles
 // has none.
 constexpr VkFlags64 kHiddenPipelineFlags =
-    kMicromapPipelineFlag | VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR;
+    kMicromapPipelineFlags | VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR;
 
 uint32_t executionModelOf(VkShaderStageFlagBits stage)
 {
@@ -83,13 +84,15 @@ public:
         }
         if (usesMicromaps)
             return addMicromapPipeline(own);
+        own.pNext = driverChain(own.pNext, chains_);
         return stages_.rewrite(own.pStages, own.stageCount) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
     }
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
     [[nodiscard]] bool changed() const
     {
-        return stages_.changed() || std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
+        return stages_.changed() || !chains_.empty() ||
+               std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
     }
 
     // The driver has made the pipelines, or failed to.

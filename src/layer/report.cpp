@@ -28,6 +28,15 @@ void Reporter::removeMessenger(VkDebugUtilsMessengerEXT handle)
     std::erase_if(messengers_, [handle](const Messenger &m) { return m.handle == handle; });
 }
 
+void Reporter::setName(uint64_t object, const std::string &name)
+{
+    std::lock_guard lock(mutex_);
+    if (name.empty())
+        names_.erase(object);
+    else
+        names_[object] = name;
+}
+
 void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, const std::string &text,
                     VkObjectType type, uint64_t object)
 {
@@ -35,13 +44,16 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
         std::fprintf(stderr, "vellum: %s: %s\n", id, text.c_str());
 
     std::vector<Messenger> messengers;
+    std::string objectName;
     {
         // A callback may create or destroy messengers: it is called without the lock.
         std::lock_guard lock(mutex_);
         messengers = messengers_;
+        if (const auto it = names_.find(object); it != names_.end())
+            objectName = it->second;
     }
     VkDebugUtilsObjectNameInfoEXT name{VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT, nullptr, type, object,
-                                       nullptr};
+                                       objectName.empty() ? nullptr : objectName.c_str()};
     VkDebugUtilsMessengerCallbackDataEXT data{};
     data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
     data.pMessageIdName = id;

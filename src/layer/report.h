@@ -4,6 +4,7 @@
 
 #include <mutex>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -19,6 +20,9 @@ public:
     void setLevel(ReportLevel level) { level_ = level; }
     void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
     void removeMessenger(VkDebugUtilsMessengerEXT handle);
+
+    // Name of an object that messages may be about; empty: none any more.
+    void setName(uint64_t object, const std::string &name);
 
     // `id`: a short name ("VELLUM-micromap-build"), or the VUID that was broken, after the prefix "VELLUM-".
     // `object`: the object concerned, or 0.
@@ -54,6 +58,7 @@ private:
     ReportLevel level_ = ReportLevel::None;
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
+    std::unordered_map<uint64_t, std::string> names_;
 };
 
 } // namespace vellum::layer

@@ -20,6 +20,9 @@ VkFlags64 driverUsage(VkFlags64 usage)
     const VkFlags64 storage =
         VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
     VkFlags64 result = usage & ~kMicromapUsages;
+    // Micromap data is copied, where it can stay as it lies.
+    if (usage & VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT)
+        result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
     if (usage & (kMicromapUsages | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
@@ -39,16 +42,18 @@ VkFlags64 driverUsage(VkFlags64 usage)
 struct DriverBufferInfo {
     explicit DriverBufferInfo(const VkBufferCreateInfo &application) : info(application), chain(application.pNext)
     {
-        info.usage = static_cast<VkBufferUsageFlags>(driverUsage(application.usage));
+        usage = driverUsage(application.usage);
+        info.usage = static_cast<VkBufferUsageFlags>(usage);
         // Where it is given, it replaces the 32-bit flags (VK_KHR_maintenance5).
         if (findInChain(application.pNext, newer::kBufferUsageFlags2CreateInfo)) {
             if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
-                flags2->usage = driverUsage(flags2->usage);
+                usage = flags2->usage = driverUsage(flags2->usage);
         }
         info.pNext = chain.head();
     }
     VkBufferCreateInfo info;
     Chain chain;
+    VkFlags64 usage;
 };
 
 } // namespace
@@ -60,7 +65,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     const DriverBufferInfo driverInfo(*info);
     const VkResult result = device.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
     if (result == VK_SUCCESS)
-        device.buffers.set(*buffer, {info->size});
+        device.buffers.set(*buffer, {info->size, driverInfo.usage});
     return result;
 }
 
@@ -69,6 +74,7 @@ VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const
     Device &device = deviceOf(handle);
     device.addresses.remove(buffer);
     device.buffers.take(buffer);
+    device.hostMemory.destroyed(buffer);
     device.next.DestroyBuffer(handle, buffer, allocator);
 }
 
@@ -99,7 +105,10 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
         chain.prepend(reinterpret_cast<VkBaseInStructure *>(&flags));
     }
     driverInfo.pNext = chain.head();
-    return device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
+    const VkResult result = device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
+    if (result == VK_SUCCESS)
+        device.hostMemory.allocated(*memory, device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+    return result;
 }
 
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)
@@ -131,31 +140,23 @@ VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer commandBuffe
     deviceOf(commandBuffer).next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice handle, const VkQueryPoolCreateInfo *info,
-                                               const VkAllocationCallbacks *allocator, VkQueryPool *pool)
-{
-    Device &device = deviceOf(handle);
-    if (info->queryType == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
-        info->queryType == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT) {
-        device.report().notAvailable("a query pool of micromap sizes");
-        return VK_ERROR_FEATURE_NOT_PRESENT;
-    }
-    return device.next.CreateQueryPool(handle, info, allocator, pool);
-}
-
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
 {
-    // A micromap is the layer's own object: its handle means nothing below.
-    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT)
+    // A micromap is the layer's own object: its handle means nothing below, its name is used in the layer's messages.
+    Device &device = deviceOf(handle);
+    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT && device.emulated) {
+        device.report().setName(info->objectHandle, info->pObjectName ? info->pObjectName : "");
         return VK_SUCCESS;
-    return deviceOf(handle).next.SetDebugUtilsObjectNameEXT(handle, info);
+    }
+    return device.next.SetDebugUtilsObjectNameEXT(handle, info);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
 {
-    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT)
+    Device &device = deviceOf(handle);
+    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT && device.emulated)
         return VK_SUCCESS;
-    return deviceOf(handle).next.SetDebugUtilsObjectTagEXT(handle, info);
+    return device.next.SetDebugUtilsObjectTagEXT(handle, info);
 }
 
 } // namespace vellum::layer

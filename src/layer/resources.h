@@ -19,8 +19,6 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalD
                                                                      VkExternalBufferProperties *);
 VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer, uint32_t,
                                                     const VkDescriptorBufferBindingInfoEXT *);
-VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
-                                               VkQueryPool *);
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice, const VkDebugUtilsObjectNameInfoEXT *);
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice, const VkDebugUtilsObjectTagInfoEXT *);
 

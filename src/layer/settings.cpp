@@ -44,6 +44,8 @@ void apply(Settings &settings, const std::string &key, const std::string &value)
 {
     if (key == "force_emulation")
         settings.forceEmulation = isTrue(value);
+    else if (key == "validate")
+        settings.validate = isTrue(value);
     else if (key == "report")
         settings.report = reportLevel(value);
     else if (key == "dump_shaders")
@@ -98,6 +100,7 @@ Settings readSettings(const void *instanceChain)
     const std::pair<const char *, const char *> variables[] = {
         {"VELLUM_FORCE_EMULATION", "force_emulation"},
         {"VELLUM_REPORT", "report"},
+        {"VELLUM_VALIDATE", "validate"},
         {"VELLUM_DUMP_SHADERS", "dump_shaders"},
     };
     for (const auto &[variable, key] : variables) {

@@ -14,7 +14,8 @@ enum class ReportLevel { None, Error, Warning, Info };
 struct Settings {
     bool forceEmulation = false;            // VELLUM_FORCE_EMULATION, vellum_opacity_micromap.force_emulation
     ReportLevel report = ReportLevel::None; // VELLUM_REPORT, .report: what also goes to stderr
-    std::string dumpShaders;                // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
+    bool validate = false;   // VELLUM_VALIDATE, .validate: shaders look for wrong input, and the layer tells of it
+    std::string dumpShaders; // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
 };
 
 // `instanceChain`: the pNext chain of VkInstanceCreateInfo.

@@ -9,6 +9,7 @@
 
 #include "layer/device.h"
 #include "layer/driver_stages.h"
+#include "layer/pipeline_flags.h"
 #include "layer/pnext.h"
 #include "layer/shader_binary.h"
 #include "spirv/rewrite.h"
@@ -70,8 +71,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
 {
     Device &device = deviceOf(handle);
     DriverStages stages(device);
+    std::deque<Chain> chains;
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
     for (VkComputePipelineCreateInfo &info : own) {
+        info.pNext = driverChain(info.pNext, chains);
         const VkPipelineShaderStageCreateInfo *stage = &info.stage;
         if (!stages.rewrite(stage, 1))
             return failAll(count, pipelines);
@@ -87,8 +90,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipeli
 {
     Device &device = deviceOf(handle);
     DriverStages stages(device);
+    std::deque<Chain> chains;
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
     for (VkGraphicsPipelineCreateInfo &info : own) {
+        info.pNext = driverChain(info.pNext, chains);
         if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
             return failAll(count, pipelines);
     }

@@ -123,7 +123,7 @@ private:
         std::vector<uint32_t> primitives(part.build.geometryCount());
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
             primitives[g] = ranges_[i][g].primitiveCount;
-        part.tailBytes = bottomLevelTailBytes(device_, part.build, primitives.data());
+        part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
         if (part.tailBytes == 0)
             return;
         VkDeviceSize offset =
@@ -264,6 +264,8 @@ private:
                                      << kGeometryTrianglesShift;
                 push.micromap = micromapAddress(device_, micromap->micromap);
                 push.baseTriangle = micromap->baseTriangle;
+                push.log = device_.complaints.address();
+                push.object = reinterpret_cast<uint64_t>(micromap->micromap);
                 setIndices(push, *micromap);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }

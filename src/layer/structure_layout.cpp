@@ -19,7 +19,7 @@ VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Device &device, Drive
     return sizes;
 }
 
-VkDeviceSize bottomLevelTailBytes(const Device &device, const DriverBuildInfo &build, const uint32_t *primitives)
+VkDeviceSize bottomLevelTailBytes(const DriverBuildInfo &build, const uint32_t *primitives)
 {
     if (!build.hasMicromaps())
         return 0;

@@ -25,7 +25,7 @@ VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Device &device, Drive
                                                      VkAccelerationStructureBuildTypeKHR type);
 
 // Bytes of the records of a bottom-level structure; 0: it needs none. `primitives`: of each geometry.
-VkDeviceSize bottomLevelTailBytes(const Device &device, const DriverBuildInfo &build, const uint32_t *primitives);
+VkDeviceSize bottomLevelTailBytes(const DriverBuildInfo &build, const uint32_t *primitives);
 
 // --- top level ---
 // The driver's part for builds of up to `count` instances with these flags, and for copies, which are builds without

@@ -123,6 +123,8 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer commandBuffer, VkP
 
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)
 {
+    Device &device = deviceOf(queue);
+    device.complaints.drain(device.report());
     std::vector<VkSubmitInfo2> own(submits, submits + count);
     std::deque<std::vector<VkSemaphoreSubmitInfo>> semaphores;
     for (VkSubmitInfo2 &submit : own) {
@@ -131,7 +133,7 @@ VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const
         semaphores.push_back(driverSemaphores(submit.pSignalSemaphoreInfos, submit.signalSemaphoreInfoCount));
         submit.pSignalSemaphoreInfos = semaphores.back().data();
     }
-    return deviceOf(queue).next.QueueSubmit2(queue, count, own.data(), fence);
+    return device.next.QueueSubmit2(queue, count, own.data(), fence);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRenderPassCreateInfo2 *info,

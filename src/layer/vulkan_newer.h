@@ -33,6 +33,34 @@ struct PushConstantsInfo {
 };
 using PFN_CmdPushConstants2 = void(VKAPI_PTR *)(VkCommandBuffer, const PushConstantsInfo *);
 
+// VK_ARM_pipeline_opacity_micromap
+inline constexpr const char *kPipelineOpacityMicromapExtension = "VK_ARM_pipeline_opacity_micromap";
+inline constexpr auto kPipelineOpacityMicromapFeatures = static_cast<VkStructureType>(1000596000);
+inline constexpr VkFlags64 kPipelineDisallowOpacityMicromap = VkFlags64{1} << 37;
+struct PipelineOpacityMicromapFeatures {
+    VkStructureType sType;
+    void *pNext;
+    VkBool32 pipelineOpacityMicromap;
+};
+
+// VK_KHR_map_memory2 (core in 1.4)
+struct MemoryMapInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkDeviceMemory memory;
+    VkDeviceSize offset;
+    VkDeviceSize size;
+};
+struct MemoryUnmapInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkDeviceMemory memory;
+};
+using PFN_MapMemory2 = VkResult(VKAPI_PTR *)(VkDevice, const MemoryMapInfo *, void **);
+using PFN_UnmapMemory2 = VkResult(VKAPI_PTR *)(VkDevice, const MemoryUnmapInfo *);
+
 // VK_EXT_shader_object
 struct Shader_T;
 using ShaderEXT = Shader_T *;

@@ -18,6 +18,8 @@ layout(push_constant, std430) uniform Push
     uvec2 indices;         // 0: the index is the triangle's number
     uvec2 cell;            // to be written; 0: not with this dispatch
     uvec2 firstGeometryRecord;
+    uvec2 log;    // 0: nothing is validated
+    uvec2 object; // the micromap's handle
     uint triangleCount;
     uint indexBytes; // 2 or 4
     uint indexStride;
@@ -27,6 +29,8 @@ layout(push_constant, std430) uniform Push
     uint geometryCount;
     uint tailUnits; // of all records
 } push;
+
+#include "complaints.glsl"
 
 const uint kUnknownOpaque = ~0u; // all sixteen states
 
@@ -41,15 +45,19 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
 {
     uint index = triangle;
     if (any(notEqual(push.indices, uvec2(0)))) {
-        if (triangle >= push.readable)
+        if (triangle >= push.readable) {
+            complain(kComplaintIndexBuffer, push.object, triangle, 0u, 0u);
             return uvec2(kKindInline, kUnknownOpaque);
+        }
         index = fetchIndex(triangle);
         if (index >= 0xfffffffcu)
             return uvec2(kKindInline, ~index * 0x55555555u);
     }
     const uint target = index + push.baseTriangle;
-    if (target < index || target >= micromapTriangles)
+    if (target < index || target >= micromapTriangles) {
+        complain(kComplaintIndex, push.object, triangle, index, micromapTriangles);
         return uvec2(kKindInline, kUnknownOpaque);
+    }
     Words record = micromapRecord(push.micromap, target);
     return uvec2(record.w[0], record.w[1]);
 }

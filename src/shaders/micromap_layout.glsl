@@ -11,3 +11,11 @@ uvec2 micromapUnits(uvec2 micromap, uint triangles)
 {
     return elementAddress(addressPlus(micromap, kMicromapHeaderWords * 4u), triangles + 1u >> 1u, 2u * kTriangleRecordWords * 4u);
 }
+
+// Bytes of a micromap that are in use, in 64 bits.
+uvec2 micromapBytes(uint triangles, uint units)
+{
+    const uint pairs = (triangles >> 1u) + (triangles & 1u);
+    const uvec2 records = elementAddress(uvec2(kMicromapHeaderWords * 4u, 0u), pairs, 2u * kTriangleRecordWords * 4u);
+    return elementAddress(records, units, kDataUnitBytes);
+}

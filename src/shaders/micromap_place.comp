@@ -1,63 +1,97 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build, first pass, one workgroup: gives every triangle its place in the micromap's data by a prefix sum over
-// the sizes, in the order of the triangles. Each invocation owns one run of triangles.
+// Micromap build, a workgroup for each block of kPlaceBlock triangles: gives every triangle its place, in the order of
+// the triangles, writes its record and copies its data; triangles with many units are left to micromap_parts.comp.
+layout(local_size_x = 64) in;
+
 #include "micromap_source.glsl"
+#include "micromap_data.glsl"
 
-layout(local_size_x = 256) in;
+shared uint sums[64];
 
-shared uint sums[256];
-
-void writeRecord(uint triangle, Source s, inout uint unit)
+// Units of this triangle's own.
+uint ownUnits(uint triangle, Source s)
 {
-    const uint units = unitsOf(s);
-    uint word0 = kKindInline;
-    uint word1 = 0u;
-    if (!s.valid || units > push.capacityUnits - unit) {
-        word0 = kRejected;
-        word1 = ~0u;
-    } else if (units > 0u) {
-        const uint n = (s.level - kCoarseLevel - 1u) * 2u + (s.bitsPerState - 1u);
-        if (unit <= kMaxNearUnit) {
-            word0 = (kKindData + n) | (unit << kUnitShift);
-        } else {
-            word0 = kKindFar | (n << kUnitShift);
-            word1 = unit;
-        }
-        unit += units;
-    }
+    if ((push.flags & kBuildShare) != 0u &&
+        ((recordOf(triangle).w[0] & kKindMask) == kKindInline || ownerOf(triangle) != triangle))
+        return 0u;
+    return unitsOf(s);
+}
+
+void writeRecord(uint triangle, Source s, uint units, uint unit)
+{
+    const bool share = (push.flags & kBuildShare) != 0u;
     Words record = recordOf(triangle);
-    record.w[0] = word0;
-    record.w[1] = word1;
+    if (units == 0u) {
+        // With sharing, inline records are there already, and those of sharers are copied later.
+        if (!share) {
+            complainAbout(triangle, s);
+            record.w[0] = s.problem != 0u ? kRejected : kKindInline;
+            record.w[1] = s.problem != 0u ? ~0u : coarseStates(s);
+        }
+        return;
+    }
+    if (units > push.capacityUnits - min(unit, push.capacityUnits)) {
+        s.problem = kComplaintNoRoom;
+        complainAbout(triangle, s);
+        record.w[0] = kRejected;
+        record.w[1] = ~0u;
+        return;
+    }
+    uint mask = share ? record.w[1] : 0u;
+    bool fold = false;
+    const bool stays = verbatim();
+    if (stays && (push.flags & kPreferFastBuild) != 0u) {
+        mask = kLookEverywhere;
+    } else if (units > kPartUnits) {
+        listParts(triangle, units); // without sharing, the mask is gathered there
+    } else {
+        const uvec2 target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
+        const Walk walk = walkAll(s, !stays, target);
+        if (!share) {
+            mask = coarseMask(walk.gathered);
+            fold = describesAll(mask);
+        }
+    }
+    const bool near = unit <= kMaxNearUnit;
+    record.w[0] = fold ? kKindInline : near ? (kKindData + kindOf(s)) | unit << kUnitShift
+                                            : kKindFar | kindOf(s) << kUnitShift;
+    record.w[1] = fold || near ? mask : unit;
 }
 
 void main()
 {
     const uint me = gl_LocalInvocationIndex;
-    const uint run = (push.triangleCount + 255u) / 256u;
-    const uint first = min(me * run, push.triangleCount);
+    const uint block = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    const uint run = kPlaceBlock / gl_WorkGroupSize.x;
+    const uint first = block * kPlaceBlock + me * run;
     const uint last = min(first + run, push.triangleCount);
-
-    // Saturating: a sum beyond the capacity is rejected below, however far beyond it is.
+    if (verbatim()) {
+        for (uint t = first; t < last; ++t) {
+            const Source s = readSource(t);
+            writeRecord(t, s, unitsOf(s), s.dataOffset >> 4u);
+        }
+        return;
+    }
     uint sum = 0u;
     for (uint t = first; t < last; ++t)
-        sum = min(sum + unitsOf(readSource(t)), push.capacityUnits + 1u);
+        sum += ownUnits(t, readSource(t));
     sums[me] = sum;
     barrier();
-    for (uint step = 1u; step < 256u; step *= 2u) {
-        const uint other = me >= step ? sums[me - step] : 0u;
-        barrier();
-        sums[me] = min(sums[me] + other, push.capacityUnits + 1u);
-        barrier();
+    if (me == 0u && block * kPlaceBlock < push.triangleCount) {
+        uint before = Words(sumsAddress()).w[block];
+        for (uint i = 0u; i < gl_WorkGroupSize.x; ++i) {
+            const uint own = sums[i];
+            sums[i] = before;
+            before += own;
+        }
     }
-
-    uint unit = min(me > 0u ? sums[me - 1u] : 0u, push.capacityUnits);
-    for (uint t = first; t < last; ++t)
-        writeRecord(t, readSource(t), unit);
-    if (me == 255u) {
-        Words header = Words(push.micromap);
-        header.w[kMicromapHeaderMagic] = kMicromapMagic;
-        header.w[kMicromapHeaderTriangles] = push.triangleCount;
-        header.w[kMicromapHeaderUnits] = min(sums[255], push.capacityUnits);
+    barrier();
+    uint unit = sums[me];
+    for (uint t = first; t < last; ++t) {
+        const Source s = readSource(t);
+        const uint units = ownUnits(t, s);
+        writeRecord(t, s, units, unit);
+        unit += units;
     }
 }

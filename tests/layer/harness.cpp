@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <stdexcept>
 
 namespace vt
@@ -27,8 +28,10 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT 
                                          VkDebugUtilsMessageTypeFlagsEXT,
                                          const VkDebugUtilsMessengerCallbackDataEXT *data, void *user)
 {
-    static_cast<Gpu *>(user)->addMessage({severity, data->pMessageIdName != nullptr ? data->pMessageIdName : "",
-                                          data->pMessage != nullptr ? data->pMessage : ""});
+    static_cast<Gpu *>(user)->addMessage(
+        {severity, data->pMessageIdName != nullptr ? data->pMessageIdName : "",
+         data->pMessage != nullptr ? data->pMessage : "",
+         data->objectCount > 0 && data->pObjects[0].pObjectName != nullptr ? data->pObjects[0].pObjectName : ""});
     return VK_FALSE;
 }
 
@@ -189,7 +192,10 @@ void Gpu::createInstance()
     info.ppEnabledLayerNames = layers.data();
     info.enabledExtensionCount = 1;
     info.ppEnabledExtensionNames = &extension;
+    if (options_.validate)
+        setenv("VELLUM_VALIDATE", "1", 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
+    unsetenv("VELLUM_VALIDATE");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
     VT_INSTANCE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
@@ -271,6 +277,8 @@ void Gpu::createDevice()
     vkGetPhysicalDeviceFeatures2(physical_, &features);
     micromaps.micromap = options_.micromapFeature ? micromaps.micromap : VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
+    if (!options_.hostCommands)
+        micromaps.micromapHostCommands = VK_FALSE;
 
     const float priority = 1;
     VkDeviceQueueCreateInfo queue{};

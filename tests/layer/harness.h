@@ -21,6 +21,7 @@ struct Message {
     VkDebugUtilsMessageSeverityFlagBitsEXT severity;
     std::string id;
     std::string text;
+    std::string object; // name of the first object that it is about
 
     [[nodiscard]] bool fromVellum() const { return id.starts_with("VELLUM-"); }
 };
@@ -30,6 +31,8 @@ struct Options {
     bool validation = true;
     bool spy = true;           // spy_layer.cpp, below everything
     bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
+    bool hostCommands = true;  // enable micromapHostCommands
+    bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
@@ -48,6 +51,15 @@ struct Options {
     X(CmdBuildMicromapsEXT)                                                                                            \
     X(CmdCopyMicromapEXT)                                                                                              \
     X(GetDeviceMicromapCompatibilityEXT)                                                                               \
+    X(CmdCopyMicromapToMemoryEXT)                                                                                      \
+    X(CmdCopyMemoryToMicromapEXT)                                                                                      \
+    X(CmdWriteMicromapsPropertiesEXT)                                                                                  \
+    X(BuildMicromapsEXT)                                                                                               \
+    X(CopyMicromapEXT)                                                                                                 \
+    X(CopyMicromapToMemoryEXT)                                                                                         \
+    X(CopyMemoryToMicromapEXT)                                                                                         \
+    X(WriteMicromapsPropertiesEXT)                                                                                     \
+    X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
     X(CreateAccelerationStructureKHR)                                                                                  \
     X(DestroyAccelerationStructureKHR)                                                                                 \
     X(GetAccelerationStructureBuildSizesKHR)                                                                           \
@@ -56,7 +68,6 @@ struct Options {
     X(CmdCopyAccelerationStructureKHR)                                                                                 \
     X(CmdCopyAccelerationStructureToMemoryKHR)                                                                         \
     X(CmdCopyMemoryToAccelerationStructureKHR)                                                                         \
-    X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
     X(GetDeviceAccelerationStructureCompatibilityKHR)                                                                  \
     X(CreateRayTracingPipelinesKHR)                                                                                    \
     X(GetRayTracingShaderGroupHandlesKHR)                                                                              \
@@ -97,6 +108,7 @@ public:
     ~Buffer();
 
     [[nodiscard]] VkBuffer handle() const { return buffer_; }
+    [[nodiscard]] VkDeviceMemory memory() const { return memory_; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Only where the usage holds VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address() const { return address_; }

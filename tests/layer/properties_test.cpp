@@ -1,4 +1,5 @@
 // What an application sees of the extension with Vellum's layer and without.
+#include <algorithm>
 #include <array>
 
 #include "harness.h"
@@ -84,7 +85,7 @@ TEST_F(Properties, FeaturesAndLimits)
     const auto features = featuresOf(gpu().physical());
     EXPECT_TRUE(features.micromap);
     EXPECT_FALSE(features.micromapCaptureReplay);
-    EXPECT_FALSE(features.micromapHostCommands);
+    EXPECT_TRUE(features.micromapHostCommands);
 
     VkPhysicalDeviceOpacityMicromapPropertiesEXT micromap{};
     micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
@@ -94,6 +95,83 @@ TEST_F(Properties, FeaturesAndLimits)
     vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
     EXPECT_EQ(micromap.maxOpacity2StateSubdivisionLevel, 12u);
     EXPECT_EQ(micromap.maxOpacity4StateSubdivisionLevel, 12u);
+}
+
+// VkPhysicalDevicePipelineOpacityMicromapFeaturesARM and VkPipelineCreateFlags2CreateInfo, which older headers lack.
+struct PipelineMicromapFeatures {
+    VkStructureType sType = static_cast<VkStructureType>(1000596000);
+    void *pNext = nullptr;
+    VkBool32 pipelineOpacityMicromap = VK_FALSE;
+};
+struct PipelineFlags2 {
+    VkStructureType sType = static_cast<VkStructureType>(1000470005);
+    const void *pNext = nullptr;
+    VkFlags64 flags = 0;
+};
+
+// VK_ARM_pipeline_opacity_micromap: listed, its feature can be enabled, and nothing of it reaches the driver (the spy).
+TEST_F(Properties, PipelinesWithoutMicromaps)
+{
+    const char *const name = "VK_ARM_pipeline_opacity_micromap";
+    std::uint32_t count = 0;
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> list(count);
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, list.data()));
+    EXPECT_EQ(
+        std::count_if(list.begin(), list.end(), [&](const auto &e) { return std::strcmp(e.extensionName, name) == 0; }),
+        1);
+    PipelineMicromapFeatures features;
+    VkPhysicalDeviceFeatures2 query{};
+    query.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    query.pNext = &features;
+    vkGetPhysicalDeviceFeatures2(gpu().physical(), &query);
+    EXPECT_TRUE(features.pipelineOpacityMicromap);
+
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
+    micromaps.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
+    micromaps.micromap = VK_TRUE;
+    features.pNext = &micromaps;
+    const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                           VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, name};
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(createDevice(gpu().physical(), names, &features, &device), VK_SUCCESS);
+    vkDestroyDevice(device, nullptr);
+    for (const vt::Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_EQ(m.text.find("icromap"), std::string::npos) << m.id << ": " << m.text;
+}
+
+TEST_F(Properties, TheFlagOfPipelinesStaysInTheLayer)
+{
+    // A compute shader that does nothing.
+    constexpr std::array<std::uint32_t, 34> words{
+        0x07230203, 0x00010000, 0,          5, 0,  0x00020011, 1, 0x0003000e, 0,          1, 0x0005000f, 5, 3,
+        0x6e69616d, 0,          0x00060010, 3, 17, 1,          1, 1,          0x00020013, 1, 0x00030021, 2, 1,
+        0x00050036, 1,          3,          0, 2,  0x000200f8, 4, 0x000100fd};
+    std::vector<std::uint32_t> code(words.begin(), words.end());
+    code.push_back(0x00010038);
+    const VkShaderModule module = gpu().shader(code);
+    VkPipelineLayoutCreateInfo layoutInfo{};
+    layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    VT_CHECK(vkCreatePipelineLayout(gpu().device(), &layoutInfo, nullptr, &layout));
+    PipelineFlags2 flags;
+    flags.flags = VkFlags64{1} << 37;
+    VkComputePipelineCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+    info.pNext = &flags;
+    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.stage.module = module;
+    info.stage.pName = "main";
+    info.layout = layout;
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), VK_SUCCESS);
+    for (const vt::Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_NE(m.id, "SPY") << m.text; // the old validation layer does not know VkPipelineCreateFlags2CreateInfo
+    EXPECT_EQ(flags.flags, VkFlags64{1} << 37) << "the application's chain is const";
+    vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+    vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
+    vkDestroyShaderModule(gpu().device(), module, nullptr);
 }
 
 TEST_F(Properties, EveryEntryPointResolves)

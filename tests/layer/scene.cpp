@@ -120,14 +120,7 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
     gpu_.vk().GetMicromapBuildSizesEXT(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_, &sizes);
 
-    storage_ = Guarded(gpu_, sizes.micromapSize, 256, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = storage_.buffer();
-    create.offset = storage_.offset();
-    create.size = sizes.micromapSize;
-    create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &create, nullptr, &micromap_));
+    create(sizes.micromapSize);
 
     std::vector<std::uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
     for (std::size_t i = 0; i < input_.triangles.size(); ++i)
@@ -143,11 +136,30 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     info_.scratchData.deviceAddress = scratch_.address();
 }
 
+Micromap::Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size) : gpu_(gpu), input_(like.input_)
+{
+    create(size);
+}
+
+void Micromap::create(VkDeviceSize size)
+{
+    storage_ = Guarded(gpu_, size, 256, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
+    VkMicromapCreateInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    info.buffer = storage_.buffer();
+    info.offset = storage_.offset();
+    info.size = size;
+    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &micromap_));
+}
+
 Micromap::~Micromap()
 {
     EXPECT_TRUE(storage_.intact()) << "a build wrote beyond its micromap";
-    EXPECT_TRUE(scratch_.intact()) << "a micromap build wrote beyond its scratch memory";
-    EXPECT_TRUE(data_.intact() && triangles_.intact()) << "a micromap build wrote to its input";
+    if (info_.dstMicromap != VK_NULL_HANDLE) {
+        EXPECT_TRUE(scratch_.intact()) << "a micromap build wrote beyond its scratch memory";
+        EXPECT_TRUE(data_.intact() && triangles_.intact()) << "a micromap build wrote to its input";
+    }
     gpu_.vk().DestroyMicromapEXT(gpu_.device(), micromap_, nullptr);
 }
 
@@ -159,6 +171,15 @@ void Micromap::record(VkCommandBuffer commands)
 void Micromap::build()
 {
     gpu_.submit([this](VkCommandBuffer commands) { record(commands); });
+}
+
+VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
+{
+    VkMicromapBuildInfoEXT info = info_;
+    info.data.hostAddress = data_.bytes();
+    info.triangleArray.hostAddress = triangles_.bytes();
+    info.scratchData.hostAddress = nullptr;
+    return info;
 }
 
 void Micromap::scribble()

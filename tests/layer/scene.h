@@ -44,6 +44,7 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     [[nodiscard]] VkDeviceAddress address() const { return buffer_.address() + offset_; }
     [[nodiscard]] std::uint8_t *bytes() const { return buffer_.bytes() + offset_; }
+    [[nodiscard]] VkDeviceMemory memory() const { return buffer_.memory(); }
     [[nodiscard]] bool intact() const;
 
 private:
@@ -59,6 +60,8 @@ class Micromap
 {
 public:
     Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags = 0);
+    // Not to be built but copied to: of that size, with the content of `like`.
+    Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size);
     Micromap(const Micromap &) = delete;
     Micromap &operator=(const Micromap &) = delete;
     ~Micromap();
@@ -66,12 +69,21 @@ public:
     [[nodiscard]] VkMicromapEXT handle() const { return micromap_; }
     [[nodiscard]] const MicromapInput &input() const { return input_; }
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
+    // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
+    [[nodiscard]] const std::uint8_t *memory() const { return storage_.bytes(); }
+    [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
+    // The same input in host memory, for vkBuildMicromapsEXT.
+    [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
+    // The buffer that the micromap lies in.
+    [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
     // Overwrites everything a build has read or used, as an application may afterwards.
     void scribble();
 
 private:
+    void create(VkDeviceSize size);
+
     Gpu &gpu_;
     MicromapInput input_;
     std::vector<VkMicromapUsageEXT> usage_;

@@ -212,6 +212,31 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
 
+// Flags of a pipeline, from wherever it has them.
+VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
+{
+    constexpr auto flags2Type = static_cast<VkStructureType>(1000470005);
+    struct Flags2 { // VkPipelineCreateFlags2CreateInfo
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags64 flags;
+    };
+    const auto *flags2 = static_cast<const Flags2 *>(inChain(pNext, flags2Type));
+    return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
+}
+constexpr VkFlags64 kDisallowMicromaps = VkFlags64{1} << 37; // ..._DISALLOW_OPACITY_MICROMAP_BIT_ARM
+
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                      const VkComputePipelineCreateInfo *infos,
+                                                      const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    for (const VkComputePipelineCreateInfo &info : std::span(infos, count)) {
+        if ((pipelineFlags(info.pNext, info.flags) & kDisallowMicromaps) != 0)
+            tell("vkCreateComputePipelines: DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+    }
+    return SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
 // --- ray tracing pipelines ---
 
 // What the specification's formula for the default stack size needs (raytracing.adoc, "Ray Tracing Pipeline Stack").
@@ -284,16 +309,11 @@ StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &in
 
 void expectPipeline(const VkRayTracingPipelineCreateInfoKHR &info)
 {
-    constexpr auto flags2Type = static_cast<VkStructureType>(1000470005);
-    struct Flags2 {
-        VkStructureType sType;
-        const void *pNext;
-        VkFlags64 flags;
-    };
-    const auto *flags2 = static_cast<const Flags2 *>(inChain(info.pNext, flags2Type));
-    const VkFlags64 flags = flags2 != nullptr ? flags2->flags : VkFlags64{info.flags};
+    const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
     if ((flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
         tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
+    if ((flags & kDisallowMicromaps) != 0)
+        tell("vkCreateRayTracingPipelinesKHR: DISALLOW_OPACITY_MICROMAP_BIT_ARM");
 }
 
 VkResult createPipelinesNow(VkDevice handle, VkDeferredOperationKHR operation, const Deferral &call)
@@ -409,6 +429,7 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkCmdWriteTimestamp2", reinterpret_cast<PFN_vkVoidFunction>(cmdWriteTimestamp2)},
         {"vkQueueSubmit2", reinterpret_cast<PFN_vkVoidFunction>(queueSubmit2)},
         {"vkCreateRenderPass2", reinterpret_cast<PFN_vkVoidFunction>(createRenderPass2)},
+        {"vkCreateComputePipelines", reinterpret_cast<PFN_vkVoidFunction>(createComputePipelines)},
         {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
         {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
@@ -476,9 +497,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
     for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount)) {
         if (std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0)
             tell("vkCreateDevice: VK_EXT_opacity_micromap");
+        if (std::strcmp(name, "VK_ARM_pipeline_opacity_micromap") == 0)
+            tell("vkCreateDevice: VK_ARM_pipeline_opacity_micromap");
     }
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+    // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
+    if (inChain(info->pNext, static_cast<VkStructureType>(1000596000)) != nullptr)
+        tell("vkCreateDevice: features of pipelines with micromaps");
     auto *link = linkOf<VkLayerDeviceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO);
     const PFN_vkGetInstanceProcAddr nextInstance = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
     const PFN_vkGetDeviceProcAddr next = link->u.pLayerInfo->pfnNextGetDeviceProcAddr;

@@ -1,0 +1,201 @@
+// vellum-micromap-bench: how fast micromaps are built, against a plain vkCmdCopyBuffer of as many bytes. Each build is
+// timed right after a copy; the ratios' median counts.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <functional>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include "cli/layer_path.h"
+#include "cli/render_command.h"
+#include "cli/resources.h"
+#include "core/micromap.h"
+
+namespace
+{
+
+using namespace vellum;
+using cli::Buffer;
+
+constexpr VkDeviceSize kAlignment = 256;
+constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+
+struct Flags {
+    const char *name;
+    VkBuildMicromapFlagsEXT bits;
+};
+constexpr Flags kFlags[] = {
+    {"none", 0},
+    {"fast build", VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT},
+    {"compaction", VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT},
+};
+
+double seconds(const std::function<void()> &work)
+{
+    const auto begin = std::chrono::steady_clock::now();
+    work();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+// As many triangles of a level as take about that many bytes; no two with the same data.
+Micromap inputOf(std::uint32_t level, Format format, std::size_t bytes)
+{
+    Micromap micromap;
+    const std::uint32_t each = packedBytes(level, format);
+    const auto count = std::max<std::size_t>(bytes / (each + 8), 1);
+    micromap.data.resize(count * each);
+    std::uint64_t state = 88172645463325252u;
+    for (std::uint8_t &byte : micromap.data) {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        byte = static_cast<std::uint8_t>(state);
+    }
+    for (std::size_t i = 0; i < count; ++i)
+        micromap.triangles.push_back({static_cast<std::uint32_t>(i * each), static_cast<std::uint16_t>(level), format});
+    return micromap;
+}
+
+// One micromap and what it is built from.
+class Build
+{
+public:
+    Build(cli::Device &device, const Micromap &input, VkBuildMicromapFlagsEXT flags)
+        : device_(device), data_(cli::uploadBuffer(device, std::as_bytes(std::span(input.data)), kInput, kAlignment)),
+          triangles_(cli::uploadBuffer(device, std::as_bytes(std::span(input.triangles)), kInput, kAlignment))
+    {
+        for (const MicromapUsage &u : input.buildUsage())
+            usage_.push_back({u.count, u.subdivisionLevel, static_cast<std::uint32_t>(u.format)});
+        info_.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
+        info_.flags = flags;
+        info_.usageCountsCount = static_cast<std::uint32_t>(usage_.size());
+        info_.pUsageCounts = usage_.data();
+        info_.data.deviceAddress = data_.address(kAlignment);
+        info_.triangleArray.deviceAddress = triangles_.address(kAlignment);
+        info_.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
+        VkMicromapBuildSizesInfoEXT sizes{};
+        sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
+        const cli::DeviceFunctions &vk = device.functions();
+        vk.getMicromapBuildSizes(device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_, &sizes);
+        bytes_ = sizes.micromapSize;
+        storage_ = Buffer(device, bytes_, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT, Buffer::Place::Device);
+        VkMicromapCreateInfoEXT create{};
+        create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+        create.buffer = storage_.handle();
+        create.size = bytes_;
+        cli::check(vk.createMicromap(device.handle(), &create, nullptr, &micromap_), "creating a micromap");
+        const VkDeviceSize alignment = std::max(kAlignment, device.scratchAlignment());
+        scratch_ = Buffer(device, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+                          Buffer::Place::Device);
+        info_.dstMicromap = micromap_;
+        info_.scratchData.deviceAddress = scratch_.address(alignment);
+        commands_ = device.allocateCommands();
+        VkCommandBufferBeginInfo begin{};
+        begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
+        vk.cmdBuildMicromaps(commands_, 1, &info_);
+        cli::check(vkEndCommandBuffer(commands_), "recording");
+    }
+    ~Build() { device_.functions().destroyMicromap(device_.handle(), micromap_, nullptr); }
+    Build(const Build &) = delete;
+    Build &operator=(const Build &) = delete;
+
+    [[nodiscard]] VkDeviceSize bytes() const { return bytes_; }
+    double run()
+    {
+        return seconds([this] { device_.submitAndWait(commands_); });
+    }
+
+private:
+    static constexpr VkBufferUsageFlags kInput = kAddress | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
+    cli::Device &device_;
+    Buffer data_, triangles_, storage_, scratch_;
+    std::vector<VkMicromapUsageEXT> usage_;
+    VkMicromapBuildInfoEXT info_{};
+    VkMicromapEXT micromap_ = VK_NULL_HANDLE;
+    VkCommandBuffer commands_ = VK_NULL_HANDLE;
+    VkDeviceSize bytes_ = 0;
+};
+
+class Copy
+{
+public:
+    Copy(cli::Device &device, VkDeviceSize bytes)
+        : device_(device), from_(device, bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device),
+          to_(device, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT, Buffer::Place::Device),
+          commands_(device.allocateCommands())
+    {
+        VkCommandBufferBeginInfo begin{};
+        begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
+        const VkBufferCopy region{0, 0, bytes};
+        vkCmdCopyBuffer(commands_, from_.handle(), to_.handle(), 1, &region);
+        cli::check(vkEndCommandBuffer(commands_), "recording");
+    }
+    double run()
+    {
+        return seconds([this] { device_.submitAndWait(commands_); });
+    }
+
+private:
+    cli::Device &device_;
+    Buffer from_, to_;
+    VkCommandBuffer commands_;
+};
+
+void measure(cli::Device &device, std::uint32_t level, Format format, const Flags &flags, std::size_t bytes,
+             unsigned repetitions)
+{
+    const Micromap input = inputOf(level, format, bytes);
+    Build build(device, input, flags.bits);
+    Copy copy(device, build.bytes());
+    build.run();
+    copy.run();
+    std::vector<double> builds;
+    std::vector<double> copies;
+    std::vector<double> ratios;
+    for (unsigned i = 0; i < repetitions; ++i) {
+        copies.push_back(copy.run());
+        builds.push_back(build.run());
+        ratios.push_back(copies.back() / builds.back());
+    }
+    const auto rate = [&](std::vector<double> &times) {
+        return static_cast<double>(build.bytes()) / cli::median(times) * 1e-9;
+    };
+    fmt::print("| {} | {}-state | {} | {} | {:.1f} | {:.2f} | {:.2f} | {:.2f} |\n", level,
+               format == Format::TwoState ? 2 : 4, flags.name, input.triangles.size(),
+               static_cast<double>(build.bytes()) * 1e-6, rate(builds), rate(copies), cli::median(ratios));
+    std::fflush(stdout);
+}
+
+} // namespace
+
+int main(int argc, char **argv)
+{
+    CLI::App app("Throughput of micromap builds, against a buffer copy of as many bytes");
+    std::vector<std::uint32_t> levels = {0, 2, 3, 4, 5, 6, 8, 10, 12};
+    std::size_t megabytes = 64;
+    unsigned repetitions = 7;
+    app.add_option("--levels", levels, "subdivision levels");
+    app.add_option("--megabytes", megabytes, "size of each micromap");
+    app.add_option("--repetitions", repetitions, "builds of each kind");
+    CLI11_PARSE(app, argc, argv);
+    try {
+        if (const auto folder = cli::findLayerFolder())
+            cli::addLayerFolder(*folder);
+        const cli::Instance instance(true);
+        cli::Device device(cli::chooseDevice(instance, std::nullopt), {true, false});
+        fmt::print("| level | format | flags | triangles | MB | build, GB/s | copy, GB/s | build/copy |\n"
+                   "|--:|---|---|--:|--:|--:|--:|--:|\n");
+        for (const Flags &flags : kFlags)
+            for (const Format format : {Format::TwoState, Format::FourState})
+                for (const std::uint32_t level : levels)
+                    measure(device, level, format, flags, megabytes * 1000 * 1000, repetitions);
+    } catch (const std::exception &error) {
+        fmt::print(stderr, "vellum-micromap-bench: {}\n", error.what());
+        return 1;
+    }
+    return 0;
+}

@@ -1,0 +1,38 @@
+// What a micromap build is asked for: the sizes that follow from it, and what is wrong with it. Device and host builds.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+// What a micromap of these usage counts takes.
+struct MicromapExtent {
+    uint64_t triangles = 0;
+    uint64_t units = 0; // of kDataUnitBytes
+    uint32_t maxLevel = 0;
+    bool share = false; // identical data is kept once
+
+    [[nodiscard]] uint64_t bytes() const;
+    // Entries of the list of parts in the scratch memory.
+    [[nodiscard]] uint64_t parts() const;
+    // Slots of the hash table in the scratch memory, a power of two.
+    [[nodiscard]] uint64_t tableSlots() const;
+    [[nodiscard]] uint64_t scratchBytes() const;
+};
+MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info);
+
+struct Offence {
+    const char *id;
+    std::string text;
+};
+// The first rule that the usage counts and the type break.
+std::optional<Offence> offenceOf(const VkMicromapBuildInfoEXT &info);
+// The same, and with the destination and the stride.
+std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info);
+
+} // namespace vellum::layer

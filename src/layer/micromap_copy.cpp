@@ -1,0 +1,140 @@
+// Copies of micromaps: clone, compact, serialize, deserialize. A micromap is self-contained and nothing in it depends
+// on where it lies, so the first two are buffer copies; how much of it is in use, only the device knows.
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "core/records.h"
+#include "layer/device.h"
+#include "layer/micromap.h"
+#include "layer/micromap_serialized.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+void refuse(const Device &device, const char *id, const std::string &text, VkMicromapEXT micromap = VK_NULL_HANDLE)
+{
+    device.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
+}
+
+MicromapMovePush movePush(const Device &device, VkMicromapEXT micromap, uint32_t mode)
+{
+    MicromapMovePush push{};
+    push.micromap = micromapAddress(device, micromap);
+    push.micromapBytes = micromapOf(micromap)->size;
+    push.log = device.complaints.address();
+    push.object = reinterpret_cast<uint64_t>(micromap);
+    push.mode = mode;
+    return push;
+}
+
+void move(InjectedWork &work, MicromapMovePush push)
+{
+    const uint64_t units = push.micromapBytes / kDataUnitBytes;
+    const uint64_t invocations = (units + kMoveUnitsPerInvocation - 1) / kMoveUnitsPerInvocation;
+    push.invocations = static_cast<uint32_t>(std::clamp<uint64_t>((invocations + 63) / 64 * 64, 64, 1u << 20));
+    work.barrier();
+    work.dispatch(InjectedShader::MicromapMove, push, push.invocations, 64);
+    work.barrier(true);
+}
+
+bool overlap(const Micromap &a, const Micromap &b, VkDeviceSize size)
+{
+    return a.buffer == b.buffer && a.offset < b.offset + size && b.offset < a.offset + size;
+}
+
+} // namespace
+
+VKAPI_ATTR void VKAPI_CALL getDeviceMicromapCompatibility(VkDevice handle, const VkMicromapVersionInfoEXT *info,
+                                                          VkAccelerationStructureCompatibilityKHR *compatibility)
+{
+    const SerializedMicromapHeader own = serializedHeader(deviceOf(handle).driverUuid, 0);
+    *compatibility = std::memcmp(info->pVersionData, &own, 2 * VK_UUID_SIZE) == 0
+                         ? VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR
+                         : VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
+{
+    Device &device = deviceOf(commandBuffer);
+    const Micromap *source = micromapOf(info->src);
+    const Micromap *target = micromapOf(info->dst);
+    if (!source || !target)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-src-parameter",
+                      "vkCmdCopyMicromapEXT: src or dst is VK_NULL_HANDLE");
+    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
+                      "vkCmdCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
+    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMicromapEXT"))
+        return;
+    // What is in use comes first (core/records.h): the bytes that fit the target are all that a compact copy needs.
+    const VkBufferCopy region{source->offset, target->offset, std::min(source->size, target->size)};
+    if (overlap(*source, *target, region.size))
+        return refuse(device, "VELLUM-micromap-copy-overlap", "vkCmdCopyMicromapEXT: src and dst overlap", info->dst);
+    InjectedWork work(device, commandBuffer);
+    work.barrier();
+    device.next.CmdCopyBuffer(commandBuffer, source->buffer, target->buffer, 1, &region);
+    work.barrier();
+    if (target->size >= source->size)
+        return;
+    MicromapMovePush push = movePush(device, info->dst, kMoveCheck);
+    push.invocations = 1;
+    work.dispatch(InjectedShader::MicromapMove, push, 1, 64);
+    work.barrier();
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer commandBuffer,
+                                                   const VkCopyMicromapToMemoryInfoEXT *info)
+{
+    Device &device = deviceOf(commandBuffer);
+    if (!micromapOf(info->src))
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-src-parameter",
+                      "vkCmdCopyMicromapToMemoryEXT: src is VK_NULL_HANDLE");
+    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542",
+                      "vkCmdCopyMicromapToMemoryEXT: mode is not SERIALIZE", info->src);
+    if (info->dst.deviceAddress == 0 || info->dst.deviceAddress % 256 != 0)
+        return refuse(device,
+                      info->dst.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536"
+                                                   : "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537",
+                      "vkCmdCopyMicromapToMemoryEXT: dst is null or not a multiple of 256", info->src);
+    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
+        return;
+    MicromapMovePush push = movePush(device, info->src, kMoveSerialize);
+    push.serialized = info->dst.deviceAddress;
+    push.serializedBytes = device.addresses.bytesFrom(push.serialized);
+    static_assert(sizeof push.driverUuid == VK_UUID_SIZE);
+    std::memcpy(push.driverUuid, device.driverUuid.data(), VK_UUID_SIZE);
+    InjectedWork work(device, commandBuffer);
+    move(work, push);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer commandBuffer,
+                                                   const VkCopyMemoryToMicromapInfoEXT *info)
+{
+    Device &device = deviceOf(commandBuffer);
+    if (!micromapOf(info->dst))
+        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-dst-parameter",
+                      "vkCmdCopyMemoryToMicromapEXT: dst is VK_NULL_HANDLE");
+    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548",
+                      "vkCmdCopyMemoryToMicromapEXT: mode is not DESERIALIZE", info->dst);
+    if (info->src.deviceAddress == 0 || info->src.deviceAddress % 256 != 0)
+        return refuse(device,
+                      info->src.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543"
+                                                   : "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544",
+                      "vkCmdCopyMemoryToMicromapEXT: src is null or not a multiple of 256", info->dst);
+    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
+        return;
+    MicromapMovePush push = movePush(device, info->dst, kMoveDeserialize);
+    push.serialized = info->src.deviceAddress;
+    push.serializedBytes = device.addresses.bytesFrom(push.serialized);
+    InjectedWork work(device, commandBuffer);
+    move(work, push);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,45 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Micromap build that shares identical data, first pass, an invocation a triangle: finds coarse mask and hash. Triangles
+// with many units are left to micromap_parts.comp.
+layout(local_size_x = 64) in;
+
+#include "micromap_source.glsl"
+#include "micromap_data.glsl"
+
+void main()
+{
+    const uint triangle = globalInvocation();
+    if (triangle >= push.triangleCount)
+        return;
+    Source s = readSource(triangle);
+    const uint units = unitsOf(s);
+    uint word0 = kKindInline;
+    uint word1 = 0u;
+    uint hash = 0u;
+    if (s.problem != 0u) {
+        word0 = kRejected;
+        word1 = ~0u;
+    } else if (units == 0u) {
+        word1 = coarseStates(s);
+    } else {
+        word0 = kKindData + kindOf(s);
+        if (units > kPartUnits) {
+            if (!listParts(triangle, units)) {
+                word0 = kRejected;
+                word1 = ~0u;
+                s.problem = kComplaintNoRoom;
+            }
+        } else {
+            const Walk walk = walkAll(s, false, uvec2(0u));
+            word1 = walk.gathered;
+            hash = walk.hash;
+        }
+    }
+    complainAbout(triangle, s);
+    countForLog(units, s.problem != 0u);
+    Words record = recordOf(triangle);
+    record.w[0] = word0;
+    record.w[1] = word1;
+    Words(hashesAddress()).w[triangle] = hash;
+}

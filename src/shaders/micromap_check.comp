@@ -1,0 +1,33 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Micromap build: can the data be used as it lies, because each triangle's begins at a data unit and ends within as much as
+// there is room for?
+layout(local_size_x = 64) in;
+
+#include "micromap_source.glsl"
+
+void main()
+{
+    const uint i = globalInvocation();
+    const uint run = kCheckedPerInvocation;
+    uint last = 0u;
+    bool elsewhere = false;
+    uint total = 0u;
+    bool wrong = false;
+    for (uint t = i * run; t < min((i + 1u) * run, push.triangleCount); ++t) {
+        const Source s = readSource(t);
+        const uint units = unitsOf(s);
+        total += units;
+        wrong = wrong || s.problem != 0u;
+        if (units == 0u)
+            continue;
+        const uint end = (s.dataOffset >> 4u) + units;
+        elsewhere = elsewhere || (s.dataOffset & 15u) != 0u || end > push.capacityUnits;
+        last = max(last, end);
+    }
+    countForLog(total, wrong);
+    if (elsewhere)
+        Words(push.scratch).w[kScratchElsewhere] = 1u;
+    if (last > 0u)
+        atomicMax(Words(push.scratch).w[kScratchLastUnit], last);
+}

@@ -1,0 +1,61 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Micromap build, one workgroup: turns the sums of the blocks into those of all blocks before each, and writes the
+// micromap's header. Sums saturate beyond the capacity: what lies there is rejected, however far beyond it is.
+layout(local_size_x = 256) in;
+
+#include "micromap_source.glsl"
+
+shared uint sums[256];
+
+void main()
+{
+    const uint me = gl_LocalInvocationIndex;
+    const uint blocks = verbatim() ? 0u : (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
+    const uint run = (blocks + 255u) / 256u;
+    const uint first = min(me * run, blocks);
+    const uint last = min(first + run, blocks);
+    const uint limit = push.capacityUnits + 1u;
+    Words table = Words(sumsAddress());
+    uint sum = 0u;
+    for (uint b = first; b < last; ++b)
+        sum = min(sum + table.w[b], limit);
+    sums[me] = sum;
+    barrier();
+    for (uint step = 1u; step < 256u; step *= 2u) {
+        const uint other = me >= step ? sums[me - step] : 0u;
+        barrier();
+        sums[me] = min(sums[me] + other, limit);
+        barrier();
+    }
+    sum = me > 0u ? sums[me - 1u] : 0u;
+    for (uint b = first; b < last; ++b) {
+        const uint own = table.w[b];
+        table.w[b] = min(sum, push.capacityUnits);
+        sum = min(sum + own, limit);
+    }
+    if (me != 255u)
+        return;
+    const bool stays = verbatim();
+    const uint units = stays ? Words(push.scratch).w[kScratchLastUnit] : min(sums[255], push.capacityUnits);
+    Words header = Words(push.micromap);
+    header.w[kMicromapHeaderMagic] = kMicromapMagic;
+    header.w[kMicromapHeaderTriangles] = push.triangleCount;
+    header.w[kMicromapHeaderUnits] = units;
+    header.w[kMicromapHeaderFlags] = push.flags & kBuildFlagsMask;
+    for (uint i = kMicromapHeaderFlags + 1u; i < kMicromapHeaderWords; ++i)
+        header.w[i] = 0u;
+    // The record that pads their number to an even one.
+    if ((push.triangleCount & 1u) != 0u) {
+        Words padding = recordOf(push.triangleCount);
+        padding.w[0] = 0u;
+        padding.w[1] = 0u;
+    }
+    if (push.triangleCount > 0u) // without triangles there need not be scratch memory
+        Words(push.scratch).w[kScratchPartCount] = 0u;
+    if ((push.log.x | push.log.y) == 0u || (push.flags & (kBuildShare | kBuildVerbatim)) == 0u)
+        return;
+    const uint total = Words(push.scratch).w[kScratchTotalUnits];
+    if (total != push.capacityUnits && Words(push.scratch).w[kScratchWrong] == 0u)
+        complain(kComplaintCounts, push.object, 0u, push.capacityUnits, total);
+}
