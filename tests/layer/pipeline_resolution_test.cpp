@@ -1,5 +1,6 @@
 // The resolution of hits in ray tracing pipelines: every state, format, geometry flag, instance flag and ray flag, ray
 // flags at run time, constant and specialized, hit groups with and without any-hit and closest-hit shaders.
+#include "copies.h"
 #include "pipeline_scene.h"
 
 #include "shaders/pipeline_by_address.h"
@@ -370,6 +371,29 @@ TEST_F(PipelineResolution, SameWithAndWithoutTheBit)
                 }
             }
         }
+    }
+}
+
+// A copy of boxes still knows which of them are opaque, which an intersection shader must know to skip the others.
+TEST_F(PipelineResolution, CopiesOfBoxes)
+{
+    Geometry opaque, other;
+    opaque.boxes = {{0, 0, -1, 1, 1, 1}};
+    opaque.flags = VK_GEOMETRY_OPAQUE_BIT_KHR;
+    other.boxes = {{2, 0, -1, 3, 1, 1}};
+    const Blas source(gpu(), {opaque, other});
+    Structure clone(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+    clone.create(source.size());
+    copy(gpu(), source, clone);
+    const auto loaded = deserialized(gpu(), serialize(gpu(), clone), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+    PipelineTracer tracer(gpu(), {.groups = {{.box = true}}});
+    const std::vector<Ray> rays{{.origin = {0.5f, 0.5f, 5}, .flags = kRayCullNoOpaque},
+                                {.origin = {2.5f, 0.5f, 5}, .flags = kRayCullNoOpaque}};
+    for (const Structure *blas : std::initializer_list<const Structure *>{&source, &clone, loaded.get()}) {
+        const Tlas scene(gpu(), {instance(*blas, {}, 5)});
+        const std::vector<PipelineResult> results = tracer.trace(scene, rays);
+        EXPECT_EQ(results[0].visitCount, 1u);
+        EXPECT_EQ(results[1].visitCount, 0u);
     }
 }
 
