@@ -20,13 +20,6 @@ void finish(const Device &device, VkDeferredOperationKHR operation)
 
 } // namespace
 
-void finishWhenComplete(Device &device, VkDeferredOperationKHR operation, std::unique_ptr<DeferredWork> work)
-{
-    auto deferred = std::make_shared<DeferredOperation>();
-    deferred->work = std::move(work);
-    device.deferredOperations.set(operation, std::move(deferred));
-}
-
 VKAPI_ATTR VkResult VKAPI_CALL deferredOperationJoin(VkDevice handle, VkDeferredOperationKHR operation)
 {
     const Device &device = deviceOf(handle);

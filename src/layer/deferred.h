@@ -23,10 +23,8 @@ public:
 // before the work is done.
 struct DeferredOperation {
     std::mutex mutex;
-    std::unique_ptr<DeferredWork> work; // null once it is done
+    std::unique_ptr<DeferredWork> work; // null where there is none, or it is done
 };
-
-void finishWhenComplete(Device &device, VkDeferredOperationKHR operation, std::unique_ptr<DeferredWork> work);
 
 VKAPI_ATTR VkResult VKAPI_CALL deferredOperationJoin(VkDevice, VkDeferredOperationKHR);
 VKAPI_ATTR VkResult VKAPI_CALL getDeferredOperationResult(VkDevice, VkDeferredOperationKHR);

@@ -37,7 +37,7 @@ bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, s
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
     const std::span<const uint32_t> words(code, bytes / 4);
-    if (!spirv::tracesRays(words))
+    if (!pipelineStage && !spirv::tracesRays(words))
         return true;
     spirv::RewriteResult result = spirv::rewrite(words, rewriteOptions(device, pipelineStage));
     static std::atomic<uint32_t> counter{0};
@@ -81,7 +81,8 @@ bool DriverStages::rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &c
 {
     const auto *inlined =
         findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-    if (stage.module || !inlined || !spirv::tracesRays({inlined->pCode, inlined->codeSize / 4}))
+    if (stage.module || !inlined ||
+        (!pipelineStage && !spirv::tracesRays({inlined->pCode, inlined->codeSize / 4})))
         return true;
     auto *module =
         chains_.emplace_back(stage.pNext).edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);

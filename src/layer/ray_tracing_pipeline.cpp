@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <deque>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -23,10 +24,11 @@ namespace
 using spirv::Decides;
 
 constexpr VkFlags64 kMicromapPipelineFlag = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
-// The application promises that there are no null closest-hit shaders, but the group that stands in for null handles
-// has none.
-constexpr VkFlags64 kHiddenPipelineFlags =
-    kMicromapPipelineFlags | VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR;
+// The application promises that no closest-hit and no any-hit shader that would run is null. But the group that stands
+// in for null handles has no closest-hit shader, and with hidden ray flags an any-hit shader would run more often.
+constexpr VkFlags64 kHiddenPipelineFlags = kMicromapPipelineFlags |
+                                           VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR |
+                                           VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR;
 
 uint32_t executionModelOf(VkShaderStageFlagBits stage)
 {
@@ -66,22 +68,32 @@ public:
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
-        bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0;
-        if (usesMicromaps && !device_.micromapFeature) {
+        const bool asked = (flagsOf(info) & kMicromapPipelineFlag) != 0;
+        if (asked && !device_.micromapFeature) {
             refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
                    "uses opacity micromaps, but the feature micromap is not enabled");
             return VK_ERROR_VALIDATION_FAILED_EXT;
         }
-        for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
-            const bool library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]) != nullptr;
-            if (usesMicromaps && !library) {
-                refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
-                       "uses opacity micromaps, but library " + std::to_string(i) + " was created without the bit");
-                return VK_ERROR_VALIDATION_FAILED_EXT;
-            }
-            // The other way round is allowed, and the library's shaders are what they are.
-            usesMicromaps = usesMicromaps || library;
+        const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
+        std::optional<uint32_t> without;
+        uint32_t with = 0;
+        for (uint32_t i = 0; i < libraries; ++i) {
+            if (device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
+                ++with;
+            else
+                without = i;
         }
+        if (asked && without) {
+            refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
+                   "uses opacity micromaps, but library " + std::to_string(*without) + " was created without the bit");
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
+        if (with > 0 && without) {
+            device_.report().notAvailable("a ray tracing pipeline of libraries with and without the micromap bit");
+            return VK_ERROR_UNKNOWN;
+        }
+        // A pipeline without the bit may have libraries with it, whose shaders are what they are.
+        const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
         own.pNext = driverChain(own.pNext, chains_);
@@ -392,26 +404,59 @@ VkShaderModule AnyHitModules::get(Decides decides, const spirv::RewriteOptions &
     return module;
 }
 
+namespace
+{
+
+// Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
+VkResult createOneByOne(VkDevice device, VkPipelineCache cache, uint32_t count,
+                        const VkRayTracingPipelineCreateInfoKHR *infos, const VkAllocationCallbacks *allocator,
+                        VkPipeline *pipelines)
+{
+    VkResult worst = VK_SUCCESS;
+    for (uint32_t i = 0; i < count; ++i) {
+        VkRayTracingPipelineCreateInfoKHR info = infos[i];
+        const bool derived = (flagsOf(info) & VK_PIPELINE_CREATE_DERIVATIVE_BIT) != 0 && info.basePipelineIndex >= 0 &&
+                             static_cast<uint32_t>(info.basePipelineIndex) < i;
+        VkResult result = worst;
+        if (derived) {
+            info.basePipelineHandle = pipelines[info.basePipelineIndex];
+            info.basePipelineIndex = -1;
+        }
+        if (!derived || info.basePipelineHandle)
+            result = createRayTracingPipelines(device, VK_NULL_HANDLE, cache, 1, &info, allocator, &pipelines[i]);
+        if (result < 0 || worst == VK_SUCCESS)
+            worst = result;
+        if (result != VK_SUCCESS && (flagsOf(info) & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
+            break;
+    }
+    return worst;
+}
+
+} // namespace
+
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
                                                          VkPipelineCache cache, uint32_t count,
                                                          const VkRayTracingPipelineCreateInfoKHR *infos,
                                                          const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     Device &device = deviceOf(handle);
+    std::fill_n(pipelines, count, VK_NULL_HANDLE);
     auto creation = std::make_unique<Creation>(device, pipelines);
     for (uint32_t i = 0; i < count; ++i) {
-        const VkResult result = creation->add(infos[i]);
-        if (result != VK_SUCCESS) {
-            std::fill_n(pipelines, count, VK_NULL_HANDLE);
-            return result;
-        }
+        if (const VkResult result = creation->add(infos[i]); result != VK_SUCCESS)
+            return count == 1 ? result : createOneByOne(handle, cache, count, infos, allocator, pipelines);
     }
     if (!creation->changed())
         return device.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator, pipelines);
+    std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
+    if (operation) {
+        deferred = std::make_shared<DeferredOperation>();
+        device.deferredOperations.set(operation, deferred);
+    }
     const VkResult result = device.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count,
                                                                      creation->infos().data(), allocator, pipelines);
-    if (result == VK_OPERATION_DEFERRED_KHR)
-        finishWhenComplete(device, operation, std::move(creation));
+    if (result == VK_OPERATION_DEFERRED_KHR && deferred)
+        deferred->work = std::move(creation);
     else
         creation->finish();
     return result;
@@ -427,7 +472,16 @@ VKAPI_ATTR void VKAPI_CALL destroyPipeline(VkDevice handle, VkPipeline pipeline,
 namespace
 {
 
-// Calls `get(first driver group, count, byte offset)` for each run of groups that lie together in the driver's
+size_t captureReplayHandleBytes(const Device &device)
+{
+    VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelines{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &pipelines, {}};
+    device.instance->next.GetPhysicalDeviceProperties2(device.physicalDevice, &properties);
+    return pipelines.shaderGroupHandleCaptureReplaySize;
+}
+
+// Calls `get(first driver group, count, groups before)` for each run of groups that lie together in the driver's
 // pipeline.
 template <typename Get>
 VkResult forDriverGroups(const Device &device, VkPipeline pipeline, uint32_t first, uint32_t count, Get get)
@@ -457,9 +511,9 @@ VKAPI_ATTR VkResult VKAPI_CALL getCaptureReplayShaderGroupHandles(VkDevice handl
                                                                   uint32_t count, size_t bytes, void *data)
 {
     const Device &device = deviceOf(handle);
+    const size_t handleBytes = captureReplayHandleBytes(device);
     return forDriverGroups(device, pipeline, first, count, [&](uint32_t group, uint32_t groups, uint32_t before) {
-        // Handles for replay have a size of the driver's own.
-        const size_t offset = count > 0 ? bytes / count * before : 0;
+        const size_t offset = std::min(before * handleBytes, bytes);
         return device.next.GetRayTracingCaptureReplayShaderGroupHandlesKHR(
             handle, pipeline, group, groups, bytes - offset, static_cast<std::byte *>(data) + offset);
     });

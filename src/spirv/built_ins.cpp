@@ -58,8 +58,13 @@ BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, bool rayFlags)
 
 const char *BuiltIns::restoring(Id pointer) const
 {
+    // An access chain without indices is a copy too.
+    const auto isCopy = [](Instruction in) {
+        return in.opcode == spv::OpCopyObject ||
+               ((in.opcode == spv::OpAccessChain || in.opcode == spv::OpInBoundsAccessChain) && in.count == 4);
+    };
     Instruction in = module_.definition(pointer);
-    for (int i = 0; i < kMaxCopies && in.opcode == spv::OpCopyObject; ++i) {
+    for (int i = 0; i < kMaxCopies && isCopy(in); ++i) {
         pointer = module_.word(in, 3);
         in = module_.definition(pointer);
     }

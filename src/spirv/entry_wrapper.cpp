@@ -1,6 +1,7 @@
 #include "spirv/entry_wrapper.h"
 
 #include <algorithm>
+#include <set>
 
 #include "core/opacity.h"
 #include "spirv/opcodes.h"
@@ -51,8 +52,10 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     if (stage.decides == Decides::Nothing)
         return true;
     const Id wrapper = module_.newId();
-    for (Instruction &in : module_.section(Section::ExecutionModes))
-        in = module_.with(in, 1, wrapper);
+    for (Instruction &in : module_.section(Section::ExecutionModes)) {
+        if (in.opcode == spv::OpExecutionMode || in.opcode == spv::OpExecutionModeId)
+            in = module_.with(in, 1, wrapper);
+    }
     std::vector<std::uint32_t> name = stringWords("vellumEntry");
     name.insert(name.begin(), wrapper);
     module_.append(Section::Names, spv::OpName, name);
@@ -178,6 +181,31 @@ Id EntryWrapper::makeInput(std::uint32_t storageClass, Id type)
     return variable;
 }
 
+// Whether the application's function, or one that it calls, has the id among its words.
+bool EntryWrapper::isUsed(Id id) const
+{
+    std::set<Id> reached{application_};
+    for (std::size_t before = 0; before != reached.size();) {
+        before = reached.size();
+        Id function = 0;
+        for (const Instruction in : module_.section(Section::Functions)) {
+            if (in.opcode == spv::OpFunction)
+                function = module_.result(in);
+            else if (in.opcode == spv::OpFunctionCall && reached.contains(function))
+                reached.insert(module_.word(in, 3));
+        }
+    }
+    Id function = 0;
+    for (const Instruction in : module_.section(Section::Functions)) {
+        if (in.opcode == spv::OpFunction)
+            function = module_.result(in);
+        const Words words = module_.words(in);
+        if (reached.contains(function) && std::find(words.begin() + 1, words.end(), id) != words.end())
+            return true;
+    }
+    return false;
+}
+
 // An interface has at most one variable of this class (VUID-StandaloneSpirv-HitAttributeKHR-04702), and for triangles
 // it begins with the barycentrics, whatever its type calls them.
 Id EntryWrapper::readBarycentrics()
@@ -186,7 +214,7 @@ Id EntryWrapper::readBarycentrics()
     Id variable = 0;
     for (const Instruction in : module_.section(Section::Globals)) {
         if (in.opcode == spv::OpVariable && module_.word(in, 3) == spv::StorageClassHitAttributeKHR &&
-            (module_.version() < kVersion14 || inInterface(module_.result(in))))
+            (module_.version() < kVersion14 ? isUsed(module_.result(in)) : inInterface(module_.result(in))))
             variable = module_.result(in);
     }
     if (variable == 0)
@@ -216,6 +244,15 @@ Id EntryWrapper::readBarycentrics()
     return code_.value(spv::OpCompositeConstruct, vec2, floats);
 }
 
+// Of an array of specialized length, the length that it has without specialization.
+std::uint32_t EntryWrapper::arrayLength(Instruction array) const
+{
+    const Instruction length = module_.definition(module_.word(array, 3));
+    if (length.opcode == spv::OpSpecConstant)
+        return module_.word(length, 3);
+    return types_.valueOf(module_.word(array, 3)).value_or(0);
+}
+
 // Appends the scalars of a type to `found`, up to the second; false where one has not 32 bits.
 bool EntryWrapper::findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found,
                                std::size_t &budget) const
@@ -226,8 +263,9 @@ bool EntryWrapper::findScalars(Id type, std::vector<std::uint32_t> &path, std::v
     switch (in.opcode) {
     case spv::OpTypeFloat:
     case spv::OpTypeInt: found.push_back({type, path}); return module_.word(in, 2) == 32;
-    case spv::OpTypeVector: members = module_.word(in, 3); break;
-    case spv::OpTypeArray: members = types_.valueOf(module_.word(in, 3)).value_or(0); break;
+    case spv::OpTypeVector:
+    case spv::OpTypeMatrix: members = module_.word(in, 3); break;
+    case spv::OpTypeArray: members = arrayLength(in); break;
     case spv::OpTypeStruct: members = in.count - 2u; break;
     default: return false;
     }

@@ -40,6 +40,8 @@ private:
         std::vector<std::uint32_t> path; // indices that lead to it
     };
     bool findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found, std::size_t &budget) const;
+    [[nodiscard]] std::uint32_t arrayLength(Instruction array) const;
+    [[nodiscard]] bool isUsed(Id id) const;
     Id makeInput(std::uint32_t storageClass, Id type);
     [[nodiscard]] bool inInterface(Id variable) const;
 

@@ -282,6 +282,8 @@ void Module::append(Section s, std::uint32_t opcode, Words operands)
 
 Instruction Module::with(Instruction in, std::uint32_t i, std::uint32_t value)
 {
+    if (i == 0 || i >= in.count)
+        return in;
     const Words w = words(in);
     std::vector<std::uint32_t> copy(w.begin() + 1, w.end());
     copy[i - 1] = value;

@@ -84,7 +84,7 @@ public:
     {
         append(s, opcode, Words(operands.begin(), operands.size()));
     }
-    // A copy of an instruction with one word replaced.
+    // A copy of an instruction with one word replaced; the instruction itself where it has no word i but the first.
     Instruction with(Instruction in, std::uint32_t i, std::uint32_t value);
 
     bool hasCapability(std::uint32_t capability) const;

@@ -77,24 +77,6 @@ RewriteResult failed(std::string error)
 
 } // namespace
 
-bool tracesRays(std::span<const std::uint32_t> words)
-{
-    return declares(words, [](std::uint32_t opcode, std::uint32_t capability) {
-        if (opcode != spv::OpCapability)
-            return false;
-        switch (capability) {
-        // The first two are declared implicitly by the others.
-        case spv::CapabilityRayQueryKHR:
-        case spv::CapabilityRayTracingKHR:
-        case kCapabilityRayTraversalPrimitiveCulling:
-        case kCapabilityRayQueryPositionFetch:
-        case kCapabilityOpacityMicromap:
-        case kCapabilityOpacityMicromapExecutionMode: return true;
-        default: return false;
-        }
-    });
-}
-
 bool hasRayTracingStages(std::span<const std::uint32_t> words)
 {
     return declares(words, [](std::uint32_t opcode, std::uint32_t model) {
@@ -103,9 +85,28 @@ bool hasRayTracingStages(std::span<const std::uint32_t> words)
     });
 }
 
+bool tracesRays(std::span<const std::uint32_t> words)
+{
+    // Capabilities that declare ray tracing implicitly are many, and grow; its stages tell as well. Of ray queries
+    // there are these.
+    return hasRayTracingStages(words) || declares(words, [](std::uint32_t opcode, std::uint32_t capability) {
+               if (opcode != spv::OpCapability)
+                   return false;
+               switch (capability) {
+               case spv::CapabilityRayQueryKHR:
+               case spv::CapabilityRayTracingKHR:
+               case kCapabilityRayTraversalPrimitiveCulling:
+               case kCapabilityRayQueryPositionFetch:
+               case kCapabilityOpacityMicromap:
+               case kCapabilityOpacityMicromapExecutionMode: return true;
+               default: return false;
+               }
+           });
+}
+
 RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options)
 {
-    if (!tracesRays(words))
+    if (!options.pipelineStage && !tracesRays(words))
         return {};
     std::string error;
     std::optional<Module> module = Module::parse(words, error);

@@ -65,14 +65,15 @@ struct RewriteResult {
     std::string error;                // only when Failed
 };
 
-// True if the module declares a capability to trace rays. Looks at the capabilities only; false for what is no SPIR-V.
-bool tracesRays(std::span<const std::uint32_t> words);
-
-// True if an entry point is a stage of ray tracing pipelines.
+// True if an entry point is a stage of ray tracing pipelines. False for what is no SPIR-V.
 bool hasRayTracingStages(std::span<const std::uint32_t> words);
 
-// Modules for which tracesRays() is false are Unchanged, whatever they hold. Reads nothing outside `words` and throws
-// nothing but std::bad_alloc.
+// True if the module has such a stage, or declares a capability to trace rays. Looks at nothing else; false for what is
+// no SPIR-V.
+bool tracesRays(std::span<const std::uint32_t> words);
+
+// Modules for which tracesRays() is false are Unchanged, whatever they hold, but for pipeline stages. Reads nothing
+// outside `words` and throws nothing but std::bad_alloc.
 RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options);
 
 } // namespace vellum::spirv

@@ -1,5 +1,8 @@
 // Micromaps must be found for exactly as long as the structure that a reference stands for has them: whatever was built
 // or copied over it, and whoever had its memory or its table entries before.
+#include <algorithm>
+#include <cstring>
+
 #include <gtest/gtest.h>
 
 #include "scene.h"
@@ -62,6 +65,27 @@ TEST_F(Lifetime, ACopyOverAStructureTakesItsMicromapsAway)
         copy(commands, &info);
     });
     EXPECT_EQ(candidates(target), 1u);
+}
+
+// The layer keeps something of boxes too, for intersection shaders, but it is not in the structure.
+TEST_F(Lifetime, BoxesAreSerializedByTheDriver)
+{
+    Geometry boxes;
+    boxes.boxes = {{0, 0, -0.1f, 1, 1, 0.1f}};
+    const Blas blas(gpu(), {boxes});
+    const Buffer data(gpu(), blas.size() + 4096, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    std::memset(data.bytes(), 0, blas.size() + 4096);
+    const auto copy =
+        function<PFN_vkCmdCopyAccelerationStructureToMemoryKHR>("vkCmdCopyAccelerationStructureToMemoryKHR");
+    gpu().submit([&](VkCommandBuffer commands) {
+        VkCopyAccelerationStructureToMemoryInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
+        info.src = blas.handle();
+        info.dst.deviceAddress = (data.address() + 255) & ~VkDeviceAddress{255};
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
+        copy(commands, &info);
+    });
+    EXPECT_TRUE(std::any_of(data.bytes(), data.bytes() + blas.size(), [](auto byte) { return byte != 0; }));
 }
 
 TEST_F(Lifetime, APlainBuildExecutedLateLeavesOthersAlone)

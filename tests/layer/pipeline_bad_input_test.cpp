@@ -115,6 +115,55 @@ TEST_F(PipelineBadInput, OneLibraryOfTwoWithoutTheBit)
     expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }
 
+// The specification allows it. What is refused says so, in either order.
+TEST_F(PipelineBadInput, LibrariesWithAndWithoutTheBitInAPipelineWithoutIt)
+{
+    for (const bool withFirst : {false, true}) {
+        std::vector<RayPipeline> libraries;
+        tryChanged([&](PipelineSetup &setup) {
+            PipelineSetup library = setup;
+            for (const bool with : {withFirst, !withFirst}) {
+                library.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | (with ? kMicromapBit : 0);
+                library.groups = {setup.groups[with ? 1 : 2]};
+                libraries.emplace_back(gpu(), library);
+            }
+            setup.groups.resize(1);
+            setup.flags = 0;
+            setup.libraries = {libraries[0].handle(), libraries[1].handle()};
+        });
+        expectComplaint("VELLUM-not-available");
+    }
+}
+
+// Pipelines that can be made are made also where others in the call cannot.
+TEST_F(PipelineBadInput, OneOfThree)
+{
+    for (const VkPipelineCreateFlags early : {0u, 0u + VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT}) {
+        tryChanged([&](PipelineSetup &setup) {
+            std::array<std::unique_ptr<PipelineInfo>, 3> infos;
+            std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
+            for (std::uint32_t i = 0; i < 3; ++i) {
+                PipelineSetup one = setup;
+                one.stages[0].entry = i == 1 ? "nowhere" : "main";
+                one.flags |= early;
+                infos[i] = std::make_unique<PipelineInfo>(gpu(), one);
+                list[i] = infos[i]->get();
+            }
+            std::array<VkPipeline, 3> pipelines{};
+            EXPECT_LT(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 3,
+                                                              list.data(), nullptr, pipelines.data()),
+                      VK_SUCCESS);
+            EXPECT_TRUE(pipelines[0]);
+            EXPECT_FALSE(pipelines[1]);
+            EXPECT_EQ(pipelines[2] != VK_NULL_HANDLE, early == 0);
+            for (const VkPipeline pipeline : pipelines)
+                vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+        });
+        EXPECT_FALSE(messages_.empty());
+        messages_.clear();
+    }
+}
+
 // What no module has: nothing but a message is asked for, and that the layer goes on.
 TEST_F(PipelineBadInput, EntryPointThatIsNotThere)
 {

@@ -46,6 +46,7 @@ TEST(PipelineStages, AreValidInEveryVersion)
         for (const Stage &stage :
              {kTriangles, kBoxes, kEmpty, kCulling, kTrace,
               Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Decides::BoxHits},
+              Stage{"matrix_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
               Stage{"integer_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
               Stage{"struct_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
               Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
@@ -185,6 +186,108 @@ TEST(PipelineStages, OtherEntryPointsAreGone)
         EXPECT_EQ(count(text, "Volatile"), 1u);
         EXPECT_GE(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 1u);
     }
+}
+
+// What a compiler would not write, around one any-hit shader. `declarations` end the part before the types.
+std::string anyHitText(const std::string &capability, const std::string &declarations, const std::string &body)
+{
+    return "OpCapability " + capability + R"(
+        OpExtension "SPV_KHR_ray_tracing"
+        OpExtension "SPV_NV_shader_invocation_reorder"
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint AnyHitKHR %f "main" %index %payload
+)" + declarations +
+           R"(
+        OpDecorate %index BuiltIn InstanceCustomIndexKHR
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+ %int = OpTypeInt 32 1
+  %in = OpTypePointer Input %int
+  %pp = OpTypePointer IncomingRayPayloadKHR %int
+%index = OpVariable %in Input
+%payload = OpVariable %pp IncomingRayPayloadKHR
+   %f = OpFunction %void None %proc
+   %l = OpLabel
+)" + body + R"(
+        OpReturn
+        OpFunctionEnd
+)";
+}
+
+TEST(PipelineStages, ACopyOfAPointerHidesNoBuiltIn)
+{
+    for (const char *copy : {"%p = OpAccessChain %in %index\n", "%p = OpInBoundsAccessChain %in %index\n",
+                             "%p = OpCopyObject %in %index\n"}) {
+        const Module words =
+            assemble(anyHitText("RayTracingKHR", "", std::string(copy) + "%v = OpLoad %int %p\nOpStore %payload %v"));
+        EXPECT_EQ(validate(words), "");
+        const auto result = spirv::rewrite(words, optionsOf(kTriangles));
+        ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+        EXPECT_EQ(count(disassemble(result.words), "OpFunctionCall %uint %vellumCustomIndex"), 1u) << copy;
+    }
+}
+
+TEST(PipelineStages, AreKnownByTheirEntryPointsToo)
+{
+    const Module words = assemble(anyHitText("ShaderInvocationReorderNV", "", ""));
+    EXPECT_EQ(validate(words), "");
+    EXPECT_TRUE(spirv::tracesRays(words));
+    const auto result = spirv::rewrite(words, optionsOf(kTriangles));
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(count(disassemble(result.words), "OpFunctionCall %uint %vellumResolve"), 1u);
+}
+
+// spirv-val refuses it; the rewriter must survive it.
+TEST(PipelineStages, StrangersAmongExecutionModesStay)
+{
+    const Module words =
+        assemble(anyHitText("RayTracingKHR", "OpExecutionMode %f SignedZeroInfNanPreserve 32\nOpNop\n", ""));
+    EXPECT_EQ(spirv::rewrite(words, optionsOf(kTriangles)).status, Status::Rewritten);
+}
+
+// Before SPIR-V 1.4 the interface does not tell whose attributes are whose.
+TEST(PipelineStages, UseTheirOwnHitAttributes)
+{
+    Module words = assemble(R"(
+        OpCapability RayTracingKHR
+        OpExtension "SPV_KHR_ray_tracing"
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint AnyHitKHR %f "main"
+        OpEntryPoint IntersectionKHR %g "box"
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+%float = OpTypeFloat 32
+%vec2 = OpTypeVector %float 2
+%vec4 = OpTypeVector %float 4
+  %p2 = OpTypePointer HitAttributeKHR %vec2
+  %p4 = OpTypePointer HitAttributeKHR %vec4
+  %pp = OpTypePointer IncomingRayPayloadKHR %vec2
+%payload = OpVariable %pp IncomingRayPayloadKHR
+  %uv = OpVariable %p2 HitAttributeKHR
+ %box = OpVariable %p4 HitAttributeKHR
+%zero = OpConstantNull %vec4
+%inner = OpFunction %void None %proc
+  %l0 = OpLabel
+   %v = OpLoad %vec2 %uv
+        OpStore %payload %v
+        OpReturn
+        OpFunctionEnd
+   %f = OpFunction %void None %proc
+  %l1 = OpLabel
+   %c = OpFunctionCall %void %inner
+        OpReturn
+        OpFunctionEnd
+   %g = OpFunction %void None %proc
+  %l2 = OpLabel
+        OpStore %box %zero
+        OpReturn
+        OpFunctionEnd
+)");
+    words[1] = 0x00010300;
+    const auto result = spirv::rewrite(words, optionsOf(kTriangles));
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    const std::string text = disassemble(result.words);
+    EXPECT_EQ(count(text, "OpLoad %v2float"), 2u) << text; // the application's and ours, of the same variable
 }
 
 // Types of hit attributes that would take for ever to walk through.
