@@ -259,6 +259,31 @@ TEST_F(PipelineResolutionMaintenance5, FlagsInTheChainReplaceTheOthers)
     }
 }
 
+// VK_ARM_pipeline_opacity_micromap: the promise that there are no micromaps stays in the layer (the spy).
+TEST_F(PipelineResolutionMaintenance5, PromiseOfNoMicromaps)
+{
+    struct Flags2 { // VkPipelineCreateFlags2CreateInfo, which older headers lack
+        VkStructureType sType = static_cast<VkStructureType>(1000470005);
+        const void *pNext = nullptr;
+        VkFlags64 flags = 0;
+    };
+    const PipelineScene plain(gpu(), {.micromaps = false});
+    for (const VkFlags64 bit : {VkFlags64{0}, VkFlags64{kMicromapBit}}) {
+        Flags2 promise;
+        promise.flags = bit | VkFlags64{1} << 37;
+        PipelineTracer tracer(gpu(), {.make = [&](Gpu &g, const PipelineSetup &setup) {
+                                  PipelineInfo info(g, setup);
+                                  info.get().pNext = &promise;
+                                  VkPipeline pipeline = VK_NULL_HANDLE;
+                                  VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(
+                                      g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(), nullptr, &pipeline));
+                                  return MadePipeline{RayPipeline(g, pipeline), {}};
+                              }});
+        for (const std::uint32_t flags : opacityRayFlags(false))
+            plain.expect(tracer, flags);
+    }
+}
+
 TEST_F(PipelineResolutionMaintenance5, InlineModules)
 {
     PipelineTracer tracer(gpu(), {.inlineModules = true});
