@@ -81,8 +81,7 @@ bool DriverStages::rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &c
 {
     const auto *inlined =
         findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-    if (stage.module || !inlined ||
-        (!pipelineStage && !spirv::tracesRays({inlined->pCode, inlined->codeSize / 4})))
+    if (stage.module || !inlined || (!pipelineStage && !spirv::tracesRays({inlined->pCode, inlined->codeSize / 4})))
         return true;
     auto *module =
         chains_.emplace_back(stage.pNext).edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
