@@ -1,12 +1,11 @@
 #include "layer/blank_structure.h"
 
 #include <cstring>
-#include <optional>
-#include <vector>
 
 #include "core/records.h"
 #include "layer/device.h"
 #include "layer/pnext.h"
+#include "layer/start_up_commands.h"
 #include "layer/structure_layout.h"
 
 namespace vellum::layer
@@ -16,72 +15,27 @@ namespace
 
 constexpr VkDeviceSize kSpareBytes = 4096;
 
-// A queue of the application that nobody has yet.
-struct Queue {
-    uint32_t family;
-    VkDeviceQueueCreateFlags flags;
-};
-
-std::optional<Queue> computeQueue(const Device &device, const VkDeviceCreateInfo &info)
-{
-    const InstanceTable &instance = device.instance->next;
-    uint32_t count = 0;
-    instance.GetPhysicalDeviceQueueFamilyProperties(device.physicalDevice, &count, nullptr);
-    std::vector<VkQueueFamilyProperties> families(count);
-    instance.GetPhysicalDeviceQueueFamilyProperties(device.physicalDevice, &count, families.data());
-    for (uint32_t i = 0; i < info.queueCreateInfoCount; ++i) {
-        const VkDeviceQueueCreateInfo &queues = info.pQueueCreateInfos[i];
-        const bool isProtected = (queues.flags & VK_DEVICE_QUEUE_CREATE_PROTECTED_BIT) != 0;
-        if (!isProtected && queues.queueFamilyIndex < count &&
-            (families[queues.queueFamilyIndex].queueFlags & VK_QUEUE_COMPUTE_BIT) != 0)
-            return Queue{queues.queueFamilyIndex, queues.flags};
-    }
-    return std::nullopt;
-}
-
 // One triangle, in a structure that is larger than it needs: does the driver copy all of it?
 class Trial
 {
 public:
-    explicit Trial(Device &device) : device_(device), next_(device.next) {}
+    explicit Trial(Device &device) : device_(device), next_(device.next), commands_(device) {}
     ~Trial()
     {
         if (structure_)
             next_.DestroyAccelerationStructureKHR(device_.handle, structure_, nullptr);
-        if (pool_)
-            next_.DestroyCommandPool(device_.handle, pool_, nullptr);
     }
     Trial(const Trial &) = delete;
     Trial &operator=(const Trial &) = delete;
 
-    void run(const Queue &where, PFN_vkSetDeviceLoaderData setLoaderData)
+    void run(const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData)
     {
-        if (prepareCommands(where, setLoaderData) && build() && serialize() &&
-            next_.EndCommandBuffer(commands_) == VK_SUCCESS && submit())
+        if (commands_.chooseQueue(info) && commands_.begin(setLoaderData) && build() && serialize() &&
+            commands_.submitAndWait())
             keep();
     }
 
 private:
-    bool prepareCommands(const Queue &where, PFN_vkSetDeviceLoaderData setLoaderData)
-    {
-        const VkDeviceQueueInfo2 queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_INFO_2, nullptr, where.flags, where.family,
-                                           0};
-        next_.GetDeviceQueue2(device_.handle, &queueInfo, &queue_);
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, where.family};
-        if (!queue_ || next_.CreateCommandPool(device_.handle, &poolInfo, nullptr, &pool_) != VK_SUCCESS)
-            return false;
-        const VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool_,
-                                               VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
-        if (next_.AllocateCommandBuffers(device_.handle, &info, &commands_) != VK_SUCCESS)
-            return false;
-        // Dispatchable objects that a layer makes for itself need the loader's table, which layers below read.
-        setLoaderData(device_.handle, queue_);
-        setLoaderData(device_.handle, commands_);
-        VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
-        begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
-        return next_.BeginCommandBuffer(commands_, &begin) == VK_SUCCESS;
-    }
-
     bool build()
     {
         constexpr float kVertices[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
@@ -121,8 +75,8 @@ private:
         info.scratchData.deviceAddress = alignUp(scratch_.address(), kPartAlignment);
         const VkAccelerationStructureBuildRangeInfoKHR range{1, 0, 0, 0};
         const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
-        next_.CmdBuildAccelerationStructuresKHR(commands_, 1, &info, &ranges);
-        InjectedWork(device_, commands_).barrier();
+        next_.CmdBuildAccelerationStructuresKHR(commands_.handle(), 1, &info, &ranges);
+        InjectedWork(device_, commands_.handle()).barrier();
         return true;
     }
 
@@ -135,18 +89,9 @@ private:
         info.src = structure_;
         info.dst.deviceAddress = alignUp(serialized_.address(), kPartAlignment);
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
-        next_.CmdCopyAccelerationStructureToMemoryKHR(commands_, &info);
-        InjectedWork(device_, commands_).barrier();
+        next_.CmdCopyAccelerationStructureToMemoryKHR(commands_.handle(), &info);
+        InjectedWork(device_, commands_.handle()).barrier();
         return true;
-    }
-
-    bool submit()
-    {
-        VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
-        info.commandBufferCount = 1;
-        info.pCommandBuffers = &commands_;
-        return next_.QueueSubmit(queue_, 1, &info, VK_NULL_HANDLE) == VK_SUCCESS &&
-               next_.QueueWaitIdle(queue_) == VK_SUCCESS;
     }
 
     void keep()
@@ -176,9 +121,7 @@ private:
 
     Device &device_;
     const DeviceTable &next_;
-    VkQueue queue_ = VK_NULL_HANDLE;
-    VkCommandPool pool_ = VK_NULL_HANDLE;
-    VkCommandBuffer commands_ = VK_NULL_HANDLE;
+    StartUpCommands commands_;
     GpuBuffer vertices_, memory_, scratch_, serialized_;
     VkDeviceSize bytes_ = 0;
     VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
@@ -190,9 +133,8 @@ void makeBlankStructure(Device &device, const VkDeviceCreateInfo &info, PFN_vkSe
 {
     const auto *features = findInChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
         info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
-    const auto queue = computeQueue(device, info);
-    if (features && features->accelerationStructure && queue && setLoaderData)
-        Trial(device).run(*queue, setLoaderData);
+    if (features && features->accelerationStructure)
+        Trial(device).run(info, setLoaderData);
 }
 
 } // namespace vellum::layer

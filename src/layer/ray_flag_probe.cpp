@@ -1,12 +1,12 @@
 #include "layer/ray_flag_probe.h"
 
 #include <cstring>
-#include <vector>
 
 #include "core/ray_flags.h"
 #include "layer/device.h"
 #include "layer/pnext.h"
 #include "layer/ray_flag_probe_pipeline.h"
+#include "layer/start_up_commands.h"
 
 namespace vellum::layer
 {
@@ -34,7 +34,7 @@ bool enablesPipelines(const VkDeviceCreateInfo &info)
 class Probe
 {
 public:
-    explicit Probe(Device &device) : device_(device), next_(device.next), pipeline_(device.gpu) {}
+    explicit Probe(Device &device) : device_(device), next_(device.next), commands_(device), pipeline_(device.gpu) {}
 
     ~Probe()
     {
@@ -42,21 +42,21 @@ public:
             if (structure)
                 next_.DestroyAccelerationStructureKHR(device_.handle, structure, nullptr);
         }
-        if (pool_)
-            next_.DestroyCommandPool(device_.handle, pool_, nullptr);
     }
 
     // Asks about what is true in `asked`.
-    CarriedRayFlagBits run(const CarriedRayFlagBits &asked, uint32_t family, VkDeviceQueueCreateFlags queueFlags,
+    CarriedRayFlagBits run(const CarriedRayFlagBits &asked, const VkDeviceCreateInfo &info,
                            PFN_vkSetDeviceLoaderData setLoaderData)
     {
+        if (!commands_.chooseQueue(info))
+            return {}; // no queue that could trace a ray
         CarriedRayFlagBits carried{!asked.inQueries, !asked.inPipelines};
-        if (!prepareCommands(family, queueFlags, setLoaderData) || !buildTriangle() || !buildInstance() ||
+        if (!commands_.begin(setLoaderData) || !buildTriangle() || !buildInstance() ||
             results_.create(device_.gpu, 16) != VK_SUCCESS)
             return carried;
         const bool query = asked.inQueries && traceQuery();
         const bool pipeline = asked.inPipelines && tracePipeline();
-        if (next_.EndCommandBuffer(commands_) != VK_SUCCESS || !submit())
+        if (!commands_.submitAndWait())
             return carried;
         const uint32_t *results = results_.words();
         const auto returns = [](uint32_t flags) { return (flags & kProbedBits) == kProbedBits; };
@@ -68,25 +68,6 @@ public:
     }
 
 private:
-    bool prepareCommands(uint32_t family, VkDeviceQueueCreateFlags queueFlags, PFN_vkSetDeviceLoaderData setLoaderData)
-    {
-        const VkDeviceQueueInfo2 queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_INFO_2, nullptr, queueFlags, family, 0};
-        next_.GetDeviceQueue2(device_.handle, &queueInfo, &queue_);
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, family};
-        if (!queue_ || next_.CreateCommandPool(device_.handle, &poolInfo, nullptr, &pool_) != VK_SUCCESS)
-            return false;
-        const VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool_,
-                                               VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
-        if (next_.AllocateCommandBuffers(device_.handle, &info, &commands_) != VK_SUCCESS)
-            return false;
-        // Dispatchable objects that a layer makes for itself need the loader's table, which layers below read.
-        setLoaderData(device_.handle, queue_);
-        setLoaderData(device_.handle, commands_);
-        VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
-        begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
-        return next_.BeginCommandBuffer(commands_, &begin) == VK_SUCCESS;
-    }
-
     bool buildTriangle()
     {
         constexpr float kVertices[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
@@ -157,15 +138,15 @@ private:
         info.scratchData.deviceAddress = (scratch.address() + kScratchAlignment - 1) & ~(kScratchAlignment - 1);
         const VkAccelerationStructureBuildRangeInfoKHR range{1, 0, 0, 0};
         const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
-        next_.CmdBuildAccelerationStructuresKHR(commands_, 1, &info, &ranges);
-        InjectedWork(device_, commands_).barrier();
+        next_.CmdBuildAccelerationStructuresKHR(commands_.handle(), 1, &info, &ranges);
+        InjectedWork(device_, commands_.handle()).barrier();
         return true;
     }
 
     bool traceQuery()
     {
         const RayFlagProbePush push{device_.structureAddress(top_), results_.address(), kProbedBits, 0};
-        InjectedWork work(device_, commands_);
+        InjectedWork work(device_, commands_.handle());
         const bool traced = work.dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
         work.barrier();
         return traced;
@@ -174,25 +155,14 @@ private:
     bool tracePipeline()
     {
         const RayFlagProbePush push{device_.structureAddress(top_), results_.address() + 8, kProbedBits, 0};
-        const bool traced = pipeline_.record(commands_, push);
-        InjectedWork(device_, commands_).barrier();
+        const bool traced = pipeline_.record(commands_.handle(), push);
+        InjectedWork(device_, commands_.handle()).barrier();
         return traced;
-    }
-
-    bool submit()
-    {
-        VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
-        info.commandBufferCount = 1;
-        info.pCommandBuffers = &commands_;
-        return next_.QueueSubmit(queue_, 1, &info, VK_NULL_HANDLE) == VK_SUCCESS &&
-               next_.QueueWaitIdle(queue_) == VK_SUCCESS;
     }
 
     Device &device_;
     const DeviceTable &next_;
-    VkQueue queue_ = VK_NULL_HANDLE;
-    VkCommandPool pool_ = VK_NULL_HANDLE;
-    VkCommandBuffer commands_ = VK_NULL_HANDLE;
+    StartUpCommands commands_;
     GpuBuffer vertices_, instances_, results_;
     GpuBuffer bottomMemory_, bottomScratch_, topMemory_, topScratch_;
     RayFlagPipelineProbe pipeline_;
@@ -208,20 +178,7 @@ CarriedRayFlagBits probeRayFlagBits(Device &device, const VkDeviceCreateInfo &in
     const CarriedRayFlagBits asked{enablesRayQueries(info), enablesPipelines(info)};
     if (!asked.inQueries && !asked.inPipelines)
         return {};
-    const InstanceTable &instance = device.instance->next;
-    uint32_t count = 0;
-    instance.GetPhysicalDeviceQueueFamilyProperties(device.physicalDevice, &count, nullptr);
-    std::vector<VkQueueFamilyProperties> families(count);
-    instance.GetPhysicalDeviceQueueFamilyProperties(device.physicalDevice, &count, families.data());
-    for (uint32_t i = 0; i < info.queueCreateInfoCount; ++i) {
-        const VkDeviceQueueCreateInfo &queues = info.pQueueCreateInfos[i];
-        const bool isProtected = (queues.flags & VK_DEVICE_QUEUE_CREATE_PROTECTED_BIT) != 0;
-        if (!isProtected && queues.queueFamilyIndex < count &&
-            (families[queues.queueFamilyIndex].queueFlags & VK_QUEUE_COMPUTE_BIT) != 0)
-            return setLoaderData ? Probe(device).run(asked, queues.queueFamilyIndex, queues.flags, setLoaderData)
-                                 : CarriedRayFlagBits{!asked.inQueries, !asked.inPipelines};
-    }
-    return {}; // no queue that could trace a ray
+    return Probe(device).run(asked, info, setLoaderData);
 }
 
 } // namespace vellum::layer
