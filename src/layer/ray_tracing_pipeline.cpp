@@ -69,7 +69,7 @@ public:
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
         const bool asked = (flagsOf(info) & kMicromapPipelineFlag) != 0;
-        if (asked && !device_.micromapFeature) {
+        if (asked && !device_.asked.extFeature && !device_.asked.khrFeature) {
             refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
                    "uses opacity micromaps, but the feature micromap is not enabled");
             return VK_ERROR_VALIDATION_FAILED_EXT;
