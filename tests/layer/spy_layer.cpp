@@ -203,12 +203,71 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
     SPY_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, sizes);
 }
 
+// Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
+// ordered before what comes in that stage.
+struct Updates {
+    bool built = false;   // there was a build in the command buffer
+    bool pending = false; // and then a transfer, and no barrier since
+};
+std::map<VkCommandBuffer, Updates> updates;
+
+VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const VkCommandBufferBeginInfo *info)
+{
+    {
+        std::lock_guard lock(mutex);
+        updates.erase(handle);
+    }
+    return SPY_NEXT(vkBeginCommandBuffer)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buffer, VkDeviceSize offset,
+                                           VkDeviceSize size, const void *data)
+{
+    {
+        std::lock_guard lock(mutex);
+        updates[handle].pending = updates[handle].built;
+    }
+    SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipelineStageFlags from,
+                                              VkPipelineStageFlags to, VkDependencyFlags flags, std::uint32_t count,
+                                              const VkMemoryBarrier *memory, std::uint32_t buffers,
+                                              const VkBufferMemoryBarrier *buffer, std::uint32_t images,
+                                              const VkImageMemoryBarrier *image)
+{
+    constexpr VkPipelineStageFlags transfer = VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    constexpr VkPipelineStageFlags builds =
+        VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    if ((from & transfer) != 0 && (to & builds) != 0) {
+        std::lock_guard lock(mutex);
+        updates[handle].pending = false;
+    }
+    SPY_NEXT(vkCmdPipelineBarrier)(handle, from, to, flags, count, memory, buffers, buffer, images, image);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL endCommandBuffer(VkCommandBuffer handle)
+{
+    bool pending = false;
+    {
+        std::lock_guard lock(mutex);
+        pending = updates[handle].pending;
+    }
+    if (pending)
+        tell("vkEndCommandBuffer: a transfer after a build, and no barrier");
+    return SPY_NEXT(vkEndCommandBuffer)(handle);
+}
+
 VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     for (std::uint32_t i = 0; i < count; ++i)
         expectBuild("vkCmdBuildAccelerationStructuresKHR", infos[i]);
+    {
+        std::lock_guard lock(mutex);
+        updates[handle] = {.built = true, .pending = false};
+    }
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
 
@@ -422,6 +481,10 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         return std::strncmp(name, other, length) == 0 && (name[length] == 0 || std::strcmp(name + length, "KHR") == 0);
     };
     const Row rows[]{
+        {"vkBeginCommandBuffer", reinterpret_cast<PFN_vkVoidFunction>(beginCommandBuffer)},
+        {"vkEndCommandBuffer", reinterpret_cast<PFN_vkVoidFunction>(endCommandBuffer)},
+        {"vkCmdUpdateBuffer", reinterpret_cast<PFN_vkVoidFunction>(cmdUpdateBuffer)},
+        {"vkCmdPipelineBarrier", reinterpret_cast<PFN_vkVoidFunction>(cmdPipelineBarrier)},
         {"vkCmdPipelineBarrier2", reinterpret_cast<PFN_vkVoidFunction>(cmdPipelineBarrier2)},
         {"vkCmdSetEvent2", reinterpret_cast<PFN_vkVoidFunction>(cmdSetEvent2)},
         {"vkCmdResetEvent2", reinterpret_cast<PFN_vkVoidFunction>(cmdResetEvent2)},
