@@ -262,6 +262,50 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
     vkDestroyBuffer(gpu().device(), buffer, nullptr);
 }
 
+class MicromapHostNewer : public MicromapHost
+{
+protected:
+    MicromapHostNewer() : MicromapHost(Options{.validation = false, .newer = true}) {}
+};
+
+// A mapping that only the driver can make (VK_EXT_map_memory_placed gives its structure; here it asks for nothing) is
+// one all the same: the layer must not map the memory a second time, and must unmap it when the application does.
+TEST_F(MicromapHostNewer, MappedByTheDriver)
+{
+    struct MapInfo { // VkMemoryMapInfo, which the oldest supported headers do not know
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags flags;
+        VkDeviceMemory memory;
+        VkDeviceSize offset, size;
+    };
+    struct Placed { // VkMemoryMapPlacedInfoEXT
+        VkStructureType sType;
+        const void *pNext;
+        void *address;
+    };
+    using Map = VkResult(VKAPI_PTR *)(VkDevice, const MapInfo *, void **);
+    const auto map = reinterpret_cast<Map>(vkGetDeviceProcAddr(gpu().device(), "vkMapMemory2KHR"));
+    if (map == nullptr)
+        GTEST_SKIP() << "no VK_KHR_map_memory2";
+    Micromap reference(gpu(), mixed(), kAllow);
+    reference.build();
+    const Micromap micromap(gpu(), mixed(), kAllow);
+    vkUnmapMemory(gpu().device(), micromap.storageMemory());
+    const Placed placed{static_cast<VkStructureType>(1000272002), nullptr, nullptr};
+    const MapInfo info{
+        static_cast<VkStructureType>(1000271000), &placed, 0, micromap.storageMemory(), 0, VK_WHOLE_SIZE};
+    for (int turn = 0; turn < 2; ++turn) {
+        void *whole = nullptr;
+        VT_CHECK(map(gpu().device(), &info, &whole));
+        hostBuild(micromap);
+        EXPECT_EQ(used(micromap), used(reference));
+        vkUnmapMemory(gpu().device(), micromap.storageMemory());
+    }
+    void *whole = nullptr;
+    VT_CHECK(vkMapMemory(gpu().device(), micromap.storageMemory(), 0, VK_WHOLE_SIZE, 0, &whole));
+}
+
 class MicromapHostDisabled : public MicromapHost
 {
 protected:

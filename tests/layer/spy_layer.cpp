@@ -13,6 +13,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace
@@ -193,6 +194,57 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
          (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
         tell("vkCreateBuffer: micromap usage");
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
+}
+
+// Memory can be mapped once (VUID-vkMapMemory-memory-00678), and unmapped where it is
+// (VUID-vkUnmapMemory-memory-00689).
+std::map<VkDeviceMemory, bool> mapped;
+
+void expectMapped(const char *where, VkDeviceMemory memory, bool before, bool after)
+{
+    bool was = false;
+    {
+        std::lock_guard lock(mutex);
+        was = std::exchange(mapped[memory], after);
+    }
+    if (was != before)
+        tell(std::string(where) + (was ? ": memory that is mapped" : ": memory that is not mapped"));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize size,
+                                         VkMemoryMapFlags flags, void **data)
+{
+    expectMapped("vkMapMemory", memory, false, true);
+    return SPY_NEXT(vkMapMemory)(handle, memory, offset, size, flags, data);
+}
+
+struct MapInfo { // VkMemoryMapInfo
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkDeviceMemory memory;
+    VkDeviceSize offset, size;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const MapInfo *info, void **data)
+{
+    expectMapped("vkMapMemory2", info->memory, false, true);
+    return SPY_NEXT(vkMapMemory)(handle, info->memory, info->offset, info->size, info->flags, data);
+}
+
+VKAPI_ATTR void VKAPI_CALL unmapMemory(VkDevice handle, VkDeviceMemory memory)
+{
+    expectMapped("vkUnmapMemory", memory, true, false);
+    SPY_NEXT(vkUnmapMemory)(handle, memory);
+}
+
+VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        mapped.erase(memory);
+    }
+    SPY_NEXT(vkFreeMemory)(handle, memory, allocator);
 }
 
 VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
@@ -493,6 +545,10 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkQueueSubmit2", reinterpret_cast<PFN_vkVoidFunction>(queueSubmit2)},
         {"vkCreateRenderPass2", reinterpret_cast<PFN_vkVoidFunction>(createRenderPass2)},
         {"vkCreateComputePipelines", reinterpret_cast<PFN_vkVoidFunction>(createComputePipelines)},
+        {"vkMapMemory", reinterpret_cast<PFN_vkVoidFunction>(mapMemory)},
+        {"vkMapMemory2", reinterpret_cast<PFN_vkVoidFunction>(mapMemory2)},
+        {"vkUnmapMemory", reinterpret_cast<PFN_vkVoidFunction>(unmapMemory)},
+        {"vkFreeMemory", reinterpret_cast<PFN_vkVoidFunction>(freeMemory)},
         {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
         {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
