@@ -165,6 +165,13 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipeline
     SPY_NEXT(vkCmdWriteTimestamp2)(handle, stage, pool, query);
 }
 
+// Whether the driver has it or not: lavapipe has not.
+VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer, VkPipelineStageFlags2 stage, VkBuffer, VkDeviceSize,
+                                                 std::uint32_t)
+{
+    expectStages("vkCmdWriteBufferMarker2AMD", stage);
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, std::uint32_t count, const VkSubmitInfo2 *submits,
                                             VkFence fence)
 {
@@ -570,6 +577,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, cons
 {
     if (std::strcmp(name, "vkGetDeviceProcAddr") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
+    if (std::strcmp(name, "vkCmdWriteBufferMarker2AMD") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(cmdWriteBufferMarker2);
     PFN_vkGetDeviceProcAddr next = nullptr;
     {
         std::lock_guard lock(mutex);
