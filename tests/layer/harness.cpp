@@ -241,6 +241,7 @@ void Gpu::createDevice()
     if (options_.newer) {
         for (const NewerExtension &extension : kNewerExtensions)
             add(extension.name);
+        add("VK_KHR_map_memory2");
     }
 
     VkPhysicalDeviceFeatures2 features{};
