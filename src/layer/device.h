@@ -92,6 +92,9 @@ struct Device {
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
 
     bool micromapFeature = false; // the application enabled it, beside the extension
+    // VK_EXT_opacity_micromap is enabled: all ray queries consume micromaps. With VK_KHR_opacity_micromap alone those
+    // of shaders that declare it.
+    bool queriesAlwaysUseMicromaps = true;
     CarriedRayFlagBits carriesRayFlagBits;
     BlankStructure blank;              // see blank_structure.h
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
