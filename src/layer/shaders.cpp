@@ -30,6 +30,13 @@ bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
     return !library || (library->flags & withShaders) != 0;
 }
 
+void checkFlags(const Device &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+                const char *command)
+{
+    if ((pipelineFlags(pNext, flags) & newer::kPipelineDisallowMixedSpecialIndex) != 0 && !device.micromapFeature)
+        reportMixedSpecialIndex(device, id, command);
+}
+
 VkResult failAll(uint32_t count, VkPipeline *pipelines)
 {
     for (uint32_t i = 0; i < count; ++i)
@@ -74,6 +81,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
     std::deque<Chain> chains;
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
     for (VkComputePipelineCreateInfo &info : own) {
+        checkFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
+                   "vkCreateComputePipelines");
         info.pNext = driverChain(info.pNext, chains);
         const VkPipelineShaderStageCreateInfo *stage = &info.stage;
         if (!stages.rewrite(stage, 1))
@@ -93,6 +102,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipeli
     std::deque<Chain> chains;
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
     for (VkGraphicsPipelineCreateInfo &info : own) {
+        checkFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+                   "vkCreateGraphicsPipelines");
         info.pNext = driverChain(info.pNext, chains);
         if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
             return failAll(count, pipelines);
@@ -107,6 +118,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, co
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
+        if ((info.flags & newer::kShaderDisallowMixedSpecialIndex) != 0 && !device.micromapFeature)
+            reportMixedSpecialIndex(device, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
+        info.flags &= ~newer::kShaderDisallowMixedSpecialIndex;
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
             if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0) {

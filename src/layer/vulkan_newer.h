@@ -43,6 +43,10 @@ struct PipelineOpacityMicromapFeatures {
     VkBool32 pipelineOpacityMicromap;
 };
 
+// VK_KHR_opacity_micromap
+inline constexpr VkFlags64 kPipelineDisallowMixedSpecialIndex = VkFlags64{1} << 41;
+inline constexpr VkFlags kShaderDisallowMixedSpecialIndex = 1u << 12;
+
 // VK_KHR_map_memory2 (core in 1.4)
 struct MemoryMapInfo {
     VkStructureType sType;
