@@ -37,6 +37,7 @@ VELLUM_CONST uint kCoarseLook = 2u;
 VELLUM_CONST uint kDataUnitBytes = 16u;
 
 // --- micromap header ---
+VELLUM_CONST uint kMaxMicromapTriangles = 0x08000000u; // VkPhysicalDeviceOpacityMicromapPropertiesKHR
 VELLUM_CONST uint kMicromapHeaderWords = 16u;
 VELLUM_CONST uint kMicromapMagic = 0x4d4d4f56u; // "VOMM"
 VELLUM_CONST uint kMicromapHeaderMagic = 0u;

@@ -2,6 +2,7 @@
 
 #include <cstring>
 #include <shared_mutex>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -28,42 +29,86 @@ bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
     return false;
 }
 
-const VkPhysicalDeviceOpacityMicromapFeaturesEXT *micromapFeatures(const VkDeviceCreateInfo &info)
+template <typename T>
+const T *featuresIn(const VkDeviceCreateInfo &info, VkStructureType type)
 {
-    return findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    return findInChain<T>(info.pNext, type);
 }
 
-bool enablesMicromapFeature(const VkDeviceCreateInfo &info)
+const VkPhysicalDeviceOpacityMicromapFeaturesEXT *extFeatures(const VkDeviceCreateInfo &info)
 {
-    const auto *features = micromapFeatures(info);
-    return features && features->micromap;
+    return featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
 }
 
-bool asksForMissingFeatures(const VkDeviceCreateInfo &info)
+const VkPhysicalDeviceOpacityMicromapFeaturesKHR *khrFeatures(const VkDeviceCreateInfo &info)
 {
-    const auto *features = micromapFeatures(info);
-    return features && features->micromapCaptureReplay;
+    return featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesKHR>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
 }
 
-bool asksForHostCommands(const VkDeviceCreateInfo &info)
+// What the application asks for, of what the layer may provide.
+Asked askedFor(const VkDeviceCreateInfo &info)
 {
-    const auto *features = micromapFeatures(info);
-    return features && features->micromapHostCommands;
+    Asked asked;
+    asked.ext = asksFor(info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    asked.khr = asksFor(info, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    asked.addressCommands = asksFor(info, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    if (const auto *features = extFeatures(info)) {
+        asked.extFeature = features->micromap;
+        asked.captureReplay = features->micromapCaptureReplay;
+        asked.hostCommands = features->micromapHostCommands;
+    }
+    if (const auto *features = khrFeatures(info))
+        asked.khrFeature = features->micromap;
+    return asked;
+}
+
+// Whether the layer has to provide something; with VK_ERROR_EXTENSION_NOT_PRESENT where nobody can.
+VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info, bool &emulated)
+{
+    emulated = false;
+    const Asked asked = askedFor(info);
+    if (!asked.ext && !asked.khr && !asked.addressCommands)
+        return VK_SUCCESS;
+    const Implementations have = implementationsOn(instance, physicalDevice);
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
+        emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
+    const char *missing = asked.ext && have.ext == Implementation::None   ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME
+                          : asked.khr && have.khr == Implementation::None ? VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME
+                                                                          : nullptr;
+    if (!missing)
+        return VK_SUCCESS;
+    instance.report.error("VELLUM-device-without-ray-tracing",
+                          std::string(missing) + " cannot be provided on this device: it has no acceleration "
+                                                 "structures or no buffer device addresses",
+                          VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
+    return VK_ERROR_EXTENSION_NOT_PRESENT;
 }
 
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
-    explicit DriverDeviceInfo(const VkDeviceCreateInfo &application) : info(application), chain(application.pNext)
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands)
+        : info(application), chain(application.pNext)
     {
+        // Micromaps are all the driver's or all the layer's.
+        const auto provided = [ownAddressCommands](const char *name) {
+            if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
+                return ownAddressCommands;
+            return std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
+                   std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
+                   std::strcmp(name, newer::kPipelineOpacityMicromapExtension) == 0;
+        };
         for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {
-            if (std::strcmp(application.ppEnabledExtensionNames[i], VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) != 0 &&
-                std::strcmp(application.ppEnabledExtensionNames[i], newer::kPipelineOpacityMicromapExtension) != 0)
+            if (!provided(application.ppEnabledExtensionNames[i]))
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+        chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+        if (ownAddressCommands)
+            chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
         chain.remove(newer::kPipelineOpacityMicromapFeatures);
         // The tables are reached by address from every rewritten shader.
         if (auto *core =
@@ -199,26 +244,22 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (!nextCreate)
         return VK_ERROR_INITIALIZATION_FAILED;
 
-    const bool asked = asksFor(*info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    const Implementation implementation = asked ? implementationOn(instance, physicalDevice) : Implementation::None;
-    if (asked && implementation == Implementation::None) {
-        instance.report.error(
-            "VELLUM-device-without-ray-tracing",
-            "VK_EXT_opacity_micromap cannot be provided on this device: it has no acceleration structures "
-            "or no buffer device addresses",
-            VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
-        return VK_ERROR_EXTENSION_NOT_PRESENT;
-    }
-    if (implementation == Implementation::Emulation && asksForMissingFeatures(*info)) {
-        instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
-        return VK_ERROR_FEATURE_NOT_PRESENT;
-    }
+    bool emulated = false;
+    VkResult result = emulates(instance, physicalDevice, *info, emulated);
+    if (result != VK_SUCCESS)
+        return result;
     auto device = std::make_unique<Device>();
-    device->emulated = implementation == Implementation::Emulation;
-    device->hostCommands = device->emulated && asksForHostCommands(*info);
-    VkResult result;
-    if (device->emulated) {
-        const DriverDeviceInfo driverInfo(*info);
+    device->emulated = emulated;
+    if (emulated) {
+        device->asked = askedFor(*info);
+        if (device->asked.captureReplay) {
+            instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
+            return VK_ERROR_FEATURE_NOT_PRESENT;
+        }
+        device->ownAddressCommands =
+            device->asked.addressCommands &&
+            implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
+        const DriverDeviceInfo driverInfo(*info, device->ownAddressCommands);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -233,7 +274,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (device->emulated) {
         device->gpu = {*handle, &device->next, {}};
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->gpu.memory);
-        device->micromapFeature = enablesMicromapFeature(*info);
         device->anyHitModules.create(device->gpu);
         result = device->root.create(device->gpu);
         if (result == VK_SUCCESS)
@@ -252,7 +292,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
         makeBlankStructure(*device, *info, loaderDataCallback(*info));
         device->carriesRayFlagBits = probeRayFlagBits(*device, *info, loaderDataCallback(*info));
-        instance.report.info("VELLUM-device", "VK_EXT_opacity_micromap is emulated on this device");
+        instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);
     devices[dispatchKey(*handle)] = std::move(device);

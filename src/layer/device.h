@@ -84,6 +84,20 @@ private:
     std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
 };
 
+// What the application enabled on an emulated device.
+struct Asked {
+    bool ext = false;             // VK_EXT_opacity_micromap
+    bool khr = false;             // VK_KHR_opacity_micromap
+    bool addressCommands = false; // VK_KHR_device_address_commands
+    bool extFeature = false;      // VkPhysicalDeviceOpacityMicromapFeaturesEXT::micromap
+    bool khrFeature = false;      // VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap
+    bool captureReplay = false;
+    bool hostCommands = false;
+
+    // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
+    [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
+};
+
 struct Device {
     VkDevice handle = VK_NULL_HANDLE;
     VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
@@ -91,10 +105,8 @@ struct Device {
     DeviceTable next;
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
 
-    bool micromapFeature = false; // the application enabled it, beside the extension
-    // VK_EXT_opacity_micromap is enabled: all ray queries consume micromaps. With VK_KHR_opacity_micromap alone those
-    // of shaders that declare it.
-    bool queriesAlwaysUseMicromaps = true;
+    Asked asked;
+    bool ownAddressCommands = false; // VK_KHR_device_address_commands is enabled, and the layer's
     CarriedRayFlagBits carriesRayFlagBits;
     BlankStructure blank;              // see blank_structure.h
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
@@ -103,7 +115,6 @@ struct Device {
     RootTable root;
     InjectedPipelines injected;
     Complaints complaints;
-    bool hostCommands = false; // the feature micromapHostCommands is enabled
     HostMemory hostMemory;
     std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
     HandleMap<VkBuffer, BufferInfo> buffers;

@@ -37,7 +37,9 @@ enum class Scope {
     Device,   // on every device
     Debug,    // on every device, where the next layer has it; loaders call it through the instance's chain
     Emulated, // on emulated devices, where the next layer has it
-    Own,      // on emulated devices: the layer's own commands
+    Own,      // on emulated devices: the commands of VK_EXT_opacity_micromap
+    Address,  // where VK_KHR_device_address_commands is enabled and the layer's
+    Create2,  // where VK_KHR_device_address_commands is enabled, whoever's it is
 };
 
 struct Row {
@@ -253,7 +255,9 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     Device *device = deviceOfKey(dispatchKey(handle));
     if (!device)
         return nullptr;
-    if (device->emulated && r && r->scope == Scope::Own)
+    if (device->emulated && r &&
+        ((r->scope == Scope::Own && device->asked.ext) || (r->scope == Scope::Address && device->ownAddressCommands) ||
+         (r->scope == Scope::Create2 && device->asked.addressCommands)))
         return r->function;
     const PFN_vkVoidFunction next = device->next.GetDeviceProcAddr(handle, name);
     const bool ours = r && (r->scope == Scope::Debug || (device->emulated && r->scope == Scope::Emulated));

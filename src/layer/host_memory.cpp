@@ -130,7 +130,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory,
                                          VkMemoryMapFlags flags, void **data)
 {
     Device &device = deviceOf(handle);
-    if (!device.hostCommands)
+    if (!device.asked.hostCommands)
         return device.next.MapMemory(handle, memory, offset, size, flags, data);
     return device.hostMemory.map(device, memory, offset, flags, data);
 }
@@ -138,7 +138,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory,
 VKAPI_ATTR void VKAPI_CALL unmapMemory(VkDevice handle, VkDeviceMemory memory)
 {
     Device &device = deviceOf(handle);
-    if (!device.hostCommands)
+    if (!device.asked.hostCommands)
         return device.next.UnmapMemory(handle, memory);
     device.hostMemory.unmap(device, memory);
 }
@@ -147,7 +147,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const newer::MemoryMa
 {
     Device &device = deviceOf(handle);
     // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
-    if (!device.hostCommands || info->pNext)
+    if (!device.asked.hostCommands || info->pNext)
         return device.next.MapMemory2(handle, info, data);
     return device.hostMemory.map(device, info->memory, info->offset, info->flags, data);
 }
@@ -155,7 +155,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const newer::MemoryMa
 VKAPI_ATTR VkResult VKAPI_CALL unmapMemory2(VkDevice handle, const newer::MemoryUnmapInfo *info)
 {
     Device &device = deviceOf(handle);
-    if (!device.hostCommands || info->pNext || info->flags != 0)
+    if (!device.asked.hostCommands || info->pNext || info->flags != 0)
         return device.next.UnmapMemory2(handle, info);
     device.hostMemory.unmap(device, info->memory);
     return VK_SUCCESS;

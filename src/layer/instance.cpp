@@ -12,6 +12,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "core/curve.h"
+#include "core/records.h"
 #include "layer/pnext.h"
 #include "layer/shader_binary.h"
 
@@ -25,14 +26,25 @@ std::unordered_map<void *, std::unique_ptr<Instance>> instances;
 
 constexpr const char *kDescription = "Opacity micromaps for every device that traces rays";
 
-std::vector<VkExtensionProperties> ownExtensions()
+struct OwnExtension {
+    const char *name;
+    uint32_t version;
+    Implementation Implementations::*implementation;
+};
+constexpr OwnExtension kOwnExtensions[] = {
+    {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_SPEC_VERSION, &Implementations::ext},
+    {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_SPEC_VERSION, &Implementations::khr},
+    {VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_SPEC_VERSION,
+     &Implementations::addressCommands},
+    {newer::kPipelineOpacityMicromapExtension, 1, &Implementations::pipelines},
+};
+
+VkExtensionProperties propertiesOf(const OwnExtension &extension)
 {
-    std::vector<VkExtensionProperties> own(2);
-    std::strcpy(own[0].extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    own[0].specVersion = VK_EXT_OPACITY_MICROMAP_SPEC_VERSION;
-    std::strcpy(own[1].extensionName, newer::kPipelineOpacityMicromapExtension);
-    own[1].specVersion = 1;
-    return own;
+    VkExtensionProperties properties{};
+    std::strcpy(properties.extensionName, extension.name);
+    properties.specVersion = extension.version;
+    return properties;
 }
 
 // The two-call idiom of Vulkan's enumerations.
@@ -70,26 +82,36 @@ bool contains(const std::vector<VkExtensionProperties> &list, const char *name)
                        [name](const auto &e) { return std::strcmp(e.extensionName, name) == 0; });
 }
 
-Implementation implementationOf(Instance &instance, VkPhysicalDevice device,
-                                const std::vector<VkExtensionProperties> &list)
+// What the layer's way of having micromaps takes.
+bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<VkExtensionProperties> &list)
 {
-    if (contains(list, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) && !instance.settings.forceEmulation)
-        return Implementation::PassThrough;
     if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.next.GetPhysicalDeviceFeatures2)
-        return Implementation::None;
+        return false;
     // VK_EXT_opacity_micromap depends on VK_KHR_synchronization2 or Vulkan 1.3.
     VkPhysicalDeviceProperties properties{};
     instance.next.GetPhysicalDeviceProperties(device, &properties);
     if (properties.apiVersion < VK_API_VERSION_1_3 && !contains(list, VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME))
-        return Implementation::None;
+        return false;
     VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR};
     VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES, &structures};
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(device, &features);
-    return structures.accelerationStructure && addresses.bufferDeviceAddress ? Implementation::Emulation
-                                                                             : Implementation::None;
+    return structures.accelerationStructure && addresses.bufferDeviceAddress;
+}
+
+Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
+                                  const std::vector<VkExtensionProperties> &list)
+{
+    const Implementation otherwise =
+        canEmulate(instance, device, list) ? Implementation::Emulation : Implementation::None;
+    Implementations result;
+    for (const OwnExtension &own : kOwnExtensions) {
+        const bool passes = contains(list, own.name) && !instance.settings.forceEmulation;
+        result.*own.implementation = passes ? Implementation::PassThrough : otherwise;
+    }
+    return result;
 }
 
 } // namespace
@@ -101,9 +123,25 @@ Instance *instanceOfKey(void *key)
     return it == instances.end() ? nullptr : it->second.get();
 }
 
-Implementation implementationOn(Instance &instance, VkPhysicalDevice device)
+Implementation Implementations::of(const char *extension) const
 {
-    return implementationOf(instance, device, driverExtensions(instance, device));
+    for (const OwnExtension &own : kOwnExtensions) {
+        if (std::strcmp(own.name, extension) == 0)
+            return this->*own.implementation;
+    }
+    return Implementation::None;
+}
+
+bool Implementations::anyEmulated() const
+{
+    return std::any_of(std::begin(kOwnExtensions), std::end(kOwnExtensions), [this](const OwnExtension &own) {
+        return this->*own.implementation == Implementation::Emulation;
+    });
+}
+
+Implementations implementationsOn(Instance &instance, VkPhysicalDevice device)
+{
+    return implementationsOf(instance, device, driverExtensions(instance, device));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
@@ -175,16 +213,20 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceExtensionProperties(const char *
 VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevice device, const char *layer,
                                                                   uint32_t *count, VkExtensionProperties *properties)
 {
-    if (layer && std::strcmp(layer, kLayerName) == 0)
-        return giveList(ownExtensions(), count, properties);
+    if (layer && std::strcmp(layer, kLayerName) == 0) {
+        std::vector<VkExtensionProperties> own;
+        for (const OwnExtension &extension : kOwnExtensions)
+            own.push_back(propertiesOf(extension));
+        return giveList(own, count, properties);
+    }
     Instance &instance = instanceOf(device);
     if (layer)
         return instance.next.EnumerateDeviceExtensionProperties(device, layer, count, properties);
     std::vector<VkExtensionProperties> list = driverExtensions(instance, device);
-    const bool emulated = implementationOf(instance, device, list) == Implementation::Emulation;
-    for (const VkExtensionProperties &own : ownExtensions()) {
-        if (emulated && !contains(list, own.extensionName))
-            list.push_back(own);
+    const Implementations implementations = implementationsOf(instance, device, list);
+    for (const OwnExtension &own : kOwnExtensions) {
+        if (implementations.*own.implementation == Implementation::Emulation && !contains(list, own.name))
+            list.push_back(propertiesOf(own));
     }
     return giveList(list, count, properties);
 }
@@ -192,44 +234,56 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features)
 {
     Instance &instance = instanceOf(device);
-    if ((!findInChain(features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) &&
-         !findInChain(features->pNext, newer::kPipelineOpacityMicromapFeatures)) ||
-        implementationOn(instance, device) != Implementation::Emulation)
-        return instance.next.GetPhysicalDeviceFeatures2(device, features);
-    const Unlinked ours(features, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-    const Unlinked oursOfPipelines(features, newer::kPipelineOpacityMicromapFeatures);
+    const Implementations have = implementationsOn(instance, device);
+    const auto take = [features](Implementation implementation, VkStructureType type) {
+        return Unlinked(implementation == Implementation::Emulation ? features : nullptr, type);
+    };
+    const Unlinked ext = take(have.ext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+    const Unlinked addresses =
+        take(have.addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
+    const Unlinked pipelines = take(have.pipelines, newer::kPipelineOpacityMicromapFeatures);
     instance.next.GetPhysicalDeviceFeatures2(device, features);
-    if (auto *pipelines = oursOfPipelines.get<newer::PipelineOpacityMicromapFeatures>())
-        pipelines->pipelineOpacityMicromap = VK_TRUE;
-    auto *micromap = ours.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
-    if (!micromap)
-        return;
-    micromap->micromap = VK_TRUE;
-    micromap->micromapCaptureReplay = VK_FALSE;
-    micromap->micromapHostCommands = VK_TRUE;
+    if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>()) {
+        own->micromap = VK_TRUE;
+        own->micromapCaptureReplay = VK_FALSE;
+        own->micromapHostCommands = VK_TRUE;
+    }
+    if (auto *own = khr.get<VkPhysicalDeviceOpacityMicromapFeaturesKHR>())
+        own->micromap = VK_TRUE;
+    if (auto *own = addresses.get<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>())
+        own->deviceAddressCommands = VK_TRUE;
+    if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
+        own->pipelineOpacityMicromap = VK_TRUE;
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
                                                         VkPhysicalDeviceProperties2 *properties)
 {
     Instance &instance = instanceOf(device);
-    if ((!findInChain(properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT) &&
-         !findInChain(properties->pNext, newer::kShaderObjectProperties)) ||
-        implementationOn(instance, device) != Implementation::Emulation)
-        return instance.next.GetPhysicalDeviceProperties2(device, properties);
-    const Unlinked ours(properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
+    const Implementations have = implementationsOn(instance, device);
+    const auto take = [properties](Implementation implementation, VkStructureType type) {
+        return Unlinked(implementation == Implementation::Emulation ? properties : nullptr, type);
+    };
+    const Unlinked ext = take(have.ext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
+    const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
     instance.next.GetPhysicalDeviceProperties2(device, properties);
     // Shader binaries of other processes are refused (shader_binary.h), so the UUID that tells whether they fit is
     // another.
     auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
         findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
-    for (size_t i = 0; shaderObjects && i < VK_UUID_SIZE; ++i)
+    for (size_t i = 0; shaderObjects && have.anyEmulated() && i < VK_UUID_SIZE; ++i)
         shaderObjects->shaderBinaryUUID[i] ^= processUuid()[i];
-    auto *micromap = ours.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>();
-    if (!micromap)
-        return;
-    micromap->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
-    micromap->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+    if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>()) {
+        own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+        own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+    }
+    if (auto *own = khr.get<VkPhysicalDeviceOpacityMicromapPropertiesKHR>()) {
+        own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+        own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+        own->maxOpacityLossy4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+        own->maxMicromapTriangles = shared::kMaxMicromapTriangles;
+    }
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,
@@ -245,13 +299,13 @@ VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice 
         tools.resize(below);
     }
     VkPhysicalDeviceToolProperties own{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES};
-    const Implementation implementation = implementationOn(instance, device);
+    const Implementations have = implementationsOn(instance, device);
     std::strcpy(own.name, "Vellum opacity micromap layer");
     std::strcpy(own.version, VELLUM_VERSION);
     own.purposes = VK_TOOL_PURPOSE_ADDITIONAL_FEATURES_BIT;
-    std::strcpy(own.description, implementation == Implementation::Emulation     ? "emulated"
-                                 : implementation == Implementation::PassThrough ? "passthrough"
-                                                                                 : "not available on this device");
+    std::strcpy(own.description, have.ext == Implementation::None ? "not available on this device"
+                                 : have.anyEmulated()             ? "emulated"
+                                                                  : "passthrough");
     std::strcpy(own.layer, kLayerName);
     tools.push_back(own);
     // pNext of the application's elements stays as it is.

@@ -34,12 +34,22 @@ Instance &instanceOf(DispatchableHandle handle)
 }
 
 enum class Implementation {
-    None,        // the device cannot have micromaps
-    PassThrough, // the driver has them
-    Emulation,   // the layer provides them
+    None,        // the device cannot have it
+    PassThrough, // the driver has it
+    Emulation,   // the layer provides it
 };
-// What VK_EXT_opacity_micromap is on this device.
-Implementation implementationOn(Instance &instance, VkPhysicalDevice physicalDevice);
+// What each extension is on a device.
+struct Implementations {
+    Implementation ext = Implementation::None;             // VK_EXT_opacity_micromap
+    Implementation khr = Implementation::None;             // VK_KHR_opacity_micromap
+    Implementation addressCommands = Implementation::None; // VK_KHR_device_address_commands
+    Implementation pipelines = Implementation::None;       // VK_ARM_pipeline_opacity_micromap
+
+    // Of an extension by its name; None for any other.
+    [[nodiscard]] Implementation of(const char *extension) const;
+    [[nodiscard]] bool anyEmulated() const;
+};
+Implementations implementationsOn(Instance &instance, VkPhysicalDevice physicalDevice);
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance);

@@ -32,10 +32,10 @@ VkResult refuse(const Device &device, const char *id, const std::string &text, V
 // application's mappings are not known.
 bool enabled(const Device &device, const char *command)
 {
-    if (!device.hostCommands)
+    if (!device.asked.hostCommands)
         device.report().error("VELLUM-VUID-micromapHostCommands",
                               std::string(command) + ": the feature micromapHostCommands is not enabled");
-    return device.hostCommands;
+    return device.asked.hostCommands;
 }
 
 void complainAbout(const Device &device, uint32_t what, VkMicromapEXT micromap)

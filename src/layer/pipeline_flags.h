@@ -14,9 +14,9 @@ namespace vellum::layer
 struct Device;
 
 // They promise what a pipeline meets. Only the first needs something done.
-inline constexpr VkFlags64 kMicromapPipelineFlags = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT |
-                                                    newer::kPipelineDisallowOpacityMicromap |
-                                                    newer::kPipelineDisallowMixedSpecialIndex;
+inline constexpr VkFlags64 kMicromapPipelineFlags =
+    VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | newer::kPipelineDisallowOpacityMicromap |
+    VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
 // Of all kinds of pipelines: VkPipelineCreateFlags2CreateInfo wins over the structure's own flags.
 VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);

@@ -18,6 +18,17 @@ std::size_t structureSize(VkStructureType type)
         return 4 * sizeof(void *);
     if (const std::size_t size = registrySize(type))
         return size;
+    // Where the registry is older than these.
+    if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR)
+        return sizeof(VkPhysicalDeviceOpacityMicromapFeaturesKHR);
+    if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR)
+        return sizeof(VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR);
+    if (type == VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR)
+        return sizeof(VkAccelerationStructureTrianglesOpacityMicromapKHR);
+    if (type == VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR)
+        return sizeof(VkAccelerationStructureGeometryMicromapDataKHR);
+    if (type == VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)
+        return sizeof(VkMemoryRangeBarriersInfoKHR);
     if (type == newer::kBufferUsageFlags2CreateInfo || type == newer::kPipelineCreateFlags2CreateInfo)
         return sizeof(newer::BufferUsageFlags2CreateInfo);
     if (type == newer::kPipelineOpacityMicromapFeatures)

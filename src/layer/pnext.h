@@ -57,7 +57,7 @@ private:
 class Unlinked
 {
 public:
-    Unlinked(void *chain, VkStructureType type);
+    Unlinked(void *chain, VkStructureType type); // of a null chain: nothing
     ~Unlinked();
     Unlinked(const Unlinked &) = delete;
     Unlinked &operator=(const Unlinked &) = delete;

@@ -67,12 +67,13 @@ public:
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
         const bool asked = (flagsOf(info) & kMicromapPipelineFlag) != 0;
-        if (asked && !device_.micromapFeature) {
+        if (asked && !device_.asked.extFeature && !device_.asked.khrFeature) {
             refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
                    "uses opacity micromaps, but the feature micromap is not enabled");
             return VK_ERROR_VALIDATION_FAILED_EXT;
         }
-        if (!asked && (flagsOf(info) & newer::kPipelineDisallowMixedSpecialIndex) != 0)
+        if ((!asked || !device_.asked.khrFeature) &&
+            (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0)
             reportMixedSpecialIndex(device_, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
                                     "vkCreateRayTracingPipelinesKHR");
         const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;

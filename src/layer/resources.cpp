@@ -125,7 +125,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalD
 {
     Instance &instance = instanceOf(physicalDevice);
     VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
-    if (implementationOn(instance, physicalDevice) == Implementation::Emulation)
+    if (implementationsOn(instance, physicalDevice).anyEmulated())
         driverInfo.usage = static_cast<VkBufferUsageFlags>(driverUsage(info->usage));
     instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
 }

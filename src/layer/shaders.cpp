@@ -19,6 +19,9 @@ namespace vellum::layer
 namespace
 {
 
+constexpr VkFlags kDisallowMixedShader =
+    static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
+
 // pStages is ignored, and may be anything, for a pipeline library without the parts that have shaders.
 bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
 {
@@ -33,7 +36,9 @@ bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
 void checkFlags(const Device &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
                 const char *command)
 {
-    if ((pipelineFlags(pNext, flags) & newer::kPipelineDisallowMixedSpecialIndex) != 0 && !device.micromapFeature)
+    if ((pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) !=
+            0 &&
+        !device.asked.khrFeature)
         reportMixedSpecialIndex(device, id, command);
 }
 
@@ -118,9 +123,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, co
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
-        if ((info.flags & newer::kShaderDisallowMixedSpecialIndex) != 0 && !device.micromapFeature)
+        if ((info.flags & kDisallowMixedShader) != 0 && !device.asked.khrFeature)
             reportMixedSpecialIndex(device, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
-        info.flags &= ~newer::kShaderDisallowMixedSpecialIndex;
+        info.flags &= ~kDisallowMixedShader;
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
             if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0) {

@@ -1,8 +1,9 @@
 // Declarations of Vulkan newer than the oldest headers Vellum builds with (1.3.239), under names of our own so that
-// they compile beside headers that have them. Layouts and values: vk.xml of KhronosGroup/Vulkan-Docs.
+// they compile beside headers that have them; those of the extensions that Vellum provides are in its public header.
+// Layouts and values: vk.xml of KhronosGroup/Vulkan-Docs.
 #pragma once
 
-#include <vulkan/vulkan.h>
+#include "vellum/vulkan_opacity_micromap.h"
 
 namespace vellum::newer
 {
@@ -42,10 +43,6 @@ struct PipelineOpacityMicromapFeatures {
     void *pNext;
     VkBool32 pipelineOpacityMicromap;
 };
-
-// VK_KHR_opacity_micromap
-inline constexpr VkFlags64 kPipelineDisallowMixedSpecialIndex = VkFlags64{1} << 41;
-inline constexpr VkFlags kShaderDisallowMixedSpecialIndex = 1u << 12;
 
 // VK_KHR_map_memory2 (core in 1.4)
 struct MemoryMapInfo {
