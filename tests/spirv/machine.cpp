@@ -169,6 +169,7 @@ std::uint32_t Machine::evaluate(Instruction in)
     case spv::OpShiftLeftLogical: return a << b;
     case spv::OpShiftRightLogical: return a >> b;
     case spv::OpIEqual: return a == b;
+    case spv::OpINotEqual: return a != b;
     case spv::OpULessThan: return a < b;
     case spv::OpLogicalNot: return a == 0;
     case spv::OpLogicalAnd: return (a & b) != 0;
@@ -195,7 +196,8 @@ std::uint32_t Machine::evaluate(Instruction in)
     case spv::OpLoopMerge:
     case spv::OpSelectionMerge:
     case spv::OpLine:
-    case spv::OpNoLine: return 0;
+    case spv::OpNoLine:
+    case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return 0;
     case spv::OpRayQueryInitializeKHR: rayFlags_ = value(module_.word(in, 3)); return 0;
     case spv::OpRayQueryGetRayFlagsKHR: return rayFlags_;
     default: throw std::runtime_error("opcode " + std::to_string(in.opcode));
