@@ -83,6 +83,7 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, st
     rendering.pColorAttachmentFormats = &kFormat;
     VkGraphicsPipelineCreateInfo pipeline{};
     pipeline.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
+    rendering.pNext = shaders.pNext;
     pipeline.pNext = &rendering;
     pipeline.stageCount = 2;
     pipeline.pStages = stages.data();

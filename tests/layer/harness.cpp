@@ -67,6 +67,7 @@ struct OneFeature {
     VkBool32 enabled = VK_FALSE;
 };
 constexpr auto kShaderObjectFeatures = static_cast<VkStructureType>(1000482000);
+constexpr auto kKhrMicromapFeatures = static_cast<VkStructureType>(1000623000);
 struct NewerExtension {
     const char *name;
     VkStructureType features;
@@ -223,7 +224,7 @@ void Gpu::createDevice()
     for (const char *name : kWantedExtensions)
         add(name);
     if (options_.micromaps)
-        extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+        extensions_.emplace_back(options_.khr ? "VK_KHR_opacity_micromap" : VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     if (options_.shaderObject)
         add("VK_EXT_shader_object");
     if (options_.maintenance)
@@ -264,7 +265,10 @@ void Gpu::createDevice()
         chain(conditional, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT);
     if (has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
         chain(libraries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_GRAPHICS_PIPELINE_LIBRARY_FEATURES_EXT);
-    if (options_.micromaps)
+    OneFeature khrMicromaps{kKhrMicromapFeatures};
+    if (options_.micromaps && options_.khr)
+        chain(khrMicromaps, khrMicromaps.sType);
+    else if (options_.micromaps)
         chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
     if (options_.shaderObject)
         chain(shaderObjects, shaderObjects.sType);

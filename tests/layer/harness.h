@@ -38,6 +38,7 @@ struct Options {
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age complains about
     bool micromapFeature = true; // where the extension is enabled, its feature too
+    bool khr = false;            // VK_KHR_opacity_micromap instead of VK_EXT_opacity_micromap
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
