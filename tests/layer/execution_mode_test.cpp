@@ -1,7 +1,7 @@
 // A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries consume micromaps where the
 // shader has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise of no mixed special indices,
-// which came with it. The scene is made by the layer's commands of VK_EXT_opacity_micromap, which are there on every
-// device that it emulates.
+// which came with it.
+#include "execution_mode.h"
 #include "graphics.h"
 #include "pipeline_builder.h"
 #include "state_scene.h"
@@ -15,46 +15,6 @@ namespace
 {
 
 using namespace vt;
-
-enum class Mode { Absent, False, True, Specialized };
-
-// The module with the execution mode; Specialized: by the constant with id 0, which is false. Such modules are words
-// because compilers are older than the mode.
-std::vector<std::uint32_t> withMode(std::span<const std::uint32_t> words, Mode mode)
-{
-    constexpr std::uint32_t kCapability = 17, kEntryPoint = 15, kDecorate = 71, kTypeBool = 20, kTypeVoid = 19;
-    constexpr std::uint32_t kSource = 3, kExecutionModeId = 331, kFalse = 42, kTrue = 41, kSpecFalse = 49;
-    std::vector<std::uint32_t> out(words.begin(), words.begin() + 5);
-    if (mode == Mode::Absent)
-        return {words.begin(), words.end()};
-    const std::uint32_t constant = out[3]++;
-    std::uint32_t function = 0;
-    bool begun = false, decorated = mode != Mode::Specialized;
-    const auto put = [&out](std::uint32_t opcode, std::initializer_list<std::uint32_t> operands) {
-        out.push_back(static_cast<std::uint32_t>(operands.size() + 1) << 16 | opcode);
-        out.insert(out.end(), operands);
-    };
-    put(kCapability, {6032});
-    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16) {
-        const std::uint32_t opcode = words[at] & 0xffff;
-        if (opcode == kEntryPoint)
-            function = words[at + 2];
-        if (opcode == kSource && !begun) {
-            put(kExecutionModeId, {function, 6031, constant});
-            begun = true;
-        }
-        if (opcode == kTypeVoid && !decorated) {
-            put(kDecorate, {constant, 1 /* SpecId */, 0});
-            decorated = true;
-        }
-        out.insert(out.end(), words.begin() + static_cast<std::ptrdiff_t>(at),
-                   words.begin() + static_cast<std::ptrdiff_t>(at + (words[at] >> 16)));
-        if (opcode == kTypeBool)
-            put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {words[at + 1], constant});
-    }
-    EXPECT_TRUE(begun && decorated);
-    return out;
-}
 
 // What the rays of StateScene meet. Without micromaps all is in the hands of the shader, which confirms nothing.
 void expectStates(const std::vector<Result> &results, bool consumed)
@@ -85,7 +45,8 @@ constexpr std::array<Case, 6> kCases{{{Mode::Absent, {}, false},
 class ExecutionMode : public GpuTest
 {
 protected:
-    explicit ExecutionMode(const Options &options = {.validation = false, .newer = true, .khr = true})
+    explicit ExecutionMode(
+        const Options &options = {.validation = false, .api = Api::Khr, .newer = true, .declaresMode = false})
         : GpuTest(options), scene_(gpu())
     {
         gpu().submit([this](VkCommandBuffer commands) { scene_.record(commands); });
@@ -161,7 +122,7 @@ TEST_F(ExecutionMode, RayGeneration)
 class ExecutionModeWithExt : public ExecutionMode
 {
 protected:
-    ExecutionModeWithExt() : ExecutionMode({.validation = false, .newer = true}) {}
+    ExecutionModeWithExt() : ExecutionMode({.validation = false, .api = Api::Ext, .newer = true}) {}
 };
 
 TEST_F(ExecutionModeWithExt, DoesNotMatter)
@@ -185,7 +146,7 @@ struct Flags2 { // VkPipelineCreateFlags2CreateInfo, which older headers lack
 class MixedSpecialIndex : public GpuTest
 {
 protected:
-    explicit MixedSpecialIndex(bool khr = true) : GpuTest({.validation = false, .newer = true, .khr = khr}) {}
+    explicit MixedSpecialIndex(Api api = Api::Khr) : GpuTest({.validation = false, .api = api, .newer = true}) {}
 
     void makeCompute()
     {
@@ -253,7 +214,7 @@ TEST_F(MixedSpecialIndex, WithoutTheBitOfRayTracingPipelines)
 class MixedSpecialIndexWithoutKhr : public MixedSpecialIndex
 {
 protected:
-    MixedSpecialIndexWithoutKhr() : MixedSpecialIndex(false) {}
+    MixedSpecialIndexWithoutKhr() : MixedSpecialIndex(Api::Ext) {}
 };
 
 TEST_F(MixedSpecialIndexWithoutKhr, IsReported)

@@ -1,5 +1,7 @@
 #include "harness.h"
 
+#include "execution_mode.h"
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -67,7 +69,6 @@ struct OneFeature {
     VkBool32 enabled = VK_FALSE;
 };
 constexpr auto kShaderObjectFeatures = static_cast<VkStructureType>(1000482000);
-constexpr auto kKhrMicromapFeatures = static_cast<VkStructureType>(1000623000);
 struct NewerExtension {
     const char *name;
     VkStructureType features;
@@ -204,6 +205,12 @@ void Gpu::createInstance()
     VT_CHECK(commands_.CreateDebugUtilsMessengerEXT(instance_, &messenger, nullptr, &messenger_));
 }
 
+Api apiOfTests()
+{
+    const char *name = std::getenv("VELLUM_TEST_API");
+    return name && std::strcmp(name, "khr") == 0 ? Api::Khr : Api::Ext;
+}
+
 void Gpu::createDevice()
 {
     std::uint32_t count = 1;
@@ -223,8 +230,12 @@ void Gpu::createDevice()
     };
     for (const char *name : kWantedExtensions)
         add(name);
-    if (options_.micromaps)
-        extensions_.emplace_back(options_.khr ? "VK_KHR_opacity_micromap" : VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    if (options_.micromaps && options_.api == Api::Ext) {
+        extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    } else if (options_.micromaps) {
+        extensions_.emplace_back(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+        extensions_.emplace_back(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    }
     if (options_.shaderObject)
         add("VK_EXT_shader_object");
     if (options_.maintenance)
@@ -251,6 +262,8 @@ void Gpu::createDevice()
     VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{};
     VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT libraries{};
     VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
+    VkPhysicalDeviceOpacityMicromapFeaturesKHR micromapsKhr{};
+    VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{};
     VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR maintenance{};
     OneFeature shaderObjects{kShaderObjectFeatures};
     std::array<OneFeature, kNewerExtensions.size()> newer{};
@@ -265,11 +278,12 @@ void Gpu::createDevice()
         chain(conditional, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT);
     if (has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
         chain(libraries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_GRAPHICS_PIPELINE_LIBRARY_FEATURES_EXT);
-    OneFeature khrMicromaps{kKhrMicromapFeatures};
-    if (options_.micromaps && options_.khr)
-        chain(khrMicromaps, khrMicromaps.sType);
-    else if (options_.micromaps)
+    if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
         chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME)) {
+        chain(micromapsKhr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+        chain(addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
+    }
     if (options_.shaderObject)
         chain(shaderObjects, shaderObjects.sType);
     if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
@@ -279,7 +293,8 @@ void Gpu::createDevice()
             chain(newer[i], kNewerExtensions[i].features);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
-    micromaps.micromap = options_.micromapFeature ? micromaps.micromap : VK_FALSE;
+    if (!options_.micromapFeature)
+        micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
@@ -376,11 +391,18 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
 }
 
-VkShaderModule Gpu::shader(std::span<const std::uint32_t> words) const
+std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
+    return khr() && options_.declaresMode ? withModeWhereNeeded(words)
+                                          : std::vector<std::uint32_t>(words.begin(), words.end());
+}
+
+VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const
+{
+    const std::vector<std::uint32_t> words = code(original);
     VkShaderModuleCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    info.codeSize = words.size_bytes();
+    info.codeSize = words.size() * sizeof(std::uint32_t);
     info.pCode = words.data();
     VkShaderModule module = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(device_, &info, nullptr, &module));

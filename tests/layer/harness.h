@@ -2,7 +2,7 @@
 // below it (nearer to the driver), a device, buffers, command submission, and every message that the layers sent.
 #pragma once
 
-#include <vulkan/vulkan.h>
+#include "vellum/vulkan_opacity_micromap.h"
 
 #include <cstdint>
 #include <cstring>
@@ -26,11 +26,16 @@ struct Message {
     [[nodiscard]] bool fromVellum() const { return id.starts_with("VELLUM-"); }
 };
 
+// Which extension the tests go through: the environment variable VELLUM_TEST_API says "ext" or "khr".
+enum class Api { Ext, Khr };
+Api apiOfTests();
+
 struct Options {
     bool vellum = true;
     bool validation = true;
     bool spy = true;           // spy_layer.cpp, below everything
-    bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
+    bool micromaps = true;     // enable opacity micromaps on the device
+    Api api = apiOfTests();    // by this extension
     bool hostCommands = true;  // enable micromapHostCommands
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
@@ -38,7 +43,7 @@ struct Options {
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age complains about
     bool micromapFeature = true; // where the extension is enabled, its feature too
-    bool khr = false;            // VK_KHR_opacity_micromap instead of VK_EXT_opacity_micromap
+    bool declaresMode = true;    // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
@@ -61,6 +66,7 @@ struct Options {
     X(CopyMemoryToMicromapEXT)                                                                                         \
     X(WriteMicromapsPropertiesEXT)                                                                                     \
     X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
+    X(CreateAccelerationStructure2KHR)                                                                                 \
     X(CreateAccelerationStructureKHR)                                                                                  \
     X(DestroyAccelerationStructureKHR)                                                                                 \
     X(GetAccelerationStructureBuildSizesKHR)                                                                           \
@@ -140,6 +146,9 @@ public:
     ~Gpu();
 
     [[nodiscard]] const Options &options() const { return options_; }
+    [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
+    // A module as shader() makes it.
+    [[nodiscard]] std::vector<std::uint32_t> code(std::span<const std::uint32_t> words) const;
     [[nodiscard]] VkInstance instance() const { return instance_; }
     [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
     [[nodiscard]] VkDevice device() const { return device_; }
