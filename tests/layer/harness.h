@@ -43,6 +43,7 @@ struct Options {
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age complains about
     bool micromapFeature = true; // where the extension is enabled, its feature too
+    bool declaresMode = true;    // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
@@ -146,6 +147,8 @@ public:
 
     [[nodiscard]] const Options &options() const { return options_; }
     [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
+    // A module as shader() makes it.
+    [[nodiscard]] std::vector<std::uint32_t> code(std::span<const std::uint32_t> words) const;
     [[nodiscard]] VkInstance instance() const { return instance_; }
     [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
     [[nodiscard]] VkDevice device() const { return device_; }

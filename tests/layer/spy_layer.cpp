@@ -343,16 +343,62 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
     return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
 }
 constexpr VkFlags64 kDisallowMicromaps = VkFlags64{1} << 37; // ..._DISALLOW_OPACITY_MICROMAP_BIT_ARM
+constexpr VkFlags64 kDisallowMixed = VkFlags64{1} << 41;     // ..._DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR
+
+// What no kind of pipeline may have.
+void expectPromises(const char *where, VkFlags64 flags)
+{
+    if ((flags & kDisallowMicromaps) != 0)
+        tell(std::string(where) + ": DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+    if ((flags & kDisallowMixed) != 0)
+        tell(std::string(where) + ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR");
+}
 
 VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
                                                       const VkComputePipelineCreateInfo *infos,
                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    for (const VkComputePipelineCreateInfo &info : std::span(infos, count)) {
-        if ((pipelineFlags(info.pNext, info.flags) & kDisallowMicromaps) != 0)
-            tell("vkCreateComputePipelines: DISALLOW_OPACITY_MICROMAP_BIT_ARM");
-    }
+    for (const VkComputePipelineCreateInfo &info : std::span(infos, count))
+        expectPromises("vkCreateComputePipelines", pipelineFlags(info.pNext, info.flags));
     return SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                       const VkGraphicsPipelineCreateInfo *infos,
+                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    for (const VkGraphicsPipelineCreateInfo &info : std::span(infos, count))
+        expectPromises("vkCreateGraphicsPipelines", pipelineFlags(info.pNext, info.flags));
+    return SPY_NEXT(vkCreateGraphicsPipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
+struct ShaderCreateInfo { // VkShaderCreateInfoEXT, which older headers lack
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkShaderStageFlagBits stage;
+    VkShaderStageFlags nextStage;
+    std::uint32_t codeType;
+    std::size_t codeSize;
+    const void *pCode;
+    const char *pName;
+    std::uint32_t setLayoutCount;
+    const VkDescriptorSetLayout *pSetLayouts;
+    std::uint32_t pushConstantRangeCount;
+    const VkPushConstantRange *pPushConstantRanges;
+    const VkSpecializationInfo *pSpecializationInfo;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t count, const ShaderCreateInfo *infos,
+                                             const VkAllocationCallbacks *allocator, void *shaders)
+{
+    constexpr VkFlags disallowMixed = 1u << 12; // ..._OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT
+    for (const ShaderCreateInfo &info : std::span(infos, count)) {
+        if ((info.flags & disallowMixed) != 0)
+            tell("vkCreateShadersEXT: OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT");
+    }
+    const auto next = nextOfDevice<decltype(&createShaders)>(keyOf(handle), "vkCreateShadersEXT");
+    return next(handle, count, infos, allocator, shaders);
 }
 
 // --- ray tracing pipelines ---
@@ -430,8 +476,7 @@ void expectPipeline(const VkRayTracingPipelineCreateInfoKHR &info)
     const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
     if ((flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
         tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
-    if ((flags & kDisallowMicromaps) != 0)
-        tell("vkCreateRayTracingPipelinesKHR: DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+    expectPromises("vkCreateRayTracingPipelinesKHR", flags);
 }
 
 VkResult createPipelinesNow(VkDevice handle, VkDeferredOperationKHR operation, const Deferral &call)
@@ -556,6 +601,8 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkMapMemory2", reinterpret_cast<PFN_vkVoidFunction>(mapMemory2)},
         {"vkUnmapMemory", reinterpret_cast<PFN_vkVoidFunction>(unmapMemory)},
         {"vkFreeMemory", reinterpret_cast<PFN_vkVoidFunction>(freeMemory)},
+        {"vkCreateGraphicsPipelines", reinterpret_cast<PFN_vkVoidFunction>(createGraphicsPipelines)},
+        {"vkCreateShadersEXT", reinterpret_cast<PFN_vkVoidFunction>(createShaders)},
         {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
         {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
