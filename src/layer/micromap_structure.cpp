@@ -88,7 +88,7 @@ struct Translated {
 std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData &data)
 {
     if (data.usageCountsCount > 0 && (data.pUsageCounts != nullptr) == (data.ppUsageCounts != nullptr))
-        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts",
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts-11642",
                        data.pUsageCounts
                            ? "both pUsageCounts and ppUsageCounts are given"
                            : "usageCountsCount is not 0, but neither pUsageCounts nor ppUsageCounts is given"};
@@ -113,7 +113,7 @@ std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData 
         triangles += usage.count;
     }
     if (triangles > kMaxMicromapTriangles)
-        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-maxMicromapTriangles",
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-count-11643",
                        "the usage counts add up to " + std::to_string(triangles) +
                            " triangles, more than maxMicromapTriangles"};
     return std::nullopt;
@@ -222,14 +222,19 @@ Place placeOf(const Device &device, const VkAccelerationStructureCreateInfo2KHR 
         return Place{};
     };
     if (!found.buffer)
-        return refused("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
                        "addressRange.address is not in any buffer");
     if (found.bytes < info.addressRange.size)
-        return refused("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11364",
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
                        "addressRange has " + std::to_string(info.addressRange.size) + " bytes, " +
                            std::to_string(found.bytes) + " are left in its buffer");
+    if (info.addressRange.size == 0)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
+    if (info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.asked.khrFeature)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                       "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
     if (info.addressRange.address % 256 != 0)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange",
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
                        "addressRange.address is not a multiple of 256");
     return {found.buffer, found.offset};
 }
