@@ -1,10 +1,12 @@
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "check.h"
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/micromap_memory.h"
+#include "core/records.h"
 #include "micromap_fuzz.h"
 #include "micromap_model.h"
 #include "reader.h"
@@ -36,8 +38,24 @@ std::uint32_t anyOffset(Reader &input, std::size_t dataSize)
 // micromap at all; once records are not trusted, none leads outside.
 void damage(Reader &input, std::vector<std::uint8_t> memory)
 {
-    for (std::uint32_t n = 1 + input.below(8); n > 0; --n)
-        memory[input.below(static_cast<std::uint32_t>(memory.size()))] = input.byte();
+    std::uint32_t header[4];
+    std::memcpy(header, memory.data(), sizeof header);
+    const std::uint32_t records = header[shared::kMicromapHeaderTriangles];
+    const std::uint32_t units = header[shared::kMicromapHeaderUnits];
+    for (std::uint32_t changes = 1 + input.below(8); changes > 0; --changes) {
+        if (records == 0 || input.oneIn(4)) {
+            memory[input.below(static_cast<std::uint32_t>(memory.size()))] = input.byte();
+            continue;
+        }
+        // A record of any kind whose data end about where the micromap does.
+        const bool far = input.oneIn(3);
+        const std::uint32_t n = input.below(22);
+        const SourceTriangle like{0, static_cast<std::uint16_t>(3 + n / 2), static_cast<std::uint16_t>(1 + n % 2)};
+        const auto length = static_cast<std::uint32_t>(dataUnits(like));
+        const std::uint32_t unit = units + 2 - input.below(5) - (input.flag() ? length : input.below(units + 1));
+        const std::uint32_t record[2] = {far ? 31 | n << 5 : (1 + n) | unit << 5, unit};
+        std::memcpy(memory.data() + 64 + std::size_t{input.below(records)} * 8, record, sizeof record);
+    }
     const std::uint64_t used = micromapMemoryInUse(memory.data());
     if (used == 0 || used > memory.size())
         return; // what the layer refuses
@@ -52,6 +70,8 @@ void damage(Reader &input, std::vector<std::uint8_t> memory)
 
 void buildMemory(Reader &input)
 {
+    std::array<std::uint8_t, 32> hands; // for damage()
+    input.part(hands.size()).fill(hands);
     BuildModel model;
     model.share = input.flag();
     model.triangles.resize(input.oneIn(16) ? input.below(600) : input.below(24));
@@ -129,8 +149,8 @@ void buildMemory(Reader &input)
     std::vector<std::uint8_t> copy(inUse.begin(), inUse.end());
     distrustMicromapRecords(copy.data());
     checkBuilt(model, copy);
-    Reader rest(data);
-    damage(rest, std::move(copy));
+    Reader anything(hands);
+    damage(anything, std::move(copy));
 }
 
 void model(Reader &input)
