@@ -132,6 +132,7 @@ DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
 struct OneBuild {
     MicromapPush push{};
     DataCopy copy;
+    DataCopy triangleCopy;
     // Where the data may stay as it is copied, one pass finds that out and writes all records. The others are dispatched
     // indirectly, with arguments in the scratch memory, and so only cost time if that pass starts them.
     bool stays = false;
@@ -167,18 +168,26 @@ void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild 
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
     const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
     const uint64_t end = std::min({near, uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes}});
+    const Micromap &target = *micromapOf(info.dstMicromap);
+    const AddressMap::Place triangles = device.addresses.find(push.triangleArray);
     if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
-        push.triangleArray % 8 != 0 || end < bytes)
+        end < bytes || !triangles.buffer ||
+        (device.buffers.get(triangles.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
         push.alike = 0;
     // Whether counts of several kinds are right is only found by adding up.
     if (push.alike == 0 && push.log != 0)
         return;
     push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
     push.staysPerInvocation = std::clamp(push.triangleCount / kStayingInvocations, 1u, 64u);
+    if (push.alike != 0)
+        build.triangleCopy = {triangles.buffer,
+                              target.buffer,
+                              {triangles.offset, target.offset + kMicromapHeaderWords * 4,
+                               push.triangleCount * uint64_t{sizeof(VkMicromapTriangleEXT)}}};
     build.stays = true;
     build.scratch = place.buffer;
     build.scratchOffset = place.offset;
-    build.micromapOffset = micromapOf(info.dstMicromap)->offset;
+    build.micromapOffset = target.offset;
 }
 
 // One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
@@ -250,6 +259,9 @@ private:
             next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.copy.to, 1, &build.copy.region);
         if (!build.stays)
             return;
+        if (build.triangleCopy.from)
+            next.CmdCopyBuffer(commandBuffer_, build.triangleCopy.from, build.triangleCopy.to, 1,
+                               &build.triangleCopy.region);
         uint32_t scratch[kScratchTables] = {};
         for (uint32_t i = 0; i < kArgumentWords; i += 3) {
             const VkDispatchIndirectCommand groups = groupsOf(build, i);
