@@ -1,6 +1,7 @@
 // vellum-micromap-bench: how fast micromaps are built, against a plain vkCmdCopyBuffer of the same bytes: those of the
-// build's input, data and triangle array. Each build is timed right after a copy of them, from submission to the end of the
-// fence's wait; the ratios' median counts. On a machine that has other work to do, compare the fastest of each kind.
+// build's input, data and triangle array. Each build is timed right after a copy of them, from submission to the end of
+// the fence's wait; the ratios' median counts. On a machine that has other work to do, compare the fastest of each
+// kind.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -86,7 +87,8 @@ public:
         sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
         const cli::DeviceFunctions &vk = device.functions();
         vk.getMicromapBuildSizes(device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_, &sizes);
-        storage_ = Buffer(device, sizes.micromapSize, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT, Buffer::Place::Device);
+        storage_ = Buffer(device, sizes.micromapSize, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT,
+                          Buffer::Place::Device);
         VkMicromapCreateInfoEXT create{};
         create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
         create.buffer = storage_.handle();

@@ -61,8 +61,8 @@ std::optional<Offence> deviceOffenceOf(const Device &device, const VkMicromapBui
     return std::nullopt;
 }
 
-// Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, where the usage counts say that all have the
-// same; 0: they do not, or their states are kept in the records.
+// Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, where the usage counts say that all have
+// the same; 0: they do not, or their states are kept in the records.
 uint32_t alikeOf(const VkMicromapBuildInfoEXT &info)
 {
     uint32_t alike = 0;
@@ -133,8 +133,8 @@ struct OneBuild {
     MicromapPush push{};
     DataCopy copy;
     DataCopy triangleCopy;
-    // Where the data may stay as it is copied, one pass finds that out and writes all records. The others are dispatched
-    // indirectly, with arguments in the scratch memory, and so only cost time if that pass starts them.
+    // Where the data may stay as it is copied, one pass finds that out and writes all records. The others are
+    // dispatched indirectly, with arguments in the scratch memory, and so only cost time if that pass starts them.
     bool stays = false;
     VkBuffer scratch = VK_NULL_HANDLE;
     VkDeviceSize scratchOffset = 0;
@@ -156,7 +156,8 @@ struct OneBuild {
     }
 };
 
-// Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's buffer.
+// Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
+// buffer.
 void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild &build)
 {
     MicromapPush &push = build.push;
@@ -276,8 +277,8 @@ private:
         next.CmdUpdateBuffer(commandBuffer_, build.copy.to, begin, sizeof header, header);
         if (build.triangles() % 2 != 0) {
             const uint32_t padding[kTriangleRecordWords] = {};
-            next.CmdUpdateBuffer(commandBuffer_, build.copy.to, begin + sizeof header + build.triangles() * sizeof padding,
-                                 sizeof padding, padding);
+            next.CmdUpdateBuffer(commandBuffer_, build.copy.to,
+                                 begin + sizeof header + build.triangles() * sizeof padding, sizeof padding, padding);
         }
     }
 
@@ -286,8 +287,8 @@ private:
         stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
         if (parts)
             stage(
-                InjectedShader::MicromapParts,
-                [](const OneBuild &build) { return build.shares() ? build.parts() : 0; }, 64, kBuildAnalysing);
+                InjectedShader::MicromapParts, [](const OneBuild &build) { return build.shares() ? build.parts() : 0; },
+                64, kBuildAnalysing);
         stage(InjectedShader::MicromapShare, sharedTriangles);
     }
 
