@@ -7,6 +7,9 @@
 namespace vellum::layer
 {
 
+// Where a command takes exactly one stage.
+VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage);
+
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer, const VkDependencyInfo *);
 VKAPI_ATTR void VKAPI_CALL cmdSetEvent2(VkCommandBuffer, VkEvent, const VkDependencyInfo *);
 VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer, VkEvent, VkPipelineStageFlags2);
