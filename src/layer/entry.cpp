@@ -227,7 +227,7 @@ const Row kRows[] = {
     row<cmdUpdateMemory>("vkCmdUpdateMemoryKHR", Scope::Address),
     row<cmdFillMemory>("vkCmdFillMemoryKHR", Scope::Address),
     row<cmdCopyQueryPoolResultsToMemory>("vkCmdCopyQueryPoolResultsToMemoryKHR", Scope::Create2),
-    row<cmdWriteMarkerToMemory>("vkCmdWriteMarkerToMemoryAMD", Scope::Address, "vkCmdWriteBufferMarker2AMD"),
+    row<cmdWriteMarkerToMemory>("vkCmdWriteMarkerToMemoryAMD", Scope::Address, "vkCmdWriteBufferMarkerAMD"),
     row<cmdBindIndexBuffer3>("vkCmdBindIndexBuffer3KHR", Scope::Address),
     row<cmdBindVertexBuffers3>("vkCmdBindVertexBuffers3KHR", Scope::Address),
     row<cmdDrawIndirect2>("vkCmdDrawIndirect2KHR", Scope::Address),
