@@ -177,6 +177,8 @@ VELLUM_CONST uint kCompatibilityWord = 0x564d4f01u; // changes with kBlockVersio
 // The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that the type is known of a
 // VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR structure that was made for serialized data.
 VELLUM_CONST uint kTopLevelSizeMark = 128u;
+// And sizes of micromaps as acceleration structures are this modulo 256.
+VELLUM_CONST uint kMicromapSizeMark = 64u;
 
 VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStructureInstanceKHR
 
@@ -189,6 +191,8 @@ VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 // --- values of queries (shaders/query_value.comp) ---
 VELLUM_CONST uint kQueryMicromapCompacted = 0u;
 VELLUM_CONST uint kQueryMicromapSerialized = 1u;
+VELLUM_CONST uint kQueryMicromapSize = 2u; // as it was created
+VELLUM_CONST uint kQueryMarked = 4u;       // a bit: the size is to be kMicromapSizeMark modulo 256
 // --- formats of their copies (shaders/query_copy.comp) ---
 VELLUM_CONST uint kQueryCopy64 = 1u;
 VELLUM_CONST uint kQueryCopyAvailability = 2u;

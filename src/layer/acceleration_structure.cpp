@@ -5,6 +5,7 @@
 
 #include "core/records.h"
 #include "layer/device.h"
+#include "layer/micromap_structure.h"
 #include "layer/structure_layout.h"
 
 namespace vellum::layer
@@ -105,9 +106,20 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
     structure->size = info->size;
     structure->type = info->type;
     structure->content = info->type;
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+        device.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type",
+                              "vkCreateAccelerationStructureKHR: a micromap is made by "
+                              "vkCreateAccelerationStructure2KHR");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
     const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
-    if (created == VK_SUCCESS)
-        device.accelerationStructures.set(*result, std::move(structure));
+    if (created != VK_SUCCESS)
+        return created;
+    structure->micromap = {info->buffer,
+                           info->offset,
+                           info->size,
+                           {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    device.accelerationStructures.set(*result, std::move(structure));
     return created;
 }
 
@@ -115,8 +127,14 @@ VKAPI_ATTR void VKAPI_CALL destroyAccelerationStructure(VkDevice handle, VkAccel
                                                         const VkAllocationCallbacks *allocator)
 {
     Device &device = deviceOf(handle);
-    if (const auto known = device.accelerationStructures.take(structure); known && known->cell.address)
+    const auto known = device.accelerationStructures.take(structure);
+    if (known && known->cell.address)
         device.root.releaseCell(known->reference);
+    if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+        device.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
+        device.report().setName(reinterpret_cast<uint64_t>(structure), "");
+        return;
+    }
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 
@@ -126,8 +144,11 @@ getAccelerationStructureDeviceAddress(VkDevice handle, const VkAccelerationStruc
     Device &device = deviceOf(handle);
     // Whoever names a structure to an instance asks for its address: from now on copies of top-level structures know
     // that it exists.
-    if (const auto structure = device.accelerationStructures.get(info->accelerationStructure))
+    if (const auto structure = device.accelerationStructures.get(info->accelerationStructure)) {
+        if (structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+            return beginOf(device, *structure);
         cellOf(device, *structure, info->accelerationStructure);
+    }
     return device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
 }
 
@@ -137,6 +158,8 @@ VKAPI_ATTR void VKAPI_CALL getAccelerationStructureBuildSizes(VkDevice handle, V
                                                               VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
     Device &device = deviceOf(handle);
+    if (isMicromapBuild(*info))
+        return getMicromapStructureSizes(device, *info, *sizes);
     DriverBuildInfo build(*info);
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, &build.info(), maxPrimitives, sizes);
     if (build.topLevel() && build.geometryCount() == 1) {

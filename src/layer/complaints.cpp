@@ -29,23 +29,28 @@ Text textOf(const Entry &e)
     const std::string triangle = "triangle " + std::to_string(e.triangle) + ": ";
     const std::string level = std::to_string(e.value1 & 0xffffu);
     const std::string format = std::to_string(e.value1 >> 16);
+    const bool structure = (e.object & kStructureObject) != 0;
     switch (e.what) {
     case kComplaintUnreadable:
-        return {"VELLUM-VUID-VkMicromapBuildInfoEXT-triangleArray",
+        return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554"
+                          : "VELLUM-VUID-VkMicromapBuildInfoEXT-triangleArray",
                 triangle + "lies outside the buffer of triangleArray"};
     case kComplaintFormat:
-        return {"VELLUM-VUID-VkMicromapBuildInfoEXT-format-11657",
+        return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11555"
+                          : "VELLUM-VUID-VkMicromapBuildInfoEXT-format-11657",
                 triangle + "format " + format + " is neither 2-state nor 4-state"};
     case kComplaintLevel:
         return {(e.value1 >> 16) == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT
-                    ? "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659"
-                    : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660",
+                    ? (structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556"
+                                 : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659")
+                    : (structure ? "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
+                                 : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660"),
                 triangle + "subdivision level " + level + " is above 12"};
     case kComplaintUndeclared:
         return {"VELLUM-micromap-usage-counts",
                 triangle + "subdivision level " + level + " is not in the usage counts"};
     case kComplaintData:
-        return {"VELLUM-micromap-data",
+        return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "VELLUM-micromap-data",
                 triangle + "its data at offset " + std::to_string(e.value0) + " end outside the buffer of data"};
     case kComplaintNoRoom: return {"VELLUM-micromap-usage-counts", triangle + "more data than the usage counts say"};
     case kComplaintCounts:
@@ -62,17 +67,21 @@ Text textOf(const Entry &e)
         return {"VELLUM-micromap-not-constructed", "the micromap was not constructed before it is used"};
     case kComplaintTooLarge: return {"VELLUM-micromap-copy-size", "the target of a copy is too small"};
     default:
-        return {"VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-src-07549",
+        return {structure ? "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960"
+                          : "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-src-07549",
                 "the source is not a serialized micromap of this version of the layer, or is cut off"};
     }
 }
 
 } // namespace
 
-void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t micromap)
+void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t object)
 {
-    const Text text = textOf({what, triangle, value0, value1, micromap});
-    report.error(text.id, text.text, VK_OBJECT_TYPE_MICROMAP_EXT, micromap);
+    const Text text = textOf({what, triangle, value0, value1, object});
+    const bool structure = (object & kStructureObject) != 0;
+    report.error(text.id, text.text,
+                 structure ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT,
+                 object & ~kStructureObject);
 }
 
 VkResult Complaints::create(const GpuContext &context)

@@ -12,8 +12,15 @@
 namespace vellum::layer
 {
 
+// What the log names a micromap by: its handle, which is a pointer, and this bit where it is an acceleration structure.
+inline constexpr uint64_t kStructureObject = 1;
+constexpr uint64_t complaintObject(VkObjectType type, uint64_t handle)
+{
+    return type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR ? handle | kStructureObject : handle;
+}
+
 // Tells of one wrong input; what: kComplaint* of core/records.h, which say what the values are.
-void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t micromap);
+void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t object);
 
 class Complaints
 {

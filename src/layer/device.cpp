@@ -176,6 +176,14 @@ VkDeviceAddress Device::structureAddress(VkAccelerationStructureKHR structure) c
     return next.GetAccelerationStructureDeviceAddressKHR(handle, &info);
 }
 
+bool Device::ownObject(VkObjectType type, uint64_t object) const
+{
+    if (!emulated || type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
+        return emulated && type == VK_OBJECT_TYPE_MICROMAP_EXT;
+    const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(object));
+    return structure && structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
 Device *deviceOfKey(void *key)
 {
     std::shared_lock lock(devicesMutex);

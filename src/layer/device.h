@@ -34,11 +34,17 @@ struct BufferInfo {
     VkFlags64 usage = 0; // as the driver knows it
 };
 
-// A VkMicromapEXT. Handles are pointers to these.
+// A micromap: the object of a VkMicromapEXT, whose handles are pointers to these, and part of an acceleration structure
+// that is or may be one.
 struct Micromap {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
+    // As the application knows it, for messages.
+    struct Object {
+        VkObjectType type = VK_OBJECT_TYPE_MICROMAP_EXT;
+        uint64_t handle = 0;
+    } object;
 };
 
 // What the layer keeps of a VkAccelerationStructureKHR.
@@ -47,6 +53,9 @@ struct AccelerationStructure {
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    // The same memory, of those that may hold a micromap. Of type OPACITY_MICROMAP the handle is the layer's own, a
+    // pointer to this structure; the driver knows nothing of it.
+    Micromap micromap;
 
     std::mutex mutex;              // guards what is below
     VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell
@@ -110,6 +119,8 @@ struct Device {
     [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;
     // The reference that instances name a bottom-level structure by.
     [[nodiscard]] VkDeviceAddress structureAddress(VkAccelerationStructureKHR structure) const;
+    // Whether a handle of the application's is the layer's own, which means nothing to the driver.
+    [[nodiscard]] bool ownObject(VkObjectType type, uint64_t handle) const;
 };
 
 Device *deviceOfKey(void *key);

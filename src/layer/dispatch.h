@@ -62,6 +62,7 @@ namespace vellum::layer
     X(DestroyPipeline, DestroyPipeline)                                                                                \
     X(CreateRenderPass2, CreateRenderPass2KHR)                                                                         \
     X(CreateAccelerationStructureKHR, CreateAccelerationStructureKHR)                                                  \
+    X(CreateAccelerationStructure2KHR, CreateAccelerationStructure2KHR)                                                \
     X(DestroyAccelerationStructureKHR, DestroyAccelerationStructureKHR)                                                \
     X(GetAccelerationStructureBuildSizesKHR, GetAccelerationStructureBuildSizesKHR)                                    \
     X(GetAccelerationStructureDeviceAddressKHR, GetAccelerationStructureDeviceAddressKHR)                              \

@@ -1,7 +1,28 @@
 #include "layer/driver_build_info.h"
 
+#include "layer/vulkan_newer.h"
+
 namespace vellum::layer
 {
+namespace
+{
+
+constexpr VkStructureType kAttachmentEXT = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
+constexpr VkStructureType kAttachmentKHR = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+
+std::optional<MicromapAttachment> attachmentIn(const void *chain)
+{
+    if (const auto *khr = findInChain<VkAccelerationStructureTrianglesOpacityMicromapKHR>(chain, kAttachmentKHR))
+        return MicromapAttachment{khr->indexType,    khr->indexBuffer, khr->indexStride,
+                                  khr->baseTriangle, VK_NULL_HANDLE,   khr->micromap};
+    if (const auto *ext = findInChain<VkAccelerationStructureTrianglesOpacityMicromapEXT>(chain, kAttachmentEXT))
+        return MicromapAttachment{ext->indexType,   ext->indexBuffer.deviceAddress,
+                                  ext->indexStride, ext->baseTriangle,
+                                  ext->micromap,    VK_NULL_HANDLE};
+    return std::nullopt;
+}
+
+} // namespace
 
 VkBuildAccelerationStructureFlagsKHR topLevelFlags(VkBuildAccelerationStructureFlagsKHR application)
 {
@@ -15,24 +36,24 @@ DriverBuildInfo::DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoK
     const VkBuildAccelerationStructureFlagsKHR micromapFlags =
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
-        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
+        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT |
+        VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
     info_.flags &= ~micromapFlags;
     for (uint32_t i = 0; i < application.geometryCount; ++i) {
         VkAccelerationStructureGeometryKHR g =
             application.pGeometries ? application.pGeometries[i] : *application.ppGeometries[i];
-        const VkAccelerationStructureTrianglesOpacityMicromapEXT *micromap = nullptr;
+        std::optional<MicromapAttachment> micromap;
         opaque_.push_back((g.flags & VK_GEOMETRY_OPAQUE_BIT_KHR) != 0);
         // The type of a GENERIC structure is known from what is built into it.
         topLevel_ = topLevel_ || g.geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR;
         hasBoxes_ = hasBoxes_ || g.geometryType == VK_GEOMETRY_TYPE_AABBS_KHR;
         if (g.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR) {
-            const VkStructureType type = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
-            micromap =
-                findInChain<VkAccelerationStructureTrianglesOpacityMicromapEXT>(g.geometry.triangles.pNext, type);
+            micromap = attachmentIn(g.geometry.triangles.pNext);
             if (micromap) {
                 hasMicromaps_ = true;
                 Chain &chain = chains_.emplace_back(g.geometry.triangles.pNext);
-                chain.remove(type);
+                chain.remove(kAttachmentEXT);
+                chain.remove(kAttachmentKHR);
                 g.geometry.triangles.pNext = chain.head();
                 g.flags &= ~static_cast<VkGeometryFlagsKHR>(VK_GEOMETRY_OPAQUE_BIT_KHR);
             }

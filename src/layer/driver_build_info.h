@@ -3,6 +3,7 @@
 #pragma once
 
 #include <deque>
+#include <optional>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -11,6 +12,16 @@
 
 namespace vellum::layer
 {
+
+// A geometry's micromap, whichever structure of the application said it.
+struct MicromapAttachment {
+    VkIndexType indexType;
+    VkDeviceAddress indexBuffer;
+    VkDeviceSize indexStride;
+    uint32_t baseTriangle;
+    VkMicromapEXT micromap;               // of VkAccelerationStructureTrianglesOpacityMicromapEXT
+    VkAccelerationStructureKHR structure; // of VkAccelerationStructureTrianglesOpacityMicromapKHR
+};
 
 // What is left of the flags of a top-level build: the driver neither updates nor copies what it builds.
 VkBuildAccelerationStructureFlagsKHR topLevelFlags(VkBuildAccelerationStructureFlagsKHR application);
@@ -33,16 +44,16 @@ public:
     // The driver's copy of geometry i; may be changed.
     VkAccelerationStructureGeometryKHR &geometry(uint32_t i) { return geometries_[i]; }
     // Of the application's geometry i: its micromap, or null; and whether it is opaque.
-    [[nodiscard]] const VkAccelerationStructureTrianglesOpacityMicromapEXT *micromap(uint32_t i) const
+    [[nodiscard]] const MicromapAttachment *micromap(uint32_t i) const
     {
-        return micromaps_[i];
+        return micromaps_[i] ? &*micromaps_[i] : nullptr;
     }
     [[nodiscard]] bool opaque(uint32_t i) const { return opaque_[i]; }
 
 private:
     VkAccelerationStructureBuildGeometryInfoKHR info_;
     std::vector<VkAccelerationStructureGeometryKHR> geometries_;
-    std::vector<const VkAccelerationStructureTrianglesOpacityMicromapEXT *> micromaps_;
+    std::vector<std::optional<MicromapAttachment>> micromaps_;
     std::vector<bool> opaque_;
     std::deque<Chain> chains_;
     bool topLevel_ = false;

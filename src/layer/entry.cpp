@@ -15,6 +15,7 @@
 #include "layer/host_memory.h"
 #include "layer/instance.h"
 #include "layer/micromap.h"
+#include "layer/micromap_structure.h"
 #include "layer/private_data.h"
 #include "layer/query_pool.h"
 #include "layer/resources.h"
@@ -205,6 +206,8 @@ const Row kRows[] = {
     row<queueSubmit2>("vkQueueSubmit2KHR", Scope::Emulated),
     row<createRenderPass2>("vkCreateRenderPass2", Scope::Emulated),
     row<createRenderPass2>("vkCreateRenderPass2KHR", Scope::Emulated),
+
+    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::Create2),
 
     row<createMicromap>("vkCreateMicromapEXT", Scope::Own),
     row<destroyMicromap>("vkDestroyMicromapEXT", Scope::Own),

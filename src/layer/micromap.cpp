@@ -11,7 +11,18 @@ namespace vellum::layer
 VkDeviceAddress micromapAddress(const Device &device, VkMicromapEXT handle)
 {
     const Micromap *micromap = micromapOf(handle);
-    return micromap ? device.bufferAddress(micromap->buffer) + micromap->offset : 0;
+    return micromap ? micromapAddress(device, *micromap) : 0;
+}
+
+VkDeviceAddress micromapAddress(const Device &device, const Micromap &micromap)
+{
+    return device.bufferAddress(micromap.buffer) + micromap.offset;
+}
+
+uint64_t complaintObject(VkMicromapEXT handle)
+{
+    const Micromap *micromap = micromapOf(handle);
+    return micromap ? complaintObject(micromap->object.type, micromap->object.handle) : 0;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapCreateInfoEXT *info,
@@ -44,10 +55,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapC
                                                                                       " is not a multiple of 256");
         return VK_ERROR_VALIDATION_FAILED_EXT;
     }
-    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, info->size};
+    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, info->size, {}};
     if (!object)
         return VK_ERROR_OUT_OF_HOST_MEMORY;
     *micromap = reinterpret_cast<VkMicromapEXT>(object);
+    object->object.handle = reinterpret_cast<uint64_t>(*micromap);
     return VK_SUCCESS;
 }
 

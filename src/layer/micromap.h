@@ -1,7 +1,9 @@
-// VkMicromapEXT: the commands of VK_EXT_opacity_micromap that make and fill micromaps.
+// Micromaps: what is done with them, and the front end of VK_EXT_opacity_micromap; that of VK_KHR_opacity_micromap is
+// micromap_structure.h.
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -19,6 +21,19 @@ inline Micromap *micromapOf(VkMicromapEXT handle)
 
 // Device address of a micromap's memory; 0 for null.
 VkDeviceAddress micromapAddress(const Device &device, VkMicromapEXT micromap);
+VkDeviceAddress micromapAddress(const Device &device, const Micromap &micromap);
+// What the log of wrong input names the micromap by; complaints.h.
+uint64_t complaintObject(VkMicromapEXT micromap);
+
+// The work of the commands below, whichever front end has checked it; a null or invalid handle must not come here.
+void recordMicromapBuilds(Device &device, VkCommandBuffer commandBuffer,
+                          const std::vector<const VkMicromapBuildInfoEXT *> &infos);
+// Clone or compact. Refuses, with a message under `command`, what overlaps.
+void recordMicromapCopy(Device &device, VkCommandBuffer commandBuffer, const char *command, const Micromap &source,
+                        const Micromap &target);
+void recordMicromapSave(Device &device, VkCommandBuffer commandBuffer, const Micromap &source, VkDeviceAddress target);
+void recordMicromapRestore(Device &device, VkCommandBuffer commandBuffer, const Micromap &target,
+                           VkDeviceAddress source);
 
 VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice, const VkMicromapCreateInfoEXT *, const VkAllocationCallbacks *,
                                               VkMicromapEXT *);

@@ -65,7 +65,7 @@ MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
     push.data = info.data.deviceAddress;
     push.scratch = info.scratchData.deviceAddress;
     push.log = device.complaints.address();
-    push.object = reinterpret_cast<uint64_t>(info.dstMicromap);
+    push.object = complaintObject(info.dstMicromap);
     push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);
     push.triangleCount = static_cast<uint32_t>(extent.triangles);
     push.capacityUnits = static_cast<uint32_t>(extent.units);
@@ -307,6 +307,17 @@ std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info)
     return std::nullopt;
 }
 
+void recordMicromapBuilds(Device &device, VkCommandBuffer commandBuffer,
+                          const std::vector<const VkMicromapBuildInfoEXT *> &infos)
+{
+    if (infos.empty())
+        return;
+    Build build(device, commandBuffer);
+    for (const VkMicromapBuildInfoEXT *info : infos)
+        build.add(*info);
+    build.record();
+}
+
 VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                                  const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
@@ -339,12 +350,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer commandBuffer, uint
         }
         good.push_back(&infos[i]);
     }
-    if (good.empty())
-        return;
-    Build build(device, commandBuffer);
-    for (const VkMicromapBuildInfoEXT *info : good)
-        build.add(*info);
-    build.record();
+    recordMicromapBuilds(device, commandBuffer, good);
 }
 
 } // namespace vellum::layer

@@ -21,13 +21,13 @@ void refuse(const Device &device, const char *id, const std::string &text, VkMic
     device.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
 }
 
-MicromapMovePush movePush(const Device &device, VkMicromapEXT micromap, uint32_t mode)
+MicromapMovePush movePush(const Device &device, const Micromap &micromap, uint32_t mode)
 {
     MicromapMovePush push{};
     push.micromap = micromapAddress(device, micromap);
-    push.micromapBytes = micromapOf(micromap)->size;
+    push.micromapBytes = micromap.size;
     push.log = device.complaints.address();
-    push.object = reinterpret_cast<uint64_t>(micromap);
+    push.object = complaintObject(micromap.object.type, micromap.object.handle);
     push.mode = mode;
     return push;
 }
@@ -48,6 +48,49 @@ bool overlap(const Micromap &a, const Micromap &b, VkDeviceSize size)
 }
 
 } // namespace
+
+void recordMicromapCopy(Device &device, VkCommandBuffer commandBuffer, const char *command, const Micromap &source,
+                        const Micromap &target)
+{
+    // What is in use comes first (core/records.h): the bytes that fit the target are all that a compact copy needs.
+    const VkBufferCopy region{source.offset, target.offset, std::min(source.size, target.size)};
+    if (overlap(source, target, region.size)) {
+        device.report().error("VELLUM-micromap-copy-overlap", std::string(command) + ": src and dst overlap",
+                              target.object.type, target.object.handle);
+        return;
+    }
+    InjectedWork work(device, commandBuffer);
+    work.barrier();
+    device.next.CmdCopyBuffer(commandBuffer, source.buffer, target.buffer, 1, &region);
+    work.barrier();
+    if (target.size >= source.size)
+        return;
+    MicromapMovePush push = movePush(device, target, kMoveCheck);
+    push.invocations = 1;
+    work.dispatch(InjectedShader::MicromapMove, push, 1, 64);
+    work.barrier();
+}
+
+void recordMicromapSave(Device &device, VkCommandBuffer commandBuffer, const Micromap &source, VkDeviceAddress target)
+{
+    MicromapMovePush push = movePush(device, source, kMoveSerialize);
+    push.serialized = target;
+    push.serializedBytes = device.addresses.bytesFrom(target);
+    static_assert(sizeof push.driverUuid == VK_UUID_SIZE);
+    std::memcpy(push.driverUuid, device.driverUuid.data(), VK_UUID_SIZE);
+    InjectedWork work(device, commandBuffer);
+    move(work, push);
+}
+
+void recordMicromapRestore(Device &device, VkCommandBuffer commandBuffer, const Micromap &target,
+                           VkDeviceAddress source)
+{
+    MicromapMovePush push = movePush(device, target, kMoveDeserialize);
+    push.serialized = source;
+    push.serializedBytes = device.addresses.bytesFrom(source);
+    InjectedWork work(device, commandBuffer);
+    move(work, push);
+}
 
 VKAPI_ATTR void VKAPI_CALL getDeviceMicromapCompatibility(VkDevice handle, const VkMicromapVersionInfoEXT *info,
                                                           VkAccelerationStructureCompatibilityKHR *compatibility)
@@ -71,20 +114,7 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer commandBuffer, const 
                       "vkCmdCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
     if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMicromapEXT"))
         return;
-    // What is in use comes first (core/records.h): the bytes that fit the target are all that a compact copy needs.
-    const VkBufferCopy region{source->offset, target->offset, std::min(source->size, target->size)};
-    if (overlap(*source, *target, region.size))
-        return refuse(device, "VELLUM-micromap-copy-overlap", "vkCmdCopyMicromapEXT: src and dst overlap", info->dst);
-    InjectedWork work(device, commandBuffer);
-    work.barrier();
-    device.next.CmdCopyBuffer(commandBuffer, source->buffer, target->buffer, 1, &region);
-    work.barrier();
-    if (target->size >= source->size)
-        return;
-    MicromapMovePush push = movePush(device, info->dst, kMoveCheck);
-    push.invocations = 1;
-    work.dispatch(InjectedShader::MicromapMove, push, 1, 64);
-    work.barrier();
+    recordMicromapCopy(device, commandBuffer, "vkCmdCopyMicromapEXT", *source, *target);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer commandBuffer,
@@ -104,13 +134,7 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMicromapToMemory(VkCommandBuffer commandBuffer
                       "vkCmdCopyMicromapToMemoryEXT: dst is null or not a multiple of 256", info->src);
     if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
         return;
-    MicromapMovePush push = movePush(device, info->src, kMoveSerialize);
-    push.serialized = info->dst.deviceAddress;
-    push.serializedBytes = device.addresses.bytesFrom(push.serialized);
-    static_assert(sizeof push.driverUuid == VK_UUID_SIZE);
-    std::memcpy(push.driverUuid, device.driverUuid.data(), VK_UUID_SIZE);
-    InjectedWork work(device, commandBuffer);
-    move(work, push);
+    recordMicromapSave(device, commandBuffer, *micromapOf(info->src), info->dst.deviceAddress);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer commandBuffer,
@@ -130,11 +154,7 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToMicromap(VkCommandBuffer commandBuffer
                       "vkCmdCopyMemoryToMicromapEXT: src is null or not a multiple of 256", info->dst);
     if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
         return;
-    MicromapMovePush push = movePush(device, info->dst, kMoveDeserialize);
-    push.serialized = info->src.deviceAddress;
-    push.serializedBytes = device.addresses.bytesFrom(push.serialized);
-    InjectedWork work(device, commandBuffer);
-    move(work, push);
+    recordMicromapRestore(device, commandBuffer, *micromapOf(info->dst), info->src.deviceAddress);
 }
 
 } // namespace vellum::layer

@@ -34,7 +34,7 @@ VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type
                                               VkPrivateDataSlot slot, uint64_t value)
 {
     Device &device = deviceOf(handle);
-    if (type != VK_OBJECT_TYPE_MICROMAP_EXT)
+    if (!device.ownObject(type, object))
         return device.next.SetPrivateData(handle, type, object, slot, value);
     device.privateData.set(slot, object, value);
     return VK_SUCCESS;
@@ -44,7 +44,7 @@ VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, ui
                                           uint64_t *value)
 {
     Device &device = deviceOf(handle);
-    if (type != VK_OBJECT_TYPE_MICROMAP_EXT)
+    if (!device.ownObject(type, object))
         return device.next.GetPrivateData(handle, type, object, slot, value);
     *value = device.privateData.get(slot, object);
 }

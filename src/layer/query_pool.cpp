@@ -10,6 +10,7 @@
 #include "core/records.h"
 #include "layer/device.h"
 #include "layer/micromap.h"
+#include "layer/micromap_structure.h"
 #include "layer/structure_size.h"
 
 namespace vellum::layer
@@ -96,6 +97,43 @@ void makeAvailable(InjectedWork &work, const Device &device, VkCommandBuffer com
     work.barrier(true);
     device.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityOffset(first), count * 4ull, 1);
     work.barrier(true);
+}
+
+void askMicromap(InjectedWork &work, const Device &device, const Micromap &micromap, uint32_t kind,
+                 VkDeviceAddress value)
+{
+    QueryValuePush push{};
+    push.target = value;
+    push.micromap = micromapAddress(device, micromap);
+    push.micromapBytes = micromap.size;
+    push.kind = kind;
+    work.dispatch(InjectedShader::QueryValue, push, 1, 1);
+}
+
+// The micromap that an acceleration structure is; null where it is none.
+const Micromap *micromapAt(const Device &device, VkAccelerationStructureKHR handle)
+{
+    const auto structure = device.accelerationStructures.get(handle);
+    return structure && holdsMicromap(*structure) ? &structure->micromap : nullptr;
+}
+
+void recordMicromapProperty(InjectedWork &work, const Device &device, const Micromap &micromap, VkQueryType type,
+                            VkDeviceAddress value)
+{
+    switch (type) {
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
+        return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
+        return askMicromap(work, device, micromap, kQueryMicromapSerialized | kQueryMarked, value);
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
+        // That of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
+        return askMicromap(work, device, micromap, kQueryMicromapSize, value);
+    default:
+        // VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-11586
+        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType",
+                              "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not for micromaps",
+                              micromap.object.type, micromap.object.handle);
+    }
 }
 
 } // namespace
@@ -260,14 +298,8 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer commandBu
         type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? kQueryMicromapCompacted : kQueryMicromapSerialized;
     InjectedWork work(device, commandBuffer);
     work.barrier();
-    for (uint32_t i = 0; i < count; ++i) {
-        QueryValuePush push{};
-        push.target = pool->valueAddress(first + i);
-        push.micromap = micromapAddress(device, micromaps[i]);
-        push.micromapBytes = micromapOf(micromaps[i])->size;
-        push.kind = kind;
-        work.dispatch(InjectedShader::QueryValue, push, 1, 1);
-    }
+    for (uint32_t i = 0; i < count; ++i)
+        askMicromap(work, device, *micromapOf(micromaps[i]), kind, pool->valueAddress(first + i));
     makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 
@@ -282,17 +314,38 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuf
     if (ours && (!inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
                  InjectedWork::refusedIn(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR")))
         return;
-    device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, queryPool, first);
     if (!ours)
+        return device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type,
+                                                                       queryPool, first);
+    if (pool->type != type) {
+        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
+                              "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
+                              "queryType");
         return;
-    // The driver's answers are taken over, and corrected in place.
+    }
+    // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing.
     InjectedWork work(device, commandBuffer);
     work.barrier();
-    device.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first, count, pool->memory.buffer(), first * 8ull, 8,
-                                        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+    for (uint32_t begin = 0; begin < count;) {
+        uint32_t end = begin;
+        while (end < count && !micromapAt(device, structures[end]))
+            ++end;
+        if (end > begin) {
+            device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, end - begin, structures + begin,
+                                                                    type, queryPool, first + begin);
+            device.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first + begin, end - begin,
+                                                pool->memory.buffer(), (first + begin) * 8ull, 8,
+                                                VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+        }
+        begin = end + 1;
+    }
     work.barrier();
-    for (uint32_t i = 0; i < count; ++i)
-        recordStructureProperty(work, device, structures[i], type, pool->valueAddress(first + i));
+    for (uint32_t i = 0; i < count; ++i) {
+        if (const Micromap *micromap = micromapAt(device, structures[i]))
+            recordMicromapProperty(work, device, *micromap, type, pool->valueAddress(first + i));
+        else
+            recordStructureProperty(work, device, structures[i], type, pool->valueAddress(first + i));
+    }
     makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 

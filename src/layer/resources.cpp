@@ -19,11 +19,13 @@ VkFlags64 driverUsage(VkFlags64 usage)
 {
     const VkFlags64 storage =
         VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
+    const VkFlags64 inputs = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT |
+                             VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
     VkFlags64 result = usage & ~kMicromapUsages;
     // Micromap data is copied, where it can stay as it lies.
-    if (usage & VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT)
+    if (usage & inputs)
         result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
-    if (usage & (kMicromapUsages | storage))
+    if (usage & (inputs | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
     // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03674 and -geometry-03673).
@@ -152,7 +154,7 @@ VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice handle, const Vk
 {
     // A micromap is the layer's own object: its handle means nothing below, its name is used in the layer's messages.
     Device &device = deviceOf(handle);
-    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT && device.emulated) {
+    if (device.ownObject(info->objectType, info->objectHandle)) {
         device.report().setName(info->objectHandle, info->pObjectName ? info->pObjectName : "");
         return VK_SUCCESS;
     }
@@ -162,7 +164,7 @@ VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice handle, const Vk
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
 {
     Device &device = deviceOf(handle);
-    if (info->objectType == VK_OBJECT_TYPE_MICROMAP_EXT && device.emulated)
+    if (device.ownObject(info->objectType, info->objectHandle))
         return VK_SUCCESS;
     return device.next.SetDebugUtilsObjectTagEXT(handle, info);
 }

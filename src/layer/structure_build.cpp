@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <string>
+#include <unordered_set>
 
 #include "core/records.h"
 #include "layer/acceleration_structure.h"
 #include "layer/device.h"
 #include "layer/micromap.h"
+#include "layer/micromap_structure.h"
 #include "layer/structure_layout.h"
 
 namespace vellum::layer
@@ -46,16 +48,18 @@ public:
         : device_(device), commandBuffer_(commandBuffer), infos_(infos), ranges_(ranges)
     {
         parts_.reserve(count);
-        for (uint32_t i = 0; i < count; ++i)
-            parts_.emplace_back(infos[i]);
+        for (uint32_t i = 0; i < count; ++i) {
+            if (isMicromapBuild(infos[i]))
+                built_.insert(infos[i].dstAccelerationStructure);
+            else
+                parts_.emplace_back(i, infos[i]);
+        }
     }
 
     void record()
     {
-        if (InjectedWork::refusedIn(device_, commandBuffer_, "vkCmdBuildAccelerationStructuresKHR"))
-            return;
-        for (uint32_t i = 0; i < parts_.size(); ++i)
-            prepare(i);
+        for (Part &part : parts_)
+            prepare(part);
         InjectedWork work(device_, commandBuffer_);
         patchInstances(work);
         runDriver();
@@ -65,7 +69,8 @@ public:
 
 private:
     struct Part {
-        explicit Part(const BuildInfo &info) : build(info) {}
+        Part(uint32_t index, const BuildInfo &info) : i(index), build(info) {}
+        uint32_t i; // of pInfos
         DriverBuildInfo build;
         std::shared_ptr<AccelerationStructure> target;
         VkDeviceAddress tail = 0; // where the records go; 0: there are none
@@ -76,45 +81,70 @@ private:
         bool skipped = false;
     };
 
-    void refuse(Part &part, uint32_t i, const char *id, const std::string &text)
+    void refuse(Part &part, const char *id, const std::string &text)
     {
-        device_.report().error(id, "vkCmdBuildAccelerationStructuresKHR: pInfos[" + std::to_string(i) + "]: " + text,
+        device_.report().error(id,
+                               "vkCmdBuildAccelerationStructuresKHR: pInfos[" + std::to_string(part.i) + "]: " + text,
                                VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                               reinterpret_cast<uint64_t>(infos_[i].dstAccelerationStructure));
+                               reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure));
         part.skipped = true;
     }
 
-    void prepare(uint32_t i)
+    void prepare(Part &part)
     {
-        Part &part = parts_[i];
+        const uint32_t i = part.i;
         part.target = device_.accelerationStructures.get(infos_[i].dstAccelerationStructure);
-        if (!part.target) {
-            refuse(part, i,
-                   "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
+        if (!part.target || part.target->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+            refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
                    "dstAccelerationStructure is not an acceleration structure of this device");
             return;
         }
         part.cell = cellOf(device_, *part.target, infos_[i].dstAccelerationStructure);
         if (!part.cell.address) {
-            refuse(part, i, "VELLUM-out-of-memory", "no memory for the layer's tables");
+            refuse(part, "VELLUM-out-of-memory", "no memory for the layer's tables");
             return;
         }
         if (!part.build.topLevel())
-            prepareBottomLevel(part, i);
+            prepareBottomLevel(part);
         else if (part.build.geometryCount() != 1)
-            refuse(part, i, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790",
+            refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790",
                    "a top-level structure has one geometry");
     }
 
-    void refuseSmall(Part &part, uint32_t i)
+    void refuseSmall(Part &part)
     {
-        refuse(part, i, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
+        refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
                "dstAccelerationStructure has " + std::to_string(part.target->size) +
                    " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
     }
 
-    void prepareBottomLevel(Part &part, uint32_t i)
+    // A geometry's micromap that is none, or is being built by the same command.
+    bool micromapsAreWrong(Part &part)
     {
+        for (uint32_t g = 0; g < part.build.geometryCount(); ++g) {
+            const MicromapAttachment *attachment = part.build.micromap(g);
+            if (!attachment || !attachment->structure)
+                continue;
+            const std::string where = "geometry " + std::to_string(g) + ": ";
+            if (!micromapOf(device_, attachment->structure)) {
+                refuse(part, "VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
+                       where + "micromap is not a micromap of this device");
+                return true;
+            }
+            if (built_.contains(attachment->structure)) {
+                refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
+                       where + "micromap is built by the same command");
+                return true;
+            }
+        }
+        return false;
+    }
+
+    void prepareBottomLevel(Part &part)
+    {
+        if (micromapsAreWrong(part))
+            return;
+        const uint32_t i = part.i;
         AccelerationStructure &target = *part.target;
         {
             std::lock_guard lock(target.mutex);
@@ -132,7 +162,7 @@ private:
                     kPartAlignment);
         if (part.tailBytes > target.size || (offset + part.tailBytes > target.size &&
                                              infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
-            refuseSmall(part, i);
+            refuseSmall(part);
             return;
         }
         // An update in place of a compacted structure: the records come last in it.
@@ -144,19 +174,19 @@ private:
     void patchInstances(InjectedWork &work)
     {
         bool any = false;
-        for (uint32_t i = 0; i < parts_.size(); ++i) {
-            Part &part = parts_[i];
+        for (Part &part : parts_) {
             if (part.skipped || !part.build.topLevel())
                 continue;
+            const uint32_t i = part.i;
             const uint32_t count = ranges_[i][0].primitiveCount;
             const VkBuildAccelerationStructureFlagsKHR flags = infos_[i].flags;
             if (topLevelBytes(device_, flags, count) > part.target->size) {
-                refuseSmall(part, i);
+                refuseSmall(part);
                 continue;
             }
             const auto slots = slotsFor(device_, *part.target, count);
             if (!slots) {
-                refuse(part, i, "VELLUM-out-of-slots",
+                refuse(part, "VELLUM-out-of-slots",
                        "more than 2^24 instances in all acceleration structures together, or no "
                        "memory for the layer's tables");
                 continue;
@@ -199,12 +229,11 @@ private:
     {
         std::vector<BuildInfo> infos;
         std::vector<const RangeInfo *> ranges;
-        for (uint32_t i = 0; i < parts_.size(); ++i) {
-            Part &part = parts_[i];
+        for (Part &part : parts_) {
             if (part.skipped)
                 continue;
             infos.push_back(part.build.info());
-            ranges.push_back(part.build.topLevel() ? &part.instanceRange : ranges_[i]);
+            ranges.push_back(part.build.topLevel() ? &part.instanceRange : ranges_[part.i]);
         }
         if (!infos.empty())
             device_.next.CmdBuildAccelerationStructuresKHR(commandBuffer_, static_cast<uint32_t>(infos.size()),
@@ -231,12 +260,11 @@ private:
         if (std::none_of(parts_.begin(), parts_.end(), hasTail))
             return;
         work.barrier();
-        for (uint32_t i = 0; i < parts_.size(); ++i) {
-            Part &part = parts_[i];
+        for (Part &part : parts_) {
             if (!hasTail(part))
                 continue;
             if (part.tail) {
-                writeRecords(work, part, ranges_[i]);
+                writeRecords(work, part, ranges_[part.i]);
             } else {
                 part.instances.pass = 1;
                 work.dispatch(InjectedShader::TlasInstances, part.instances, part.instances.count, 64);
@@ -262,10 +290,12 @@ private:
                 push.triangleRecords = triangles;
                 push.geometryWord |= static_cast<uint32_t>((triangles - part.tail) / kTriangleRecordBytes)
                                      << kGeometryTrianglesShift;
-                push.micromap = micromapAddress(device_, micromap->micromap);
+                const VkMicromapEXT handle =
+                    micromap->structure ? micromapOf(device_, micromap->structure) : micromap->micromap;
+                push.micromap = micromapAddress(device_, handle);
                 push.baseTriangle = micromap->baseTriangle;
                 push.log = device_.complaints.address();
-                push.object = reinterpret_cast<uint64_t>(micromap->micromap);
+                push.object = complaintObject(handle);
                 setIndices(push, *micromap);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }
@@ -273,12 +303,12 @@ private:
         }
     }
 
-    void setIndices(BlasRecordsPush &push, const VkAccelerationStructureTrianglesOpacityMicromapEXT &micromap)
+    void setIndices(BlasRecordsPush &push, const MicromapAttachment &micromap)
     {
         // VUID-...-indexType-10719: UINT16, UINT32 or NONE_KHR
-        if (micromap.indexType == VK_INDEX_TYPE_NONE_KHR || micromap.indexBuffer.deviceAddress == 0)
+        if (micromap.indexType == VK_INDEX_TYPE_NONE_KHR || micromap.indexBuffer == 0)
             return;
-        push.indices = micromap.indexBuffer.deviceAddress;
+        push.indices = micromap.indexBuffer;
         push.indexBytes = micromap.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 4;
         push.indexStride = static_cast<uint32_t>(micromap.indexStride);
         const VkDeviceSize bytes = device_.addresses.bytesFrom(push.indices);
@@ -293,6 +323,7 @@ private:
     const BuildInfo *infos_;
     const RangeInfo *const *ranges_;
     std::vector<Part> parts_;
+    std::unordered_set<VkAccelerationStructureKHR> built_; // micromaps, by the same command
 };
 
 } // namespace
@@ -302,6 +333,9 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer comman
 {
     Device &device = deviceOf(commandBuffer);
     reportNotices(device);
+    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR"))
+        return;
+    cmdBuildMicromapStructures(commandBuffer, count, infos);
     Build(device, commandBuffer, count, infos, ranges).record();
 }
 

@@ -6,6 +6,7 @@
 #include "core/records.h"
 #include "layer/acceleration_structure.h"
 #include "layer/device.h"
+#include "layer/micromap_structure.h"
 #include "layer/structure_layout.h"
 
 namespace vellum::layer
@@ -187,6 +188,8 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandB
     Device &device = deviceOf(commandBuffer);
     reportNotices(device);
     if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyAccelerationStructureKHR"))
+        return;
+    if (copiesMicromapStructure(device, commandBuffer, *info))
         return;
     const Copy copy{device, commandBuffer, *info, device.accelerationStructures.get(info->src),
                     device.accelerationStructures.get(info->dst)};

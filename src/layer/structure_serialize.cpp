@@ -7,6 +7,8 @@
 #include "core/records.h"
 #include "layer/acceleration_structure.h"
 #include "layer/device.h"
+#include "layer/micromap_serialized.h"
+#include "layer/micromap_structure.h"
 #include "layer/structure_copy.h"
 #include "layer/structure_layout.h"
 
@@ -208,7 +210,8 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer 
     constexpr const char *kCommand = "vkCmdCopyAccelerationStructureToMemoryKHR";
     Device &device = deviceOf(commandBuffer);
     reportNotices(device);
-    if (InjectedWork::refusedIn(device, commandBuffer, kCommand))
+    if (InjectedWork::refusedIn(device, commandBuffer, kCommand) ||
+        savesMicromapStructure(device, commandBuffer, *info))
         return;
     const auto source = device.accelerationStructures.get(info->src);
     const auto state = commandState(commandBuffer);
@@ -253,7 +256,8 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer 
 {
     Device &device = deviceOf(commandBuffer);
     reportNotices(device);
-    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR"))
+    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR") ||
+        restoresMicromapStructure(device, commandBuffer, *info))
         return;
     const Restore restore{device, commandBuffer, *info, device.accelerationStructures.get(info->dst),
                           commandState(commandBuffer)};
@@ -266,6 +270,11 @@ getDeviceAccelerationStructureCompatibility(VkDevice handle, const VkAcceleratio
                                             VkAccelerationStructureCompatibilityKHR *compatibility)
 {
     Device &device = deviceOf(handle);
+    const SerializedMicromapHeader micromap = serializedHeader(device.driverUuid, 0);
+    if (std::memcmp(info->pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0) {
+        *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
+        return;
+    }
     // Whether the driver can read it is the driver's to say. Data of the driver alone is not compatible.
     uint32_t words[kUuidWords];
     std::memcpy(words, info->pVersionData, sizeof words);

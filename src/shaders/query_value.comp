@@ -25,8 +25,16 @@ void main()
         bytes = micromapBytes(header.w[kMicromapHeaderTriangles], header.w[kMicromapHeaderUnits]);
     if (bytes.y > push.micromapBytes.y || (bytes.y == push.micromapBytes.y && bytes.x > push.micromapBytes.x))
         bytes = push.micromapBytes;
-    const uvec2 value =
-        push.kind == kQueryMicromapSerialized ? addressPlus(bytes, kSerializedMicromapHeaderWords * 4u) : bytes;
+    const uint kind = push.kind & 3u;
+    uvec2 value = bytes;
+    if (kind == kQueryMicromapSize)
+        value = push.micromapBytes;
+    else if (kind == kQueryMicromapSerialized)
+        value = addressPlus(bytes, kSerializedMicromapHeaderWords * 4u);
+    if ((push.kind & kQueryMarked) != 0u) {
+        value = addressPlus(value, 255u - kMicromapSizeMark);
+        value.x = (value.x & ~255u) + kMicromapSizeMark;
+    }
     Words target = Words(push.target);
     target.w[0] = value.x;
     target.w[1] = value.y;

@@ -206,6 +206,12 @@ void Gpu::createInstance()
     VT_CHECK(commands_.CreateDebugUtilsMessengerEXT(instance_, &messenger, nullptr, &messenger_));
 }
 
+Api apiOfTests()
+{
+    const char *name = std::getenv("VELLUM_TEST_API");
+    return name && std::strcmp(name, "khr") == 0 ? Api::Khr : Api::Ext;
+}
+
 void Gpu::createDevice()
 {
     std::uint32_t count = 1;
@@ -219,14 +225,18 @@ void Gpu::createDevice()
     VT_CHECK(vkEnumerateDeviceExtensionProperties(physical_, nullptr, &count, present.data()));
     const auto add = [&](const char *name) {
         for (const VkExtensionProperties &p : present) {
-            if (std::strcmp(p.extensionName, name) == 0)
+            if (std::strcmp(p.extensionName, name) == 0 && !has(name))
                 extensions_.emplace_back(name);
         }
     };
     for (const char *name : kWantedExtensions)
         add(name);
-    if (options_.micromaps)
+    if (options_.micromaps && options_.api == Api::Ext) {
         extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    } else if (options_.micromaps) {
+        extensions_.emplace_back(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+        extensions_.emplace_back(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    }
     if (options_.shaderObject)
         add("VK_EXT_shader_object");
     if (options_.maintenance)
@@ -260,8 +270,9 @@ void Gpu::createDevice()
     VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{};
     VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT libraries{};
     VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
-    VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR maintenance{};
+    VkPhysicalDeviceOpacityMicromapFeaturesKHR micromapsKhr{};
     VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{};
+    VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR maintenance{};
     VkPhysicalDeviceMeshShaderFeaturesEXT mesh{};
     VkPhysicalDeviceTransformFeedbackFeaturesEXT feedback{};
     VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
@@ -279,8 +290,10 @@ void Gpu::createDevice()
         chain(conditional, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT);
     if (has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
         chain(libraries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_GRAPHICS_PIPELINE_LIBRARY_FEATURES_EXT);
-    if (options_.micromaps)
+    if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
         chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
+        chain(micromapsKhr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
     if (has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
         chain(addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
     if (has(VK_EXT_MESH_SHADER_EXTENSION_NAME))
@@ -300,7 +313,8 @@ void Gpu::createDevice()
             chain(newer[i], kNewerExtensions[i].features);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
-    micromaps.micromap = options_.micromapFeature ? micromaps.micromap : VK_FALSE;
+    if (!options_.micromapFeature)
+        micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
     robustness.robustBufferAccess2 = VK_FALSE;
     mesh.multiviewMeshShader = mesh.primitiveFragmentShadingRateMeshShader = VK_FALSE; // need features not asked for

@@ -26,11 +26,16 @@ struct Message {
     [[nodiscard]] bool fromVellum() const { return id.starts_with("VELLUM-"); }
 };
 
+// Which extension the tests go through: the environment variable VELLUM_TEST_API says "ext" or "khr".
+enum class Api { Ext, Khr };
+Api apiOfTests();
+
 struct Options {
     bool vellum = true;
     bool validation = true;
     bool spy = true;           // spy_layer.cpp, below everything
-    bool micromaps = true;     // enable VK_EXT_opacity_micromap on the device
+    bool micromaps = true;     // enable opacity micromaps on the device
+    Api api = apiOfTests();    // by this extension
     bool hostCommands = true;  // enable micromapHostCommands
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
@@ -62,6 +67,7 @@ struct Options {
     X(CopyMemoryToMicromapEXT)                                                                                         \
     X(WriteMicromapsPropertiesEXT)                                                                                     \
     X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
+    X(CreateAccelerationStructure2KHR)                                                                                 \
     X(CreateAccelerationStructureKHR)                                                                                  \
     X(DestroyAccelerationStructureKHR)                                                                                 \
     X(GetAccelerationStructureBuildSizesKHR)                                                                           \
@@ -168,6 +174,7 @@ public:
     ~Gpu();
 
     [[nodiscard]] const Options &options() const { return options_; }
+    [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
     [[nodiscard]] VkInstance instance() const { return instance_; }
     [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
     [[nodiscard]] VkDevice device() const { return device_; }

@@ -107,6 +107,36 @@ Guarded uploadAligned(Gpu &gpu, const void *content, VkDeviceSize size, VkBuffer
     return buffer;
 }
 
+StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAccelerationStructureKHR target)
+{
+    for (std::uint32_t i = 0; i < ext.usageCountsCount; ++i) {
+        const VkMicromapUsageEXT &usage = ext.pUsageCounts != nullptr ? ext.pUsageCounts[i] : *ext.ppUsageCounts[i];
+        usages.push_back({usage.count, usage.subdivisionLevel, static_cast<VkOpacityMicromapFormatKHR>(usage.format)});
+    }
+    data.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR;
+    data.usageCountsCount = static_cast<std::uint32_t>(usages.size());
+    data.pUsageCounts = usages.data();
+    data.data = ext.data.deviceAddress;
+    data.triangleArray = ext.triangleArray.deviceAddress;
+    data.triangleArrayStride = ext.triangleArrayStride;
+    geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
+    geometry.pNext = &data;
+    geometry.geometryType = VK_GEOMETRY_TYPE_MICROMAP_KHR;
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
+    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    if ((ext.flags & VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT) != 0)
+        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR;
+    if ((ext.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) != 0)
+        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR;
+    if ((ext.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0)
+        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+    info.dstAccelerationStructure = target;
+    info.geometryCount = 1;
+    info.pGeometries = &geometry;
+    info.scratchData = ext.scratchData;
+}
+
 Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags) : gpu_(gpu), input_(std::move(input))
 {
     usage_ = input_.usage();
@@ -118,14 +148,26 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     info_.pUsageCounts = usage_.data();
     VkMicromapBuildSizesInfoEXT sizes{};
     sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-    gpu_.vk().GetMicromapBuildSizesEXT(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_, &sizes);
+    if (gpu_.khr()) {
+        const StructureBuild build(info_, VK_NULL_HANDLE);
+        VkAccelerationStructureBuildSizesInfoKHR khr{};
+        khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+        gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                                                        &build.info, nullptr, &khr);
+        sizes.micromapSize = khr.accelerationStructureSize;
+        sizes.buildScratchSize = khr.buildScratchSize;
+    } else {
+        gpu_.vk().GetMicromapBuildSizesEXT(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_,
+                                           &sizes);
+    }
 
     create(sizes.micromapSize);
 
     std::vector<std::uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
     for (std::size_t i = 0; i < input_.triangles.size(); ++i)
         std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
-    constexpr VkBufferUsageFlags usage = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
+    const VkBufferUsageFlags usage = gpu_.khr() ? VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR
+                                                : VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
     data_ = uploadAligned(gpu_, input_.data.data(), input_.data.size(), usage);
     triangles_ = uploadAligned(gpu_, strided.data(), strided.size(), usage);
     scratch_ = Guarded(gpu_, sizes.buildScratchSize, gpu_.scratchAlignment(), kScratch);
@@ -143,6 +185,17 @@ Micromap::Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size) : gpu_(gpu
 
 void Micromap::create(VkDeviceSize size)
 {
+    if (gpu_.khr()) {
+        storage_ =
+            Guarded(gpu_, size, 256,
+                    VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        VkAccelerationStructureCreateInfo2KHR khr{};
+        khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+        khr.addressRange = {storage_.address(), size};
+        khr.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+        VT_CHECK(gpu_.vk().CreateAccelerationStructure2KHR(gpu_.device(), &khr, nullptr, &structure_));
+        return;
+    }
     storage_ = Guarded(gpu_, size, 256, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
     VkMicromapCreateInfoEXT info{};
     info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
@@ -156,15 +209,24 @@ void Micromap::create(VkDeviceSize size)
 Micromap::~Micromap()
 {
     EXPECT_TRUE(storage_.intact()) << "a build wrote beyond its micromap";
-    if (info_.dstMicromap != VK_NULL_HANDLE) {
+    if (info_.sType != 0) {
         EXPECT_TRUE(scratch_.intact()) << "a micromap build wrote beyond its scratch memory";
         EXPECT_TRUE(data_.intact() && triangles_.intact()) << "a micromap build wrote to its input";
     }
-    gpu_.vk().DestroyMicromapEXT(gpu_.device(), micromap_, nullptr);
+    if (gpu_.khr())
+        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
+    else
+        gpu_.vk().DestroyMicromapEXT(gpu_.device(), micromap_, nullptr);
 }
 
 void Micromap::record(VkCommandBuffer commands)
 {
+    if (gpu_.khr()) {
+        const StructureBuild build(info_, structure_);
+        const VkAccelerationStructureBuildRangeInfoKHR *range = nullptr;
+        gpu_.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &build.info, &range);
+        return;
+    }
     gpu_.vk().CmdBuildMicromapsEXT(commands, 1, &info_);
 }
 
@@ -278,6 +340,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
     buffers_.clear();
     usages_.assign(inputs_.size(), {});
     attachments_.assign(inputs_.size(), {});
+    attachmentsKhr_.assign(inputs_.size(), {});
     geometries_.clear();
     ranges_.clear();
     std::vector<std::uint32_t> counts;
@@ -345,6 +408,16 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             out.usageCountsCount = static_cast<std::uint32_t>(usages_[i].size());
             out.pUsageCounts = usages_[i].data();
             geometry.geometry.triangles.pNext = &out;
+            if (gpu().khr()) {
+                VkAccelerationStructureTrianglesOpacityMicromapKHR &khr = attachmentsKhr_[i];
+                khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+                khr.indexType = out.indexType;
+                khr.indexBuffer = out.indexBuffer.deviceAddress;
+                khr.indexStride = out.indexStride;
+                khr.baseTriangle = out.baseTriangle;
+                khr.micromap = attachment.micromap != nullptr ? attachment.micromap->structure() : VK_NULL_HANDLE;
+                geometry.geometry.triangles.pNext = &khr;
+            }
         }
         geometries_.push_back(geometry);
         ranges_.push_back(range);

@@ -66,7 +66,9 @@ public:
     Micromap &operator=(const Micromap &) = delete;
     ~Micromap();
 
+    // The one that it is, by the API of the device.
     [[nodiscard]] VkMicromapEXT handle() const { return micromap_; }
+    [[nodiscard]] VkAccelerationStructureKHR structure() const { return structure_; }
     [[nodiscard]] const MicromapInput &input() const { return input_; }
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
     // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
@@ -90,6 +92,18 @@ private:
     Guarded data_, triangles_, scratch_, storage_;
     VkMicromapBuildInfoEXT info_{};
     VkMicromapEXT micromap_ = VK_NULL_HANDLE;
+    VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
+};
+
+// A build of EXT's as VK_KHR_opacity_micromap puts it. Points into itself.
+struct StructureBuild {
+    StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAccelerationStructureKHR target);
+    StructureBuild(const StructureBuild &) = delete;
+    StructureBuild &operator=(const StructureBuild &) = delete;
+    std::vector<VkMicromapUsageKHR> usages;
+    VkAccelerationStructureGeometryMicromapDataKHR data{};
+    VkAccelerationStructureGeometryKHR geometry{};
+    VkAccelerationStructureBuildGeometryInfoKHR info{};
 };
 
 // VkAccelerationStructureTrianglesOpacityMicromapEXT of a geometry.
@@ -175,6 +189,7 @@ private:
     std::vector<Guarded> buffers_;
     std::vector<std::vector<VkMicromapUsageEXT>> usages_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments_;
+    std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr_;
 };
 
 // An instance at a place, not turned.
