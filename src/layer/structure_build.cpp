@@ -276,7 +276,7 @@ private:
     void writeRecords(InjectedWork &work, const Part &part, const RangeInfo *ranges)
     {
         const uint32_t geometries = part.build.geometryCount();
-        VkDeviceAddress triangles = part.tail + geometries * kGeometryRecordBytes;
+        VkDeviceAddress triangles = part.tail + geometries * (kGeometryRecordBytes + kMicromapNameWords * 4);
         for (uint32_t g = 0; g < geometries; ++g) {
             BlasRecordsPush push{};
             push.geometryRecord = part.tail + g * kGeometryRecordBytes;
@@ -284,6 +284,7 @@ private:
             push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell.address : 0;
             push.geometryCount = geometries;
+            push.geometry = g;
             push.tailUnits = unitsOf(part.tailBytes);
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges[g].primitiveCount;
@@ -293,6 +294,7 @@ private:
                 const VkMicromapEXT handle =
                     micromap->structure ? micromapOf(device_, micromap->structure) : micromap->micromap;
                 push.micromap = micromapAddress(device_, handle);
+                push.named = micromap->structure != VK_NULL_HANDLE;
                 push.baseTriangle = micromap->baseTriangle;
                 push.log = device_.complaints.address();
                 push.object = complaintObject(handle);
