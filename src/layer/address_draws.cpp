@@ -30,19 +30,20 @@ bool isNull(VkDeviceAddress address, VkDeviceSize size)
 struct Kind {
     const char *command;
     VkDeviceSize commandBytes; // of what the device reads for each draw
+    const char *leastId;       // message where a range has too few of them
 };
 
 // The stride as the older commands take it; nothing, with a message, where it is wrong. It is 0 only where there is no
 // second draw, and they want a true one all the same (VUID-vkCmdDrawIndirectCount-stride-03110).
 std::optional<uint32_t> strideOf(const AddressLookup &lookup, const Kind &kind, VkDeviceSize stride, uint32_t draws)
 {
-    const std::string vuid = std::string("VELLUM-VUID-") + kind.command + "-pInfo-";
+    const auto vuid = [&kind](const char *rule) { return std::string("VELLUM-VUID-") + kind.command + rule; };
     if (draws > 1 && stride == 0) {
-        lookup.refuse(vuid + "13111", "several draws with a stride of 0");
+        lookup.refuse(vuid("-pInfo-13111"), "several draws with a stride of 0");
     } else if (stride != 0 && stride < kind.commandBytes) {
-        lookup.refuse(vuid + "13112", "the stride is smaller than what the device reads for each draw");
+        lookup.refuse(vuid("-pInfo-13112"), "the stride is smaller than what the device reads for each draw");
     } else if (stride % 4 != 0) {
-        lookup.refuse(vuid + "13113", "the stride is not a multiple of 4");
+        lookup.refuse(vuid("-pInfo-13113"), "the stride is not a multiple of 4");
     } else if (draws > 1 && stride > UINT32_MAX) {
         lookup.refuse("VELLUM-not-available", "strides of 4 GiB and more are not available");
     } else {
@@ -63,12 +64,11 @@ std::optional<Draws> findDraws(const AddressLookup &lookup, const Kind &kind,
     const auto stride = strideOf(lookup, kind, range.stride, draws);
     if (!stride)
         return std::nullopt;
-    const std::string leastId = std::string("VELLUM-VUID-") + kind.command + "-pInfo-13110";
     const auto found = lookup.find(range, {.member = "addressRange",
                                            .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                            .usageId = usageId,
                                            .least = (draws - VkDeviceSize{1}) * *stride + kind.commandBytes,
-                                           .leastId = leastId.c_str()});
+                                           .leastId = kind.leastId});
     return found ? std::optional(Draws{*found, *stride}) : std::nullopt;
 }
 
@@ -183,32 +183,42 @@ VKAPI_ATTR void VKAPI_CALL cmdBindVertexBuffers3(VkCommandBuffer commandBuffer, 
 
 VKAPI_ATTR void VKAPI_CALL cmdDrawIndirect2(VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(commandBuffer, *info, {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand)},
-                 deviceOf(commandBuffer).next.CmdDrawIndirect);
+    drawIndirect(
+        commandBuffer, *info,
+        {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand), "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13110"},
+        deviceOf(commandBuffer).next.CmdDrawIndirect);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdDrawIndexedIndirect2(VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(commandBuffer, *info, {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand)},
+    drawIndirect(commandBuffer, *info,
+                 {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand),
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110"},
                  deviceOf(commandBuffer).next.CmdDrawIndexedIndirect);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdDrawMeshTasksIndirect2(VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(commandBuffer, *info, {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT)},
+    drawIndirect(commandBuffer, *info,
+                 {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13110"},
                  deviceOf(commandBuffer).next.CmdDrawMeshTasksIndirectEXT);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdDrawIndirectCount2(VkCommandBuffer commandBuffer, const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(commandBuffer, *info, {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand)},
+    drawIndirectCount(commandBuffer, *info,
+                      {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
+                       "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110"},
                       deviceOf(commandBuffer).next.CmdDrawIndirectCount);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdDrawIndexedIndirectCount2(VkCommandBuffer commandBuffer,
                                                         const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(commandBuffer, *info, {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand)},
+    drawIndirectCount(commandBuffer, *info,
+                      {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand),
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110"},
                       deviceOf(commandBuffer).next.CmdDrawIndexedIndirectCount);
 }
 
@@ -216,7 +226,8 @@ VKAPI_ATTR void VKAPI_CALL cmdDrawMeshTasksIndirectCount2(VkCommandBuffer comman
                                                           const VkDrawIndirectCount2InfoKHR *info)
 {
     drawIndirectCount(commandBuffer, *info,
-                      {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT)},
+                      {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13110"},
                       deviceOf(commandBuffer).next.CmdDrawMeshTasksIndirectCountEXT);
 }
 

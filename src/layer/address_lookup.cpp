@@ -24,9 +24,9 @@ std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRan
         refuse(id, text);
         return std::nullopt;
     };
-    const std::string vuid = std::string("VELLUM-VUID-") + structure;
+    const auto vuid = [structure](const char *rule) { return std::string("VELLUM-VUID-") + structure + rule; };
     if (range.address == 0)
-        return refuseRange(vuid + "-size-11411", "is a null range");
+        return refuseRange(vuid("-size-11411"), "is a null range");
     if (range.size < need.least)
         return refuseRange(need.leastId, "is smaller than what the command accesses");
     const AddressMap::Place place = device_.addresses.covering(range.address, range.size, need.usage);
@@ -34,7 +34,7 @@ std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRan
         return Found{place.buffer, place.offset};
     if (device_.addresses.covering(range.address, range.size, 0).buffer)
         return refuseRange(need.usageId, "lies in no buffer with the usage that the command needs");
-    return refuseRange(vuid + "-address-11365", "does not lie in one buffer");
+    return refuseRange(vuid("-address-11365"), "does not lie in one buffer");
 }
 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need) const
