@@ -152,16 +152,14 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResultsToMemory(VkCommandBuffer comma
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteMarkerToMemory(VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
+    const AddressLookup lookup(deviceOf(commandBuffer), commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
     const auto target = lookup.find(info->dstRange, {.member = "dstRange",
                                                      .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                                      .usageId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13039",
                                                      .least = sizeof(uint32_t),
                                                      .leastId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13041"});
     if (target)
-        device.next.CmdWriteBufferMarker2AMD(commandBuffer, driverStage(info->stage), target->buffer, target->offset,
-                                             info->marker);
+        cmdWriteBufferMarker2(commandBuffer, info->stage, target->buffer, target->offset, info->marker);
 }
 
 } // namespace vellum::layer

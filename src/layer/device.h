@@ -79,7 +79,7 @@ struct Asked {
     bool hostCommands = false;
 
     // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
-    [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext || !khr; }
+    [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
 struct Device {

@@ -117,12 +117,12 @@ namespace vellum::layer
     X(CmdBeginTransformFeedbackEXT, CmdBeginTransformFeedbackEXT)                                                      \
     X(CmdEndTransformFeedbackEXT, CmdEndTransformFeedbackEXT)                                                          \
     X(CmdDrawIndirectByteCountEXT, CmdDrawIndirectByteCountEXT)                                                        \
-    X(CmdWriteBufferMarker2AMD, CmdWriteBufferMarker2AMD)                                                              \
     X(CmdPipelineBarrier2, CmdPipelineBarrier2KHR)                                                                     \
     X(CmdSetEvent2, CmdSetEvent2KHR)                                                                                   \
     X(CmdResetEvent2, CmdResetEvent2KHR)                                                                               \
     X(CmdWaitEvents2, CmdWaitEvents2KHR)                                                                               \
     X(CmdWriteTimestamp2, CmdWriteTimestamp2KHR)                                                                       \
+    X(CmdWriteBufferMarker2AMD, CmdWriteBufferMarker2AMD)                                                              \
     X(QueueSubmit2, QueueSubmit2KHR)                                                                                   \
     X(SetDebugUtilsObjectNameEXT, SetDebugUtilsObjectNameEXT)                                                          \
     X(SetDebugUtilsObjectTagEXT, SetDebugUtilsObjectTagEXT)

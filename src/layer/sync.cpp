@@ -108,12 +108,13 @@ std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo 
     return own;
 }
 
-} // namespace
-
+// Of commands that take exactly one stage.
 VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
 {
     return stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT ? VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT : stage;
 }
+
+} // namespace
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
@@ -150,6 +151,13 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer commandBuffer, VkP
 {
     // VUID-vkCmdWriteTimestamp2-stage-03859
     deviceOf(commandBuffer).next.CmdWriteTimestamp2(commandBuffer, driverStage(stage), pool, query);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                                                 VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
+{
+    // A marker is written when a stage is complete, as a timestamp is.
+    deviceOf(commandBuffer).next.CmdWriteBufferMarker2AMD(commandBuffer, driverStage(stage), buffer, offset, marker);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)

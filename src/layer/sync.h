@@ -7,14 +7,13 @@
 namespace vellum::layer
 {
 
-// Where a command takes exactly one stage.
-VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage);
-
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer, const VkDependencyInfo *);
 VKAPI_ATTR void VKAPI_CALL cmdSetEvent2(VkCommandBuffer, VkEvent, const VkDependencyInfo *);
 VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer, VkEvent, VkPipelineStageFlags2);
 VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer, uint32_t, const VkEvent *, const VkDependencyInfo *);
 VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer, VkPipelineStageFlags2, VkQueryPool, uint32_t);
+VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer, VkPipelineStageFlags2, VkBuffer, VkDeviceSize,
+                                                 uint32_t);
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
 VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice, const VkRenderPassCreateInfo2 *,
                                                  const VkAllocationCallbacks *, VkRenderPass *);

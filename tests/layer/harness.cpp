@@ -1,5 +1,7 @@
 #include "harness.h"
 
+#include "execution_mode.h"
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -251,6 +253,7 @@ void Gpu::createDevice()
     if (options_.newer) {
         for (const NewerExtension &extension : kNewerExtensions)
             add(extension.name);
+        add("VK_KHR_map_memory2");
     }
 
     VkPhysicalDeviceFeatures2 features{};
@@ -413,11 +416,18 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
 }
 
-VkShaderModule Gpu::shader(std::span<const std::uint32_t> words) const
+std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
+    return khr() && options_.declaresMode ? withModeWhereNeeded(words)
+                                          : std::vector<std::uint32_t>(words.begin(), words.end());
+}
+
+VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const
+{
+    const std::vector<std::uint32_t> words = code(original);
     VkShaderModuleCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    info.codeSize = words.size_bytes();
+    info.codeSize = words.size() * sizeof(std::uint32_t);
     info.pCode = words.data();
     VkShaderModule module = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(device_, &info, nullptr, &module));

@@ -45,6 +45,7 @@ struct Options {
     bool addressCommands = false; // VK_KHR_device_address_commands, and the extensions whose commands it has again
     bool nullIndexBuffer = false; // VK_KHR_maintenance6
     bool micromapFeature = true;  // where the extension is enabled, its feature too
+    bool declaresMode = true;     // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
@@ -175,6 +176,8 @@ public:
 
     [[nodiscard]] const Options &options() const { return options_; }
     [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
+    // A module as shader() makes it.
+    [[nodiscard]] std::vector<std::uint32_t> code(std::span<const std::uint32_t> words) const;
     [[nodiscard]] VkInstance instance() const { return instance_; }
     [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
     [[nodiscard]] VkDevice device() const { return device_; }

@@ -40,11 +40,12 @@ using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkSh
 
 // The tracer as a shader object: what `info` points to lives as long as this.
 struct TracerShader {
-    explicit TracerShader(const Tracer &tracer) : setLayout(tracer.setLayout())
+    explicit TracerShader(const Gpu &gpu, const Tracer &tracer)
+        : setLayout(tracer.setLayout()), code(gpu.code(tracer_comp))
     {
         info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.codeSize = sizeof(tracer_comp);
-        info.pCode = tracer_comp;
+        info.codeSize = code.size() * sizeof(std::uint32_t);
+        info.pCode = code.data();
         info.setLayoutCount = 1;
         info.pSetLayouts = &setLayout;
         info.pushConstantRangeCount = 1;
@@ -53,6 +54,7 @@ struct TracerShader {
     TracerShader(const TracerShader &) = delete;
     TracerShader &operator=(const TracerShader &) = delete;
     VkDescriptorSetLayout setLayout;
+    std::vector<std::uint32_t> code;
     VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
     ShaderCreateInfo info;
 };
@@ -74,7 +76,7 @@ TEST_F(ShaderObject, TracesAndSurvivesBuilds)
 
     StateScene scene(gpu());
     Tracer tracer(gpu());
-    TracerShader description(tracer);
+    TracerShader description(gpu(), tracer);
     ShaderCreateInfo &info = description.info;
     ShaderHandle shader = 0;
     VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
@@ -93,6 +95,26 @@ TEST_F(ShaderObject, TracesAndSurvivesBuilds)
     destroy(gpu().device(), shader, nullptr);
 }
 
+// VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT: the spy below the layer tells if it gets
+// there.
+TEST_F(ShaderObject, ThePromiseOfNoMixedSpecialIndicesStaysInTheLayer)
+{
+    if (!gpu().has("VK_EXT_shader_object"))
+        GTEST_SKIP() << "no VK_EXT_shader_object";
+    const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
+    const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
+    const Tracer tracer(gpu());
+    TracerShader description(gpu(), tracer);
+    description.info.flags = 1u << 12;
+    ShaderHandle shader = 0;
+    EXPECT_EQ(create(gpu().device(), 1, &description.info, nullptr, &shader), VK_SUCCESS);
+    destroy(gpu().device(), shader, nullptr);
+    const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(messages.size(), gpu().khr() ? 0u : 1u);
+    for (const Message &m : messages)
+        EXPECT_EQ(m.id, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623") << m.text;
+}
+
 // A rewritten shader holds the address of its device's tables: its binary must come back on that device, and on no
 // other.
 TEST_F(ShaderObject, BinariesFitOnlyTheDeviceThatMadeThem)
@@ -106,7 +128,7 @@ TEST_F(ShaderObject, BinariesFitOnlyTheDeviceThatMadeThem)
     ASSERT_TRUE(create != nullptr && destroy != nullptr && binaryOf != nullptr);
 
     Tracer tracer(gpu());
-    TracerShader description(tracer);
+    TracerShader description(gpu(), tracer);
     ShaderCreateInfo &info = description.info;
     ShaderHandle shader = 0;
     VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));

@@ -205,10 +205,13 @@ World::World(Gpu &gpu, const Extent &extent)
                        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
     scratch_ = Buffer(gpu_, scratch + 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
     serialized_ = Buffer(gpu_, blasRoomBytes_ + 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
-    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
-        micromaps_[m].handle = createMicromap(m, 0);
+    VkQueryPoolCreateInfo pool{};
+    pool.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+    pool.queryType = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT;
+    pool.queryCount = 1;
+    VT_CHECK(vkCreateQueryPool(gpu_.device(), &pool, nullptr, &sizes_));
+    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m)
         buildMicromap(m);
-    }
     for (std::uint32_t b = 0; b < extent_.blases; ++b) {
         replace(b, createBlas(b, 0, blasBytes_));
         build(b, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
@@ -217,6 +220,7 @@ World::World(Gpu &gpu, const Extent &extent)
 
 World::~World()
 {
+    vkDestroyQueryPool(gpu_.device(), sizes_, nullptr);
     for (const Bottom &blas : blases_)
         gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
     for (const Map &micromap : micromaps_)
@@ -259,24 +263,30 @@ void World::fillInput(std::uint32_t micromap, std::uint32_t version)
     }
 }
 
-VkMicromapEXT World::createMicromap(std::uint32_t micromap, std::uint32_t half)
+VkMicromapEXT World::replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes)
 {
+    Map &map = micromaps_[micromap];
     VkMicromapCreateInfoEXT info{};
     info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
     info.buffer = micromapRoom_.handle();
     info.offset = (2 * VkDeviceSize{micromap} + half) * micromapBytes_;
-    info.size = micromapBytes_;
+    info.size = bytes;
     info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    VkMicromapEXT handle = VK_NULL_HANDLE;
-    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &handle));
-    return handle;
+    const VkMicromapEXT old = map.handle;
+    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &map.handle));
+    map.half = half;
+    map.bytes = bytes;
+    return old;
 }
 
 void World::buildMicromap(std::uint32_t micromap)
 {
-    fillInput(micromap, micromaps_[micromap].version);
+    Map &map = micromaps_[micromap];
+    if (map.bytes < micromapBytes_)
+        gpu_.vk().DestroyMicromapEXT(gpu_.device(), replaceMicromap(micromap, map.half, micromapBytes_), nullptr);
+    fillInput(micromap, map.version);
     MicromapDescription description(micromap, extent_.triangles);
-    description.info.dstMicromap = micromaps_[micromap].handle;
+    description.info.dstMicromap = map.handle;
     description.info.data.deviceAddress = up(data_);
     description.info.triangleArray.deviceAddress = up(triangles_);
     description.info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
@@ -284,21 +294,59 @@ void World::buildMicromap(std::uint32_t micromap)
     gpu_.submit([&](VkCommandBuffer commands) { gpu_.vk().CmdBuildMicromapsEXT(commands, 1, &description.info); });
 }
 
-void World::copyMicromap(std::uint32_t micromap)
+VkDeviceSize World::compactedBytes(std::uint32_t micromap)
+{
+    gpu_.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, sizes_, 0, 1);
+        gpu_.vk().CmdWriteMicromapsPropertiesEXT(commands, 1, &micromaps_[micromap].handle,
+                                                 VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, sizes_, 0);
+    });
+    VkDeviceSize bytes = 0;
+    VT_CHECK(vkGetQueryPoolResults(gpu_.device(), sizes_, 0, 1, sizeof bytes, &bytes, sizeof bytes,
+                                   VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
+    return bytes;
+}
+
+void World::copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode)
 {
     Map &map = micromaps_[micromap];
-    const VkMicromapEXT old = map.handle;
-    map.half ^= 1;
-    map.handle = createMicromap(micromap, map.half);
+    const bool compact = mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+    const VkMicromapEXT old = replaceMicromap(micromap, map.half ^ 1, compact ? compactedBytes(micromap) : map.bytes);
     gpu_.submit([&](VkCommandBuffer commands) {
         VkCopyMicromapInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
         info.src = old;
         info.dst = map.handle;
-        info.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
+        info.mode = mode;
         gpu_.vk().CmdCopyMicromapEXT(commands, &info);
     });
     gpu_.vk().DestroyMicromapEXT(gpu_.device(), old, nullptr);
+}
+
+void World::reloadMicromap(std::uint32_t micromap)
+{
+    Map &map = micromaps_[micromap];
+    const VkDeviceAddress memory = up(serialized_);
+    gpu_.submit([&](VkCommandBuffer commands) {
+        VkCopyMicromapToMemoryInfoEXT info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
+        info.src = map.handle;
+        info.dst.deviceAddress = memory;
+        info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+        gpu_.vk().CmdCopyMicromapToMemoryEXT(commands, &info);
+    });
+    std::uint64_t size = 0;
+    std::memcpy(&size, serialized_.bytes() + (memory - serialized_.address()) + 40, 8);
+    const VkMicromapEXT old = replaceMicromap(micromap, map.half ^ 1, size);
+    gpu_.vk().DestroyMicromapEXT(gpu_.device(), old, nullptr);
+    gpu_.submit([&](VkCommandBuffer commands) {
+        VkCopyMemoryToMicromapInfoEXT info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+        info.src.deviceAddress = memory;
+        info.dst = map.handle;
+        info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+        gpu_.vk().CmdCopyMemoryToMicromapEXT(commands, &info);
+    });
 }
 
 VkAccelerationStructureKHR World::createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size)
@@ -389,8 +437,16 @@ void World::change(std::uint32_t blas, Change change, std::uint32_t geometry)
         buildMicromap(micromap);
         build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
         break;
-    case Change::MicromapCopy:
-        copyMicromap(micromap);
+    case Change::MicromapClone:
+        copyMicromap(micromap, VK_COPY_MICROMAP_MODE_CLONE_EXT);
+        build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        break;
+    case Change::MicromapCompact:
+        copyMicromap(micromap, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+        build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        break;
+    case Change::MicromapReload:
+        reloadMicromap(micromap);
         build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
         break;
     case Change::Rebuild: build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR); break;
