@@ -116,11 +116,19 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     return result;
 }
 
+void rememberAddress(Device &device, VkBuffer buffer)
+{
+    const BufferInfo info = device.buffers.get(buffer);
+    if (device.asked.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
+        device.addresses.add(device.bufferAddress(buffer), buffer, info.size, info.usage);
+}
+
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)
 {
     Device &device = deviceOf(handle);
     const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
-    device.addresses.add(address, info->buffer, device.buffers.get(info->buffer).size);
+    const BufferInfo buffer = device.buffers.get(info->buffer);
+    device.addresses.add(address, info->buffer, buffer.size, buffer.usage);
     return address;
 }
 
