@@ -113,7 +113,6 @@ namespace vellum::layer
     X(CmdDrawIndexedIndirectCount, CmdDrawIndexedIndirectCountKHR)                                                     \
     X(CmdDrawMeshTasksIndirectEXT, CmdDrawMeshTasksIndirectEXT)                                                        \
     X(CmdDrawMeshTasksIndirectCountEXT, CmdDrawMeshTasksIndirectCountEXT)                                              \
-    X(CmdDispatchIndirect, CmdDispatchIndirect)                                                                        \
     X(CmdBindTransformFeedbackBuffersEXT, CmdBindTransformFeedbackBuffersEXT)                                          \
     X(CmdBeginTransformFeedbackEXT, CmdBeginTransformFeedbackEXT)                                                      \
     X(CmdEndTransformFeedbackEXT, CmdEndTransformFeedbackEXT)                                                          \
