@@ -21,6 +21,7 @@ struct Options {
     unsigned repetitions = 5;
     std::vector<std::uint32_t> levels = {3, 5, 7};
     std::vector<std::uint32_t> instances = {1, 9};
+    cli::MicromapApi api = cli::MicromapApi::Khr;
     std::optional<std::string> device;
     std::optional<std::filesystem::path> layerFolder;
 };
@@ -122,8 +123,8 @@ void run(const Options &options)
     const cli::Instance with(true);
     const cli::DeviceInfo info = cli::chooseDevice(with, options.device);
     const bool pipelines = info.rayTracingPipelines;
-    cli::Device classic(cli::chooseDevice(without, options.device), {false, pipelines});
-    cli::Device enabled(info, {true, pipelines});
+    cli::Device classic(cli::chooseDevice(without, options.device), {std::nullopt, pipelines});
+    cli::Device enabled(info, {options.api, pipelines});
     const bench::Devices devices{classic, enabled};
     fmt::print("{}, micromaps: {}. {} x {} pixels, median of {}.{}\n\n", info.name, info.implementation, settings.width,
                settings.height, options.repetitions, pipelines ? "" : " There are no ray tracing pipelines.");
