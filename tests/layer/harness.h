@@ -34,6 +34,7 @@ struct Options {
     bool vellum = true;
     bool validation = true;
     bool spy = true;           // spy_layer.cpp, below everything
+    bool capable = false;      // capable_layer.cpp, below even that
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
     bool hostCommands = true;  // enable micromapHostCommands
@@ -74,6 +75,7 @@ struct Options {
     X(GetAccelerationStructureBuildSizesKHR)                                                                           \
     X(GetAccelerationStructureDeviceAddressKHR)                                                                        \
     X(CmdBuildAccelerationStructuresKHR)                                                                               \
+    X(CmdBuildAccelerationStructuresIndirectKHR)                                                                       \
     X(CmdCopyAccelerationStructureKHR)                                                                                 \
     X(CmdCopyAccelerationStructureToMemoryKHR)                                                                         \
     X(CmdCopyMemoryToAccelerationStructureKHR)                                                                         \
