@@ -82,6 +82,26 @@ MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
     return push;
 }
 
+// Of the passes that coarsen a lossy build's input to scratch memory.
+MicromapPush coarseningOf(MicromapPush push, const MicromapExtent &extent)
+{
+    push.micromap = push.scratch + extent.coarsenedOffset();
+    push.flags &= ~kBuildShare;
+    return push;
+}
+
+// Of the ordinary passes after them, which have nothing to tell any more.
+MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
+{
+    push.triangleArray = push.scratch + extent.coarsenedOffset();
+    push.triangleArrayStride = kLossyEntryBytes;
+    push.readable = push.triangleCount;
+    push.data = push.triangleArray;
+    push.dataBytes = static_cast<uint32_t>(extent.coarsenedBytes());
+    push.log = 0;
+    return push;
+}
+
 // The data as it lies, as much as there is room for, to be copied to where a micromap's data goes. Nothing where the
 // build shares data, or the driver would not let it be copied.
 struct DataCopy {
@@ -93,7 +113,7 @@ struct DataCopy {
 DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
 {
     const MicromapExtent extent = extentOf(info);
-    if (extent.share || extent.units == 0)
+    if (extent.share || extent.lossy || extent.units == 0)
         return {};
     const AddressMap::Place source = device.addresses.find(info.data.deviceAddress);
     if (!source.buffer || (device.buffers.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
@@ -120,6 +140,11 @@ public:
         pushes_.push_back(pushOf(device_, info));
         if (copies_.back().from)
             pushes_.back().flags |= kBuildVerbatim;
+        const MicromapExtent extent = extentOf(info);
+        if (extent.lossy) {
+            lossy_.push_back(coarseningOf(pushes_.back(), extent));
+            pushes_.back() = coarsenedOf(pushes_.back(), extent);
+        }
     }
 
     void record()
@@ -127,6 +152,8 @@ public:
         const bool share = any([](const MicromapPush &push) { return shares(push); });
         const bool parts = any([](const MicromapPush &push) { return hasParts(push); });
         work_.barrier();
+        if (!lossy_.empty())
+            coarsen();
         for (const DataCopy &copy : copies_) {
             if (copy.from)
                 device_.next.CmdCopyBuffer(commandBuffer_, copy.from, copy.to, 1, &copy.region);
@@ -166,6 +193,22 @@ private:
     static uint64_t partInvocations(const MicromapPush &push) { return hasParts(push) ? push.partCapacity : 0; }
     static uint64_t sharedTriangles(const MicromapPush &push) { return shares(push) ? push.triangleCount : 0; }
 
+    // Lossy builds first: the other stages then read what these leave in scratch memory.
+    void coarsen()
+    {
+        pushes_.swap(lossy_);
+        const bool parts = any([](const MicromapPush &push) { return hasParts(push); });
+        stage(InjectedShader::MicromapClear, [](const MicromapPush &) { return kScratchCounterWords; });
+        stage(InjectedShader::MicromapLossy, [](const MicromapPush &push) { return push.triangleCount; });
+        if (parts)
+            stage(InjectedShader::MicromapLossyParts, partInvocations, 64, kBuildAnalysing);
+        stage(InjectedShader::MicromapLossyChoose,
+              [](const MicromapPush &push) { return std::max<uint64_t>(partInvocations(push), 1); });
+        if (parts)
+            stage(InjectedShader::MicromapLossyParts, partInvocations);
+        pushes_.swap(lossy_);
+    }
+
     void analyse(bool parts)
     {
         stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
@@ -200,6 +243,7 @@ private:
     VkCommandBuffer commandBuffer_;
     InjectedWork work_;
     std::vector<MicromapPush> pushes_;
+    std::vector<MicromapPush> lossy_; // of the passes that coarsen
     std::vector<DataCopy> copies_;
 };
 
@@ -220,12 +264,23 @@ uint64_t MicromapExtent::tableSlots() const
     return share ? std::bit_ceil(std::max<uint64_t>(2 * triangles, 2)) : 1;
 }
 
-uint64_t MicromapExtent::scratchBytes() const
+uint64_t MicromapExtent::coarsenedOffset() const
 {
     uint64_t words = kScratchCounterWords + blocksOf(triangles) + 2 * parts();
     if (share)
         words += 2 * triangles + tableSlots();
     return (words * 4 + 255) / 256 * 256;
+}
+
+uint64_t MicromapExtent::coarsenedBytes() const
+{
+    return (triangles * kLossyEntryBytes + 15) / 16 * 16 + units * kDataUnitBytes;
+}
+
+uint64_t MicromapExtent::scratchBytes() const
+{
+    return lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
+                 : coarsenedOffset();
 }
 
 MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
@@ -247,6 +302,9 @@ MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
         VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT;
     extent.share = (info.flags & wanted) != 0 && (info.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 &&
                    extent.triangles > 0 && extent.triangles <= kMostSharing;
+    // Nothing is gained where there is no data. And offsets of triangles' data have 32 bits: a build may be lossy, it
+    // need not.
+    extent.lossy = (info.flags & kLossyBuild) != 0 && extent.units > 0 && extent.coarsenedBytes() <= UINT32_MAX;
     return extent;
 }
 
