@@ -79,7 +79,7 @@ struct Options {
     std::string size = "640x360";
     std::vector<std::uint32_t> levels = {4, 5, 6, 7, 8};
     std::vector<std::uint32_t> cuts = {1, 4};
-    std::vector<std::uint32_t> shares = {shared::kLossyShareLog2};
+    std::vector<std::uint32_t> prices = {shared::kLossyPriceLog2};
     std::uint32_t instances = 1;
 };
 
@@ -108,7 +108,7 @@ void run(const Options &options)
     cli::offerLayer(std::nullopt);
     const cli::Instance instance(true);
     cli::Device device(cli::chooseDevice(instance, std::nullopt), {true, false});
-    fmt::print("| scene | cut | level | share | bytes lossless | bytes lossy | lossy/lossless | calls/ray lossless | "
+    fmt::print("| scene | cut | level | price | bytes lossless | bytes lossy | lossy/lossless | calls/ray lossless | "
                "calls/ray lossy | more calls |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n");
     for (const std::filesystem::path &file : options.files) {
         for (const std::uint32_t pieces : options.cuts) {
@@ -123,13 +123,13 @@ void run(const Options &options)
                 for (const std::optional<BakeResult> &r : baked.results)
                     lossless.push_back(r ? r->micromap : Micromap{});
                 const Measured before = measure(device, scene, lossless, settings);
-                for (const std::uint32_t share : options.shares) {
+                for (const std::uint32_t price : options.prices) {
                     std::vector<Micromap> lossy;
                     for (const Micromap &m : lossless)
-                        lossy.push_back(lossyMicromap(m, share));
+                        lossy.push_back(lossyMicromap(m, price));
                     const Measured after = measure(device, scene, lossy, settings);
-                    fmt::print("| {} | {} | {} | 1/{} | {} | {} | {:.2f} | {:.4f} | {:.4f} | {:+.1f} % |\n",
-                               file.stem().string(), pieces, level, 1u << share, before.bytes, after.bytes,
+                    fmt::print("| {} | {} | {} | {} | {} | {} | {:.2f} | {:.4f} | {:.4f} | {:+.1f} % |\n",
+                               file.stem().string(), pieces, level, 1u << price, before.bytes, after.bytes,
                                static_cast<double>(after.bytes) / static_cast<double>(before.bytes), before.perRay,
                                after.perRay, 100 * (after.perRay / before.perRay - 1));
                     std::fflush(stdout);
@@ -155,9 +155,9 @@ int main(int argc, char **argv)
         app.add_option("-c,--cuts", options.cuts, "Cut every masked triangle into n * n")
             ->capture_default_str()
             ->check(CLI::Range(1, 32));
-        app.add_option("--shares", options.shares, "At most 1/2^n of a triangle may become unknown")
+        app.add_option("--prices", options.prices, "A micro-triangle that becomes unknown must save the states of 2^n")
             ->capture_default_str()
-            ->check(CLI::Range(1, 20));
+            ->check(CLI::Range(0, 7));
         app.add_option("-n,--instances", options.instances, "Copies")
             ->capture_default_str()
             ->check(CLI::Range(1, 1000));

@@ -13,7 +13,7 @@ constexpr std::uint8_t kMixed = kStateUnknownTransparent;
 
 } // namespace
 
-std::uint32_t lossyLevel(const std::uint8_t *data, std::uint32_t level, std::uint32_t shareLog2)
+std::uint32_t lossyLevel(const std::uint8_t *data, std::uint32_t level, std::uint32_t priceLog2)
 {
     const std::uint32_t micros = microTriangleCount(level);
     std::vector<std::uint8_t> nodes(micros); // kStateTransparent, kStateOpaque: all over; or kMixed
@@ -23,7 +23,8 @@ std::uint32_t lossyLevel(const std::uint8_t *data, std::uint32_t level, std::uin
         nodes[i] = std::min(state, kMixed);
         known += state < kMixed ? 1 : 0;
     }
-    std::uint32_t lowest = level;
+    std::uint32_t best = level;
+    std::uint32_t leastCost = micros;
     for (std::uint32_t l = level; l > kCoarseLevel; --l) {
         std::uint32_t left = 0; // what is known one level lower
         for (std::uint32_t i = 0; i < microTriangleCount(l - 1); ++i) {
@@ -32,11 +33,14 @@ std::uint32_t lossyLevel(const std::uint8_t *data, std::uint32_t level, std::uin
             nodes[i] = same ? child[0] : kMixed;
             left += nodes[i] < kMixed ? microTriangleCount(level - (l - 1)) : 0;
         }
-        if (known - left > micros >> shareLog2)
-            break;
-        lowest = l - 1;
+        const std::uint32_t states = l - 1 > kCoarseLevel ? microTriangleCount(l - 1) : 0;
+        const std::uint32_t cost = states + ((known - left) << priceLog2);
+        if (cost <= leastCost) {
+            leastCost = cost;
+            best = l - 1;
+        }
     }
-    return lowest;
+    return best;
 }
 
 std::vector<std::uint8_t> coarsenedStates(const std::uint8_t *data, std::uint32_t level, std::uint32_t to)
@@ -58,7 +62,7 @@ std::vector<std::uint8_t> coarsenedStates(const std::uint8_t *data, std::uint32_
     return out;
 }
 
-Micromap lossyMicromap(const Micromap &micromap, std::uint32_t shareLog2)
+Micromap lossyMicromap(const Micromap &micromap, std::uint32_t priceLog2)
 {
     Micromap out;
     out.indices = micromap.indices;
@@ -68,7 +72,7 @@ Micromap lossyMicromap(const Micromap &micromap, std::uint32_t shareLog2)
         MicromapTriangle lossy = t;
         lossy.dataOffset = static_cast<std::uint32_t>(out.data.size());
         if (t.format == Format::FourState) {
-            const std::uint32_t level = lossyLevel(data, t.subdivisionLevel, shareLog2);
+            const std::uint32_t level = lossyLevel(data, t.subdivisionLevel, priceLog2);
             const std::vector<std::uint8_t> states = coarsenedStates(data, t.subdivisionLevel, level);
             lossy.subdivisionLevel = static_cast<std::uint16_t>(level);
             out.data.insert(out.data.end(), states.begin(), states.end());

@@ -89,8 +89,8 @@ VELLUM_CONST uint kBuildShare = 0x40000000u;
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
 // --- lossy builds (core/lossy.h); the coarsened micromap lies behind the other tables, see shaders/micromap_lossy.glsl
-// --- At most 1 / 2^kLossyShareLog2 of a triangle's micro-triangles become unknown that were not.
-VELLUM_CONST uint kLossyShareLog2 = 4u;
+// --- A micro-triangle that becomes unknown must save the states of 2^kLossyPriceLog2.
+VELLUM_CONST uint kLossyPriceLog2 = 4u;
 VELLUM_CONST uint kLossyEntryBytes = 12u;
 VELLUM_CONST uint kLossyPartBytes = 16u;
 

@@ -13,10 +13,14 @@ uint levelFor(Source s, uvec2 data)
     if (s.bitsPerState == 1u)
         return s.level;
     const Found found = findOut(data, 0u, sourceBytes(s.level, 2u) >> 2u);
-    uint k = 0u;
-    while (k < kPartLevels && mayRise(s.level, k + 1u, found.known[0], found.known[k + 1u]))
-        ++k;
-    return s.level - k;
+    uint best = 0u;
+    uint least = ~0u;
+    for (uint k = 0u; k <= s.level - kCoarseLevel; ++k) {
+        const uint cost = costOf(s.level, k, found.known[0], found.known[k]);
+        best = cost <= least ? k : best;
+        least = min(cost, least);
+    }
+    return s.level - best;
 }
 
 void main()

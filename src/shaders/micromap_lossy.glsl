@@ -97,10 +97,12 @@ Found findOut(uvec2 data, uint first, uint words)
                  code);
 }
 
-// Whether the nodes `k` levels above the micro-triangles may take their place, where so many of them are known.
-bool mayRise(uint level, uint k, uint micros, uint nodes)
+// What a level costs that is k levels lower: its states, and those that become unknown. `micros`, `nodes`: how many of the
+// triangle's micro-triangles and of those of that level are known.
+uint costOf(uint level, uint k, uint micros, uint nodes)
 {
-    return level - k >= kCoarseLevel && micros - (nodes << (2u * k)) <= (1u << (2u * level)) >> kLossyShareLog2;
+    const uint states = level - k > kCoarseLevel ? 1u << (2u * (level - k)) : 0u;
+    return states + ((micros - (nodes << (2u * k))) << kLossyPriceLog2);
 }
 
 // The state of node `node` of the level k > 0 levels above the micro-triangles.

@@ -23,10 +23,14 @@ uint riseOf(Source s, uint i, uint parts)
         known[6] += code != kCodeMixed ? 1u : 0u;
         climb(above, p, code);
     }
-    uint k = 0u;
-    while (k < 10u && mayRise(s.level, k + 1u, known[0], k < 6u ? known[k + 1u] : above.known[k - 6u]))
-        ++k;
-    return k;
+    uint best = 0u;
+    uint least = ~0u;
+    for (uint k = 0u; k <= s.level - kCoarseLevel; ++k) {
+        const uint cost = costOf(s.level, k, known[0], k <= kPartLevels ? known[k] : above.known[k - kPartLevels - 1u]);
+        best = cost <= least ? k : best;
+        least = min(cost, least);
+    }
+    return best;
 }
 
 // States of a level that is k >= kPartLevels lower, and so at least 2: whole words.

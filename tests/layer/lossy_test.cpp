@@ -152,7 +152,7 @@ TEST_F(Lossy, EveryLevelToEveryLower)
             std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
             for (std::size_t i = 0; i < states.size(); ++i)
                 states[i] = coarse[i >> (2 * (level - to))];
-            for (int speck = 0; speck < 3; ++speck) // lost, where the level allows it
+            for (std::uint32_t speck = 0; speck < (to + 1) % 3; ++speck) // lost, or in the way
                 states[random() % states.size()] ^= 1;
             input.add(level, kFourState, states);
         }

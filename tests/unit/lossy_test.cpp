@@ -1,6 +1,8 @@
 // What a lossy micromap may be, and what is made of one.
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "core/lossy.h"
 #include "test_random.h"
 
@@ -95,8 +97,8 @@ TEST(Lossy, FineDetailStays)
     EXPECT_EQ(lossyLevel(packed(states).data(), 5), 5u);
 }
 
-// 16 micro-triangles of 256 become unknown, no more.
-TEST(Lossy, TheLimitIsASixteenthOfTheTriangle)
+// 16 micro-triangles of 256 may become unknown to save all data, no more.
+TEST(Lossy, AMicroTriangleHasItsPrice)
 {
     std::vector<State> states(microTriangleCount(4), T);
     for (std::size_t i = 0; i < 4; ++i)
@@ -116,33 +118,39 @@ TEST(Lossy, TheLimitIsASixteenthOfTheTriangle)
 TEST(Lossy, StatesOnlyBecomeUnknown)
 {
     test::TestRandom random(1);
-    bool lowered[9] = {};
-    for (int i = 0; i < 600; ++i) {
-        const std::uint32_t level = static_cast<std::uint32_t>(i) % 9;
+    std::array<std::uint32_t, 9> lowered{}; // by how many levels, as bits
+    for (std::uint32_t i = 0; i < 600; ++i) {
+        const std::uint32_t level = i % 9;
         const std::vector<State> before = randomStates(random, level);
-        const std::uint32_t to = lossyLevel(packed(before).data(), level);
-        ASSERT_LE(to, level);
-        ASSERT_GE(to, std::min(level, 2u));
-        lowered[level] |= to < level;
-        const std::vector<State> after = unpacked(coarsenedStates(packed(before).data(), level, to), to);
-        std::size_t lost = 0;
-        for (std::size_t m = 0; m < before.size(); ++m) {
-            const State state = after[m >> (2 * (level - to))];
-            ASSERT_TRUE(state == before[m] || !known(state));
-            lost += known(before[m]) && !known(state) ? 1u : 0u;
+        const std::uint32_t chosen = lossyLevel(packed(before).data(), level);
+        ASSERT_LE(chosen, level);
+        ASSERT_GE(chosen, std::min(level, 2u));
+        lowered[level] |= 1u << (level - chosen);
+        std::size_t least = before.size();
+        std::uint32_t cheapest = level;
+        for (std::uint32_t to = level; to + 1 > std::min(level, 2u); --to) {
+            const std::vector<State> after = unpacked(coarsenedStates(packed(before).data(), level, to), to);
+            std::size_t lost = 0;
+            for (std::size_t m = 0; m < before.size(); ++m) {
+                const State state = after[m >> (2 * (level - to))];
+                ASSERT_TRUE(state == before[m] || !known(state));
+                lost += known(before[m]) && !known(state) ? 1u : 0u;
+            }
+            const std::size_t cost = 16 * lost + (to > 2 ? after.size() : 0);
+            if (cost <= least) {
+                least = cost;
+                cheapest = to;
+            }
+            if (to == chosen) {
+                EXPECT_LE(16 * lost, before.size());
+            }
+            if (to == 0)
+                break;
         }
-        EXPECT_LE(16 * lost, before.size());
-        // The level below would lose more.
-        if (to > 2) {
-            const std::vector<State> lower = unpacked(coarsenedStates(packed(before).data(), level, to - 1), to - 1);
-            std::size_t more = 0;
-            for (std::size_t m = 0; m < before.size(); ++m)
-                more += known(before[m]) && !known(lower[m >> (2 * (level - to + 1))]) ? 1u : 0u;
-            EXPECT_GT(16 * more, before.size());
-        }
+        EXPECT_EQ(chosen, cheapest);
     }
     for (std::uint32_t level = 3; level < 9; ++level)
-        EXPECT_TRUE(lowered[level]) << "level " << level;
+        EXPECT_GT(lowered[level], 1u) << "level " << level;
 }
 
 TEST(Lossy, MicromapsKeepTheirTriangles)
