@@ -65,7 +65,7 @@ void climb(inout Climb c, uint i, uint code)
 // What is found out about some words of 4-state data: how many nodes are known, by how many levels they are above the
 // micro-triangles, how many micro-triangles are opaque or unknown-opaque, and the code of all.
 struct Found {
-    uint known[7];
+    uint known[6];
     uint low;
     uint code;
 };
@@ -93,8 +93,7 @@ Found findOut(uvec2 data, uint first, uint words)
         code |= own;
         climb(above, i, own);
     }
-    return Found(uint[7](known.x, known.y, known.z, above.known.x, above.known.y, above.known.z, above.known.w), low,
-                 code);
+    return Found(uint[6](known.x, known.y, known.z, above.known.x, above.known.y, above.known.z), low, code);
 }
 
 // What a level costs that is k levels lower: its states, and those that become unknown. `micros`, `nodes`: how many of the

@@ -157,11 +157,38 @@ TEST_F(Lossy, EveryLevelToEveryLower)
             input.add(level, kFourState, states);
         }
     }
+    // And level 12 to 2, by the most levels that there are.
+    std::vector<std::uint8_t> largest(std::size_t{1} << 24);
+    for (std::size_t i = 0; i < largest.size(); ++i)
+        largest[i] = (i >> 20) % 3 == 0;
+    input.add(12, kFourState, largest);
     std::uint32_t levels = 0;
     const vellum::Micromap model = modelOf(input);
     for (std::size_t i = 0; i < model.triangles.size(); ++i)
         levels |= 1u << (input.triangles[i].subdivisionLevel - model.triangles[i].subdivisionLevel);
-    EXPECT_EQ(levels, 0x1ffu);
+    EXPECT_EQ(levels, 0x5ffu);
+    expectModel(input);
+}
+
+// They cost nothing, and what they become in 2-state override mode is decided by all of them.
+TEST_F(Lossy, UnknownStatesOfBothKinds)
+{
+    Random random(61);
+    MicromapInput input;
+    for (std::uint32_t level = 3; level <= 10; ++level) {
+        std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
+        for (std::size_t i = 0; i < states.size(); ++i) {
+            const std::size_t node = i >> (2 * (level - 2));
+            states[i] = static_cast<std::uint8_t>(2 + (random() % 16 < node ? 1 : 0));
+        }
+        input.add(level, kFourState, states);
+        const std::size_t half = states.size() / 32; // of each node of level 2: even, and one more or less
+        for (std::size_t i = 0; i < states.size(); ++i)
+            states[i] = static_cast<std::uint8_t>(2 + (i % (2 * half) < half + i / (2 * half) % 3 - 1 ? 1 : 0));
+        input.add(level, kFourState, states);
+    }
+    for (const vellum::MicromapTriangle &t : modelOf(input).triangles)
+        EXPECT_EQ(t.subdivisionLevel, 2);
     expectModel(input);
 }
 
