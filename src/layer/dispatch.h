@@ -96,6 +96,7 @@ namespace vellum::layer
     X(CmdPushConstants, CmdPushConstants)                                                                              \
     X(CmdExecuteCommands, CmdExecuteCommands)                                                                          \
     X(CmdDispatch, CmdDispatch)                                                                                        \
+    X(CmdDispatchIndirect, CmdDispatchIndirect)                                                                        \
     X(CmdPipelineBarrier, CmdPipelineBarrier)                                                                          \
     X(CmdCopyBuffer, CmdCopyBuffer)                                                                                    \
     X(CmdUpdateBuffer, CmdUpdateBuffer)                                                                                \

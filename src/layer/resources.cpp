@@ -28,10 +28,12 @@ VkFlags64 driverUsage(VkFlags64 usage)
     if (usage & (inputs | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
-    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03674 and -geometry-03673).
+    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03674 and -geometry-03673); or that of a
+    // micromap build, which has the arguments of its dispatches there.
     const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     if ((usage & scratch) == scratch)
-        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
+                  VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
     // Micromaps are read in 16-byte units: their memory is aligned like that of acceleration structures.
     if (usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)
         result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;

@@ -21,9 +21,8 @@ void main()
         wrong = wrong || s.problem != 0u;
         if (units == 0u)
             continue;
-        const uint end = (s.dataOffset >> 4u) + units;
-        elsewhere = elsewhere || (s.dataOffset & 15u) != 0u || end > push.capacityUnits;
-        last = max(last, end);
+        elsewhere = elsewhere || !fitsInPlace(s);
+        last = max(last, (s.dataOffset >> 4u) + units);
     }
     countForLog(total, wrong);
     if (elsewhere)
