@@ -54,6 +54,8 @@ VkBuildMicromapFlagsEXT flagsOf(VkBuildAccelerationStructureFlagsKHR flags)
         result |= VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT;
     if (flags & VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR)
         result |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    if (flags & VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR)
+        result |= kLossyBuild;
     return result;
 }
 
