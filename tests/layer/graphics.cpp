@@ -38,13 +38,15 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, st
     view.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
     VT_CHECK(vkCreateImageView(device, &view, nullptr, &view_));
 
+    std::array<std::vector<std::uint32_t>, 2> own;
     std::array<VkShaderModuleCreateInfo, 2> modules{};
     std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
     for (std::size_t i = 0; i < 2; ++i) {
         const auto words = i == 0 ? shaders.vertex : shaders.fragment;
         modules[i].sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        modules[i].codeSize = words.size_bytes();
-        modules[i].pCode = words.data();
+        own[i] = gpu.shaderWords(words);
+        modules[i].codeSize = own[i].size() * sizeof(own[i][0]);
+        modules[i].pCode = own[i].data();
         stages[i].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
         stages[i].stage = i == 0 ? VK_SHADER_STAGE_VERTEX_BIT : VK_SHADER_STAGE_FRAGMENT_BIT;
         stages[i].pName = "main";

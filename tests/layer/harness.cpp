@@ -1,5 +1,7 @@
 #include "harness.h"
 
+#include "micromap_mode.h"
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -393,11 +395,19 @@ VkShaderModule Gpu::shader(std::span<const std::uint32_t> words) const
 {
     VkShaderModuleCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    info.codeSize = words.size_bytes();
-    info.pCode = words.data();
+    const std::vector<std::uint32_t> own = shaderWords(words);
+    info.codeSize = own.size() * sizeof(own[0]);
+    info.pCode = own.data();
     VkShaderModule module = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(device_, &info, nullptr, &module));
     return module;
+}
+
+std::vector<std::uint32_t> Gpu::shaderWords(std::span<const std::uint32_t> words) const
+{
+    if (khr() && options_.micromaps && options_.micromapMode)
+        return withMicromapMode(words);
+    return {words.begin(), words.end()};
 }
 
 std::vector<Message> Gpu::takeMessages()

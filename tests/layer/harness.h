@@ -40,8 +40,9 @@ struct Options {
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
-    bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
-                        // the validation layer of that age complains about
+    bool newer = false;       // extensions for ray tracing pipelines that the oldest supported headers do not know, and
+                              // the validation layer of that age complains about
+    bool micromapMode = true; // with KHR: shaders with ray queries say that they use micromaps
     bool micromapFeature = true; // where the extension is enabled, its feature too
 };
 
@@ -178,6 +179,8 @@ public:
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
     VkShaderModule shader(std::span<const std::uint32_t> words) const;
+    // The words as an application of the device's API has them: micromap_mode.h.
+    std::vector<std::uint32_t> shaderWords(std::span<const std::uint32_t> words) const;
 
     // All messages since the last call.
     std::vector<Message> takeMessages();

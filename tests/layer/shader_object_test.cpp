@@ -40,11 +40,12 @@ using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkSh
 
 // The tracer as a shader object: what `info` points to lives as long as this.
 struct TracerShader {
-    explicit TracerShader(const Tracer &tracer) : setLayout(tracer.setLayout())
+    TracerShader(const Gpu &gpu, const Tracer &tracer)
+        : setLayout(tracer.setLayout()), words(gpu.shaderWords(tracer_comp))
     {
         info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.codeSize = sizeof(tracer_comp);
-        info.pCode = tracer_comp;
+        info.codeSize = words.size() * sizeof(words[0]);
+        info.pCode = words.data();
         info.setLayoutCount = 1;
         info.pSetLayouts = &setLayout;
         info.pushConstantRangeCount = 1;
@@ -53,6 +54,7 @@ struct TracerShader {
     TracerShader(const TracerShader &) = delete;
     TracerShader &operator=(const TracerShader &) = delete;
     VkDescriptorSetLayout setLayout;
+    std::vector<std::uint32_t> words;
     VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
     ShaderCreateInfo info;
 };
@@ -74,7 +76,7 @@ TEST_F(ShaderObject, TracesAndSurvivesBuilds)
 
     StateScene scene(gpu());
     Tracer tracer(gpu());
-    TracerShader description(tracer);
+    TracerShader description(gpu(), tracer);
     ShaderCreateInfo &info = description.info;
     ShaderHandle shader = 0;
     VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
@@ -106,7 +108,7 @@ TEST_F(ShaderObject, BinariesFitOnlyTheDeviceThatMadeThem)
     ASSERT_TRUE(create != nullptr && destroy != nullptr && binaryOf != nullptr);
 
     Tracer tracer(gpu());
-    TracerShader description(tracer);
+    TracerShader description(gpu(), tracer);
     ShaderCreateInfo &info = description.info;
     ShaderHandle shader = 0;
     VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));

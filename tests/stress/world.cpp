@@ -18,7 +18,6 @@ constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
 constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | kAddress;
-constexpr VkBufferUsageFlags kMicromapInput = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | kAddress;
 
 VkDeviceSize up(VkDeviceSize value)
 {
@@ -80,6 +79,7 @@ struct World::Description {
         const Extent &extent = world.extent_;
         geometries.resize(extent.geometries);
         attachments.resize(extent.geometries);
+        attachmentsKhr.resize(extent.geometries);
         usages.resize(extent.geometries);
         counts.assign(extent.geometries, extent.triangles);
         ranges.assign(extent.geometries, {extent.triangles, 0, 0, 0});
@@ -121,14 +121,20 @@ struct World::Description {
         }
         attachment.usageCountsCount = static_cast<std::uint32_t>(usages[g].size());
         attachment.pUsageCounts = usages[g].data();
-        attachment.micromap = world.micromaps_[map].handle;
+        attachment.micromap = world.micromaps_[map].handle.ext;
+        VkAccelerationStructureTrianglesOpacityMicromapKHR &khr = attachmentsKhr[g];
+        khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+        khr.indexType = attachment.indexType;
+        khr.indexBuffer = attachment.indexBuffer.deviceAddress;
+        khr.indexStride = attachment.indexStride;
+        khr.micromap = world.micromaps_[map].handle.khr;
         VkAccelerationStructureGeometryKHR &geometry = geometries[g];
         geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
         geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
         geometry.flags = opaque(g) ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
         VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
         triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
-        triangles.pNext = &attachment;
+        triangles.pNext = world.gpu_.khr() ? static_cast<const void *>(&khr) : &attachment;
         triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
         triangles.vertexStride = sizeof(Vec3);
         triangles.maxVertex = 3 * extent.triangles - 1;
@@ -139,6 +145,7 @@ struct World::Description {
 
     std::vector<VkAccelerationStructureGeometryKHR> geometries;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments;
+    std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr;
     std::vector<std::vector<VkMicromapUsageEXT>> usages;
     std::vector<std::uint32_t> counts;
     std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
@@ -181,15 +188,11 @@ World::World(Gpu &gpu, const Extent &extent)
     VkDeviceSize scratch = 0;
     for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
         const MicromapDescription description(m, extent_.triangles);
-        VkMicromapBuildSizesInfoEXT sizes{};
-        sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-        gpu_.vk().GetMicromapBuildSizesEXT(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                           &description.info, &sizes);
+        const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, description.info);
         micromapBytes_ = std::max(micromapBytes_, up(sizes.micromapSize));
         scratch = std::max(scratch, sizes.buildScratchSize);
     }
-    micromapRoom_ =
-        Buffer(gpu_, 2 * micromapBytes_ * extent_.micromaps(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | kAddress);
+    micromapRoom_ = Buffer(gpu_, 2 * micromapBytes_ * extent_.micromaps(), micromapStorageUsage(gpu_));
     {
         const Description description(*this, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
         VkAccelerationStructureBuildSizesInfoKHR sizes{};
@@ -206,7 +209,7 @@ World::World(Gpu &gpu, const Extent &extent)
     scratch_ = Buffer(gpu_, scratch + 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
     serialized_ = Buffer(gpu_, blasRoomBytes_ + 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
     for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
-        micromaps_[m].handle = createMicromap(m, 0);
+        micromaps_[m].handle = createMicromapAt(m, 0);
         buildMicromap(m);
     }
     for (std::uint32_t b = 0; b < extent_.blases; ++b) {
@@ -220,7 +223,7 @@ World::~World()
     for (const Bottom &blas : blases_)
         gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
     for (const Map &micromap : micromaps_)
-        gpu_.vk().DestroyMicromapEXT(gpu_.device(), micromap.handle, nullptr);
+        destroyMicromap(gpu_, micromap.handle);
 }
 
 void World::makeGeometry()
@@ -235,8 +238,10 @@ void World::makeGeometry()
     }
     vertices_ = gpu_.upload(std::span<const Vec3>(vertices), kInput);
     indices_ = gpu_.upload(std::span<const std::int32_t>(indices), kInput);
-    data_ = Buffer(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState) + 512, kMicromapInput);
-    triangles_ = Buffer(gpu_, VkDeviceSize{extent_.triangles} * sizeof(VkMicromapTriangleEXT) + 512, kMicromapInput);
+    data_ =
+        Buffer(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState) + 512, micromapInputUsage(gpu_));
+    triangles_ =
+        Buffer(gpu_, VkDeviceSize{extent_.triangles} * sizeof(VkMicromapTriangleEXT) + 512, micromapInputUsage(gpu_));
 }
 
 void World::fillInput(std::uint32_t micromap, std::uint32_t version)
@@ -259,46 +264,34 @@ void World::fillInput(std::uint32_t micromap, std::uint32_t version)
     }
 }
 
-VkMicromapEXT World::createMicromap(std::uint32_t micromap, std::uint32_t half)
+MicromapHandle World::createMicromapAt(std::uint32_t micromap, std::uint32_t half)
 {
-    VkMicromapCreateInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    info.buffer = micromapRoom_.handle();
-    info.offset = (2 * VkDeviceSize{micromap} + half) * micromapBytes_;
-    info.size = micromapBytes_;
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    VkMicromapEXT handle = VK_NULL_HANDLE;
-    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &handle));
-    return handle;
+    return createMicromap(gpu_, micromapRoom_.handle(), micromapRoom_.address(),
+                          (2 * VkDeviceSize{micromap} + half) * micromapBytes_, micromapBytes_);
 }
 
 void World::buildMicromap(std::uint32_t micromap)
 {
     fillInput(micromap, micromaps_[micromap].version);
     MicromapDescription description(micromap, extent_.triangles);
-    description.info.dstMicromap = micromaps_[micromap].handle;
     description.info.data.deviceAddress = up(data_);
     description.info.triangleArray.deviceAddress = up(triangles_);
     description.info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
     description.info.scratchData.deviceAddress = up(scratch_);
-    gpu_.submit([&](VkCommandBuffer commands) { gpu_.vk().CmdBuildMicromapsEXT(commands, 1, &description.info); });
+    const MicromapBuild build{description.info, micromaps_[micromap].handle};
+    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, std::span(&build, 1)); });
 }
 
 void World::copyMicromap(std::uint32_t micromap)
 {
     Map &map = micromaps_[micromap];
-    const VkMicromapEXT old = map.handle;
+    const MicromapHandle old = map.handle;
     map.half ^= 1;
-    map.handle = createMicromap(micromap, map.half);
+    map.handle = createMicromapAt(micromap, map.half);
     gpu_.submit([&](VkCommandBuffer commands) {
-        VkCopyMicromapInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-        info.src = old;
-        info.dst = map.handle;
-        info.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
-        gpu_.vk().CmdCopyMicromapEXT(commands, &info);
+        recordMicromapCopy(gpu_, commands, old, map.handle, VK_COPY_MICROMAP_MODE_CLONE_EXT);
     });
-    gpu_.vk().DestroyMicromapEXT(gpu_.device(), old, nullptr);
+    destroyMicromap(gpu_, old);
 }
 
 VkAccelerationStructureKHR World::createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size)

@@ -47,7 +47,7 @@ public:
 
 private:
     struct Map {
-        VkMicromapEXT handle = VK_NULL_HANDLE;
+        vt::MicromapHandle handle;
         std::uint32_t version = 0;
         std::uint32_t half = 0; // of its room
     };
@@ -62,7 +62,7 @@ private:
     void fillInput(std::uint32_t micromap, std::uint32_t version);
     void buildMicromap(std::uint32_t micromap);
     void copyMicromap(std::uint32_t micromap);
-    VkMicromapEXT createMicromap(std::uint32_t micromap, std::uint32_t half);
+    vt::MicromapHandle createMicromapAt(std::uint32_t micromap, std::uint32_t half);
     VkAccelerationStructureKHR createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size);
     void build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode);
     void replace(std::uint32_t blas, VkAccelerationStructureKHR handle);
