@@ -132,15 +132,18 @@ private:
 bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &triangles, std::uint64_t &last)
 {
     last = 0;
+    std::uint64_t parts = 0;
     for (const Triangle &t : triangles) {
         if (t.units() == 0)
             continue;
+        parts += t.units() > kPartUnits ? t.units() / kPartUnits : 0;
         const std::uint64_t end = t.dataOffset / kDataUnitBytes + t.units();
         if (t.dataOffset % kDataUnitBytes != 0 || end > input.capacityUnits)
             return false;
         last = std::max(last, end);
     }
-    return true;
+    // The device has a list of the parts, which is as long as the usage counts say.
+    return (input.buildFlags & kPreferFastBuild) != 0 || parts <= input.capacityUnits / kPartUnits;
 }
 
 Record readRecord(const std::uint8_t *memory, std::uint64_t i)

@@ -23,7 +23,14 @@ VELLUM_FN uint driverRayFlags(VELLUM_IN uint f)
            ((f & kRayForce2State) << 3u);
 }
 
-// The inverse: ray flags as the application wrote them.
+// Ray flags as the driver gets them where a ray does not consume micromaps: only what the driver does not know is
+// hidden.
+VELLUM_FN uint idleRayFlags(VELLUM_IN uint f)
+{
+    return (f & ~kRayForce2State) | ((f & kRayForce2State) << 3u);
+}
+
+// The inverse of both: ray flags as the application wrote them.
 VELLUM_FN uint applicationRayFlags(VELLUM_IN uint f)
 {
     return (f & ~kCarriedRayFlags) | ((f >> 11u) & kRayOpaque) | ((f >> 5u) & kRayCullNoOpaque) |

@@ -1,9 +1,8 @@
 // Memory layouts that Vellum's shaders write and read, in 32-bit words. C++ and GLSL; see shared.h.
 //
 //   micromap    header (16 words), one triangle record (2 words) per micromap triangle, padding to 16 bytes, data units
-//   BLAS tail   one geometry record (4 words) per geometry, then triangle records; in a structure that was
-//   deserialized,
-//               then the data units of its micromaps
+//   BLAS tail   one geometry record (4 words) per geometry, one micromap name (4 words) per geometry, then triangle
+//               records; in a structure that was deserialized, then the data units of its unnamed micromaps
 //   TLAS tail   the application's instances (16 words each), as the build read them
 //   slot page   2^kSlotsPerPageLog2 instance records (4 words); the pages of the first kFirstSlots lie one after the
 //   other root        header (16 words), then kDirectoryPages page addresses (2 words each)
@@ -97,6 +96,12 @@ VELLUM_CONST uint kGeometryRecordWords = 4u;
 VELLUM_CONST uint kGeometryRecordOpaque = 1u;
 VELLUM_CONST uint kGeometryTrianglesShift = 1u;
 
+// --- micromap name: what serialized data names a geometry's micromap by ---
+// word 0, 1: device address of the memory of a micromap of VK_KHR_opacity_micromap; 0: there is none, or it is one of
+//            VK_EXT_opacity_micromap, which serialized data cannot name
+// word 2: data units of the micromap lie so many units behind that address
+VELLUM_CONST uint kMicromapNameWords = 4u;
+
 // --- instance record ---
 // word 0: instanceCustomIndex in the low 24 bits. Of instances of boxes: bit kInstanceBoxes, and in bits 24..27 the
 //         instance flags 2..5
@@ -128,7 +133,8 @@ VELLUM_CONST uint kNoticeMemoryTooSmall = 4u;   // buffer that is too small for 
 VELLUM_CONST uint kNoticeUnknownReference = 5u; // instance of a bottom-level structure that does not exist
 VELLUM_CONST uint kNoticeUnbuiltReference = 6u; // instance of a bottom-level structure that was never built
 VELLUM_CONST uint kNoticeCopyTooSmall = 7u;     // acceleration structure that is too small for a copy of another
-VELLUM_CONST uint kNotices = 8u;
+VELLUM_CONST uint kNoticeUnknownMicromap = 8u; // serialized data that names a micromap that does not exist, or fits not
+VELLUM_CONST uint kNotices = 9u;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
@@ -147,19 +153,24 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 //         if they are all alike
 //         in the place of a cell that describes serialized data: address (words 6, 7) of the handles
 VELLUM_CONST uint kCellWords = 8u;
-VELLUM_CONST uint kCellUnbuilt = 0u; // nothing was built there
-VELLUM_CONST uint kCellBottom = 1u;  // a BLAS with geometry records
-VELLUM_CONST uint kCellTop = 2u;     // a TLAS
-VELLUM_CONST uint kCellBroken = 3u;  // a copy that was not carried out: not to be instanced
-VELLUM_CONST uint kCellPlain = 4u;   // a BLAS without geometry records
-VELLUM_CONST uint kCellBoxes = 5u;   // the same, of boxes of which it is known which geometries are opaque
+VELLUM_CONST uint kCellUnbuilt = 0u;  // nothing was built there
+VELLUM_CONST uint kCellBottom = 1u;   // a BLAS with geometry records
+VELLUM_CONST uint kCellTop = 2u;      // a TLAS
+VELLUM_CONST uint kCellBroken = 3u;   // a copy that was not carried out: not to be instanced
+VELLUM_CONST uint kCellPlain = 4u;    // a BLAS without geometry records
+VELLUM_CONST uint kCellMicromap = 6u; // at the address of a micromap + kMicromapKey: word 3: units of its memory
+VELLUM_CONST uint kMicromapKey = 1u;
+VELLUM_CONST uint kCellBoxes = 5u; // the same, of boxes of which it is known which geometries are opaque
 
 // --- serialized acceleration structures: the header of the specification, padded to 16 bytes; for a BLAS the driver's
 // serialized data; the layer's block: header (16 words), then the tail, with places of data units as units from the
-// tail's beginning ---
+// tail's beginning. Of a geometry with a named micromap that place is kPlaceNamed, and the next word tells which of the
+// addresses in the specification's header it has ---
 VELLUM_CONST uint kSerializedHeaderWords = 14u; // two UUIDs, total and deserialized size, number of handles
-VELLUM_CONST uint kBlockMagic = 0x534d4f56u;    // "VOMS"
-VELLUM_CONST uint kBlockVersion = 1u;
+VELLUM_CONST uint kPlaceNamed = 0xffffffffu;
+VELLUM_CONST uint kMaxBlockAddresses = 0x01000000u;
+VELLUM_CONST uint kBlockMagic = 0x534d4f56u; // "VOMS"
+VELLUM_CONST uint kBlockVersion = 2u;
 VELLUM_CONST uint kBlockUnits = 4u;
 // words of the block's header
 VELLUM_CONST uint kBlockHeaderMagic = 0u;
@@ -173,7 +184,7 @@ VELLUM_CONST uint kBlockHeaderChecksum = 7u;    // of the driver's data and the 
 VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the cell
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
-VELLUM_CONST uint kCompatibilityWord = 0x564d4f01u; // changes with kBlockVersion
+VELLUM_CONST uint kCompatibilityWord = 0x564d4f02u; // changes with kBlockVersion
 // The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that the type is known of a
 // VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR structure that was made for serialized data.
 VELLUM_CONST uint kTopLevelSizeMark = 128u;

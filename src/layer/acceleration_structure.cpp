@@ -44,6 +44,9 @@ constexpr Notice kNoticeTexts[kNotices] = {
                                       "instances are inactive"},
     {"VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419",
      "vkCmdCopyAccelerationStructureKHR: dst is too small for the copy, and has no geometry now"},
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the data names a micromap that does not exist, or is smaller than the "
+     "one that was serialized. Its geometry has no micromap now"},
 };
 
 } // namespace
@@ -119,6 +122,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
                            info->offset,
                            info->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    // It may become a micromap, and serialized structures may name it.
+    if (device.asked.khr && info->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        structure->micromapKey = device.root.acquireMicromap(beginOf(device, *structure), info->size);
     device.accelerationStructures.set(*result, std::move(structure));
     return created;
 }
@@ -130,6 +136,8 @@ VKAPI_ATTR void VKAPI_CALL destroyAccelerationStructure(VkDevice handle, VkAccel
     const auto known = device.accelerationStructures.take(structure);
     if (known && known->cell.address)
         device.root.releaseCell(known->reference);
+    if (known && known->micromapKey)
+        device.root.releaseCell(known->micromapKey);
     if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
         device.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
         device.report().setName(reinterpret_cast<uint64_t>(structure), "");

@@ -55,6 +55,7 @@ struct AccelerationStructure {
     // The same memory, of those that may hold a micromap. Of type OPACITY_MICROMAP the handle is the layer's own, a
     // pointer to this structure; the driver knows nothing of it.
     Micromap micromap;
+    VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
 
     std::mutex mutex;              // guards what is below
     VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell
@@ -104,7 +105,7 @@ struct Asked {
     bool hostCommands = false;
 
     // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
-    [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext || !khr; }
+    [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
 struct Device {

@@ -106,6 +106,7 @@ namespace vellum::layer
     X(CmdResetEvent2, CmdResetEvent2KHR)                                                                               \
     X(CmdWaitEvents2, CmdWaitEvents2KHR)                                                                               \
     X(CmdWriteTimestamp2, CmdWriteTimestamp2KHR)                                                                       \
+    X(CmdWriteBufferMarker2AMD, CmdWriteBufferMarker2AMD)                                                              \
     X(QueueSubmit2, QueueSubmit2KHR)                                                                                   \
     X(SetDebugUtilsObjectNameEXT, SetDebugUtilsObjectNameEXT)                                                          \
     X(SetDebugUtilsObjectTagEXT, SetDebugUtilsObjectTagEXT)

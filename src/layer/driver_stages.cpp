@@ -28,6 +28,8 @@ spirv::RewriteOptions rewriteOptions(const Device &device, std::optional<spirv::
 {
     return {.rootAddress = device.root.address(),
             .firstSlots = device.root.firstSlots(),
+            .queriesConsume = device.asked.everyQueryUsesMicromaps() ? spirv::QueriesConsume::Always
+                                                                     : spirv::QueriesConsume::WhereDeclared,
             .queriesCarryFlagBits = device.carriesRayFlagBits.inQueries,
             .pipelinesCarryFlagBits = device.carriesRayFlagBits.inPipelines,
             .pipelineStage = pipelineStage};

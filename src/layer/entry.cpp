@@ -200,6 +200,7 @@ const Row kRows[] = {
     row<cmdWaitEvents2>("vkCmdWaitEvents2KHR", Scope::Emulated),
     row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2", Scope::Emulated),
     row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2KHR", Scope::Emulated),
+    row<cmdWriteBufferMarker2>("vkCmdWriteBufferMarker2AMD", Scope::Emulated),
     row<queueSubmit2>("vkQueueSubmit2", Scope::Emulated),
     row<queueSubmit2>("vkQueueSubmit2KHR", Scope::Emulated),
     row<createRenderPass2>("vkCreateRenderPass2", Scope::Emulated),

@@ -5,10 +5,10 @@
 namespace vellum::layer
 {
 
-void HostMemory::allocated(VkDeviceMemory memory, VkMemoryPropertyFlags properties)
+void HostMemory::allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPropertyFlags properties)
 {
     std::lock_guard lock(mutex_);
-    memories_[memory] = {properties, nullptr, 0};
+    memories_[memory] = {.properties = properties, .bytes = bytes};
 }
 
 void HostMemory::freed(VkDeviceMemory memory)
@@ -37,6 +37,8 @@ VkResult HostMemory::open(const Device &device, Memory &memory, VkDeviceMemory h
         if (result != VK_SUCCESS)
             return result;
         memory.mapped = static_cast<uint8_t *>(mapped);
+        memory.first = 0;
+        memory.last = memory.bytes;
     }
     ++memory.users;
     return VK_SUCCESS;
@@ -67,7 +69,25 @@ void HostMemory::unmap(const Device &device, VkDeviceMemory handle)
     close(device, memories_[handle], handle);
 }
 
-HostView::HostView(Device &device, VkBuffer buffer, VkDeviceSize offset) : device_(device)
+void HostMemory::mappedByDriver(VkDeviceMemory handle, VkDeviceSize offset, VkDeviceSize bytes, void *data)
+{
+    std::lock_guard lock(mutex_);
+    Memory &memory = memories_[handle];
+    memory.mapped = static_cast<uint8_t *>(data) - offset;
+    memory.first = offset;
+    memory.last = bytes == VK_WHOLE_SIZE ? memory.bytes : offset + bytes;
+    memory.users = 1;
+}
+
+void HostMemory::unmappedByDriver(VkDeviceMemory handle)
+{
+    std::lock_guard lock(mutex_);
+    Memory &memory = memories_[handle];
+    memory.mapped = nullptr;
+    memory.users = 0;
+}
+
+HostView::HostView(Device &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes) : device_(device)
 {
     HostMemory &host = device.hostMemory;
     std::lock_guard lock(host.mutex_);
@@ -79,11 +99,15 @@ HostView::HostView(Device &device, VkBuffer buffer, VkDeviceSize offset) : devic
         host.open(device, memory, binding->second.memory, 0) != VK_SUCCESS)
         return;
     memory_ = binding->second.memory;
-    coherent_ = (memory.properties & VK_MEMORY_PROPERTY_HOST_COHERENT_BIT) != 0;
-    bytes_ = memory.mapped + binding->second.offset + offset;
-    if (!coherent_) {
-        const VkMappedMemoryRange all{VK_STRUCTURE_TYPE_MAPPED_MEMORY_RANGE, nullptr, memory_, 0, VK_WHOLE_SIZE};
-        device.next.InvalidateMappedMemoryRanges(device.handle, 1, &all);
+    const VkDeviceSize begin = binding->second.offset + offset;
+    if (begin < memory.first || begin > memory.last || bytes > memory.last - begin)
+        return; // the application has mapped another part of it, where only the driver can
+    bytes_ = memory.mapped + begin;
+    if ((memory.properties & VK_MEMORY_PROPERTY_HOST_COHERENT_BIT) == 0 && bytes > 0) {
+        VkPhysicalDeviceProperties properties{};
+        device.instance->next.GetPhysicalDeviceProperties(device.physicalDevice, &properties);
+        atoms_ = atomsOf(memory_, memory.bytes, begin, bytes, properties.limits.nonCoherentAtomSize);
+        device.next.InvalidateMappedMemoryRanges(device.handle, 1, &atoms_);
     }
 }
 
@@ -93,10 +117,8 @@ HostView::~HostView()
         return;
     HostMemory &host = device_.hostMemory;
     std::lock_guard lock(host.mutex_);
-    if (!coherent_) {
-        const VkMappedMemoryRange all{VK_STRUCTURE_TYPE_MAPPED_MEMORY_RANGE, nullptr, memory_, 0, VK_WHOLE_SIZE};
-        device_.next.FlushMappedMemoryRanges(device_.handle, 1, &all);
-    }
+    if (atoms_.size > 0)
+        device_.next.FlushMappedMemoryRanges(device_.handle, 1, &atoms_);
     host.close(device_, host.memories_[memory_], memory_);
 }
 
@@ -146,17 +168,29 @@ VKAPI_ATTR void VKAPI_CALL unmapMemory(VkDevice handle, VkDeviceMemory memory)
 VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const newer::MemoryMapInfo *info, void **data)
 {
     Device &device = deviceOf(handle);
-    // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
-    if (!device.asked.hostCommands || info->pNext)
+    if (!device.asked.hostCommands)
         return device.next.MapMemory2(handle, info, data);
+    // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
+    if (info->pNext) {
+        const VkResult result = device.next.MapMemory2(handle, info, data);
+        if (result == VK_SUCCESS)
+            device.hostMemory.mappedByDriver(info->memory, info->offset, info->size, *data);
+        return result;
+    }
     return device.hostMemory.map(device, info->memory, info->offset, info->flags, data);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL unmapMemory2(VkDevice handle, const newer::MemoryUnmapInfo *info)
 {
     Device &device = deviceOf(handle);
-    if (!device.asked.hostCommands || info->pNext || info->flags != 0)
+    if (!device.asked.hostCommands)
         return device.next.UnmapMemory2(handle, info);
+    if (info->pNext || info->flags != 0) {
+        const VkResult result = device.next.UnmapMemory2(handle, info);
+        if (result == VK_SUCCESS)
+            device.hostMemory.unmappedByDriver(info->memory);
+        return result;
+    }
     device.hostMemory.unmap(device, info->memory);
     return VK_SUCCESS;
 }

@@ -1,6 +1,6 @@
 // Which memory buffers are bound to, and the host's view of it: for the host commands of micromaps, which need not be
 // mapped by the application, but may be. A memory object can be mapped only once (VUID-vkMapMemory-memory-00678), so
-// the application's mappings are known here, and are of the whole memory.
+// the application's mappings are known here, and are of the whole memory, but for those that only the driver can make.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +16,22 @@ namespace vellum::layer
 
 struct Device;
 
+// What has to be flushed or invalidated for bytes of memory that is not coherent: whole atoms (VkMappedMemoryRange),
+// and no more of them than there must be. The application may have written others and not flushed them yet, and
+// invalidating those would undo it (vkInvalidateMappedMemoryRanges).
+constexpr VkMappedMemoryRange atomsOf(VkDeviceMemory memory, VkDeviceSize memoryBytes, VkDeviceSize begin,
+                                      VkDeviceSize bytes, VkDeviceSize atom)
+{
+    const VkDeviceSize first = begin / atom * atom;
+    const VkDeviceSize last = (begin + bytes + atom - 1) / atom * atom;
+    return {VK_STRUCTURE_TYPE_MAPPED_MEMORY_RANGE, nullptr, memory, first,
+            (last < memoryBytes ? last : memoryBytes) - first};
+}
+
 class HostMemory
 {
 public:
-    void allocated(VkDeviceMemory memory, VkMemoryPropertyFlags properties);
+    void allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPropertyFlags properties);
     void freed(VkDeviceMemory memory);
     void bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset);
     void destroyed(VkBuffer buffer);
@@ -27,13 +39,18 @@ public:
     // The application's mappings. `map` maps the whole memory and gives the address of `offset`.
     VkResult map(const Device &device, VkDeviceMemory memory, VkDeviceSize offset, VkMemoryMapFlags flags, void **data);
     void unmap(const Device &device, VkDeviceMemory memory);
+    // The driver has mapped or unmapped it as the application wanted: bytes from `offset` on are at `data`.
+    void mappedByDriver(VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize bytes, void *data);
+    void unmappedByDriver(VkDeviceMemory memory);
 
 private:
     friend class HostView;
     struct Memory {
         VkMemoryPropertyFlags properties = 0;
-        uint8_t *mapped = nullptr; // the whole of it
-        uint32_t users = 0;        // the application and host views
+        VkDeviceSize bytes = 0;
+        uint8_t *mapped = nullptr; // where the whole of it is, or would be: what is mapped is
+        VkDeviceSize first = 0, last = 0;
+        uint32_t users = 0; // the application and host views
     };
     struct Binding {
         VkDeviceMemory memory = VK_NULL_HANDLE;
@@ -51,7 +68,7 @@ private:
 class HostView
 {
 public:
-    HostView(Device &device, VkBuffer buffer, VkDeviceSize offset);
+    HostView(Device &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes);
     ~HostView();
     HostView(const HostView &) = delete;
     HostView &operator=(const HostView &) = delete;
@@ -61,7 +78,7 @@ public:
 private:
     Device &device_;
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
-    bool coherent_ = true;
+    VkMappedMemoryRange atoms_{}; // to be flushed at the end; none of coherent memory
     uint8_t *bytes_ = nullptr;
 };
 

@@ -66,7 +66,8 @@ struct QueryCopyPush {
 struct BlasRecordsPush {
     VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord, log;
     uint64_t object;
-    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits;
+    uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits,
+        geometry, named;
 };
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {
@@ -81,7 +82,7 @@ struct StructureCopyPush {
 };
 struct StructureSavePush {
     VkDeviceAddress cell, begin, staging, blob, root;
-    uint32_t structureUnits, stagingUnits, leastUnits, capacity, wholeCopies, pass;
+    uint32_t structureUnits, stagingUnits, leastUnits, capacity, wholeCopies, pass, blocks, padding;
 };
 struct StructureRestorePush {
     VkDeviceAddress blob, staging, cell, begin, root, blank;

@@ -50,7 +50,8 @@ class View
 public:
     View(Device &device, VkMicromapEXT handle)
         : size_(handle ? micromapOf(handle)->size : 0),
-          view_(device, handle ? micromapOf(handle)->buffer : VK_NULL_HANDLE, handle ? micromapOf(handle)->offset : 0)
+          view_(device, handle ? micromapOf(handle)->buffer : VK_NULL_HANDLE, handle ? micromapOf(handle)->offset : 0,
+                size_)
     {
     }
     [[nodiscard]] uint8_t *bytes() const { return view_.bytes(); }

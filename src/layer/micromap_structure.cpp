@@ -402,6 +402,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure2(VkDevice handle,
                            place.offset,
                            structure->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    // Serialized structures may name it.
+    if (canHoldMicromap(*structure))
+        structure->micromapKey = device.root.acquireMicromap(info->addressRange.address, structure->size);
     device.accelerationStructures.set(*result, std::move(structure));
     return VK_SUCCESS;
 }

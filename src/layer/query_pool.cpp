@@ -184,7 +184,9 @@ VKAPI_ATTR void VKAPI_CALL resetQueryPool(VkDevice handle, VkQueryPool queryPool
 {
     Device &device = deviceOf(handle);
     const auto pool = device.queryPools.get(queryPool);
-    if (pool && inRange(device, *pool, first, count, "vkResetQueryPool")) {
+    if (pool && !inRange(device, *pool, first, count, "vkResetQueryPool"))
+        return;
+    if (pool) {
         uint32_t *words = pool->memory.words();
         std::memset(words + pool->availabilityOffset(first) / 4, 0, count * size_t{4});
         std::memset(words + first * size_t{2}, 0, count * size_t{8});
@@ -197,7 +199,9 @@ VKAPI_ATTR void VKAPI_CALL cmdResetQueryPool(VkCommandBuffer commandBuffer, VkQu
 {
     Device &device = deviceOf(commandBuffer);
     const auto pool = device.queryPools.get(queryPool);
-    if (pool && count > 0 && inRange(device, *pool, first, count, "vkCmdResetQueryPool")) {
+    if (pool && !inRange(device, *pool, first, count, "vkCmdResetQueryPool"))
+        return;
+    if (pool && count > 0) {
         InjectedWork work(device, commandBuffer);
         work.barrier();
         device.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->availabilityOffset(first), count * 4ull,
@@ -311,18 +315,18 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuf
     Device &device = deviceOf(commandBuffer);
     const auto pool = device.queryPools.get(queryPool);
     const bool ours = pool && count > 0;
+    if (pool && pool->type != type) {
+        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
+                              "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
+                              "queryType");
+        return;
+    }
     if (ours && (!inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
                  InjectedWork::refusedIn(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR")))
         return;
     if (!ours)
         return device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type,
                                                                        queryPool, first);
-    if (pool->type != type) {
-        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
-                              "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
-                              "queryType");
-        return;
-    }
     // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing.
     InjectedWork work(device, commandBuffer);
     work.barrier();

@@ -44,9 +44,7 @@ uint32_t executionModelOf(VkShaderStageFlagBits stage)
 
 VkFlags64 flagsOf(const VkRayTracingPipelineCreateInfoKHR &info)
 {
-    const auto *flags2 =
-        findInChain<newer::PipelineCreateFlags2CreateInfo>(info.pNext, newer::kPipelineCreateFlags2CreateInfo);
-    return flags2 ? flags2->flags : info.flags;
+    return pipelineFlags(info.pNext, info.flags);
 }
 
 // Everything that one vkCreateRayTracingPipelinesKHR hands to the driver, for as long as the driver may read it.
@@ -74,6 +72,10 @@ public:
                    "uses opacity micromaps, but the feature micromap is not enabled");
             return VK_ERROR_VALIDATION_FAILED_EXT;
         }
+        if ((!asked || !device_.asked.khrFeature) &&
+            (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0)
+            reportMixedSpecialIndex(device_, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
+                                    "vkCreateRayTracingPipelinesKHR");
         const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
         std::optional<uint32_t> without;
         uint32_t with = 0;

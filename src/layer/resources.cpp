@@ -109,7 +109,8 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     driverInfo.pNext = chain.head();
     const VkResult result = device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
     if (result == VK_SUCCESS)
-        device.hostMemory.allocated(*memory, device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+        device.hostMemory.allocated(*memory, info->allocationSize,
+                                    device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
     return result;
 }
 

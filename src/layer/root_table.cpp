@@ -166,6 +166,18 @@ CellPlace RootTable::acquireCell(VkDeviceAddress reference)
     return cellPlace(index);
 }
 
+VkDeviceAddress RootTable::acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes)
+{
+    const VkDeviceAddress key = address + kMicromapKey;
+    if (!acquireCell(key).address)
+        return 0;
+    std::lock_guard lock(mutex_);
+    uint32_t *words = cellWords(cells_.at(key).index);
+    words[2] = kCellMicromap;
+    words[3] = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / kDataUnitBytes, UINT32_MAX));
+    return key;
+}
+
 void RootTable::releaseCell(VkDeviceAddress reference)
 {
     std::lock_guard lock(mutex_);

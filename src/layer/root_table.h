@@ -58,6 +58,9 @@ public:
     // is 0 where there is no memory.
     CellPlace acquireCell(VkDeviceAddress reference);
     void releaseCell(VkDeviceAddress reference);
+    // Says that there is a micromap of so many bytes at an address; returns the key to release its cell by, 0 where
+    // there is no memory.
+    VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
 
     // What shaders had to tell since the last call: bits kNotice*.
     uint32_t takeNotices();

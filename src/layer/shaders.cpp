@@ -19,6 +19,9 @@ namespace vellum::layer
 namespace
 {
 
+constexpr VkFlags kDisallowMixedShader =
+    static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
+
 // pStages is ignored, and may be anything, for a pipeline library without the parts that have shaders.
 bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
 {
@@ -28,6 +31,15 @@ bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
         VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
         VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
     return !library || (library->flags & withShaders) != 0;
+}
+
+void checkFlags(const Device &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+                const char *command)
+{
+    if ((pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) !=
+            0 &&
+        !device.asked.khrFeature)
+        reportMixedSpecialIndex(device, id, command);
 }
 
 VkResult failAll(uint32_t count, VkPipeline *pipelines)
@@ -74,6 +86,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
     std::deque<Chain> chains;
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
     for (VkComputePipelineCreateInfo &info : own) {
+        checkFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
+                   "vkCreateComputePipelines");
         info.pNext = driverChain(info.pNext, chains);
         const VkPipelineShaderStageCreateInfo *stage = &info.stage;
         if (!stages.rewrite(stage, 1))
@@ -93,6 +107,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipeli
     std::deque<Chain> chains;
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
     for (VkGraphicsPipelineCreateInfo &info : own) {
+        checkFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+                   "vkCreateGraphicsPipelines");
         info.pNext = driverChain(info.pNext, chains);
         if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
             return failAll(count, pipelines);
@@ -107,6 +123,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, co
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
+        if ((info.flags & kDisallowMixedShader) != 0 && !device.asked.khrFeature)
+            reportMixedSpecialIndex(device, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
+        info.flags &= ~kDisallowMixedShader;
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
             if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0) {

@@ -240,10 +240,13 @@ private:
                                                            infos.data(), ranges.data());
     }
 
-    // Cells of structures without records: what an earlier build put there must not be found any more. No barriers:
-    // whoever reads or writes a cell in a shader waits for everything before it, and lets everything after it wait.
+    // Cells of structures without records: what an earlier build put there must not be found any more. Whoever
+    // reads or writes a cell in a shader waits for everything before it, and lets everything after it wait. But before
+    // it in another command buffer may only be the stage of builds, after a semaphore or an event: the barrier puts the
+    // cells before what comes in that stage.
     void writeCells()
     {
+        bool any = false;
         for (const Part &part : parts_) {
             if (part.skipped || part.build.topLevel() || part.tail)
                 continue;
@@ -251,7 +254,16 @@ private:
             words[2] = kCellPlain;
             setBoxes(words, part.build);
             device_.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words, words);
+            any = true;
         }
+        if (!any)
+            return;
+        const VkMemoryBarrier cells{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_TRANSFER_WRITE_BIT,
+                                    VK_ACCESS_TRANSFER_WRITE_BIT | VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR};
+        device_.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                                        VK_PIPELINE_STAGE_TRANSFER_BIT |
+                                            VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                                        0, 1, &cells, 0, nullptr, 0, nullptr);
     }
 
     void writeTails(InjectedWork &work)
@@ -276,7 +288,7 @@ private:
     void writeRecords(InjectedWork &work, const Part &part, const RangeInfo *ranges)
     {
         const uint32_t geometries = part.build.geometryCount();
-        VkDeviceAddress triangles = part.tail + geometries * kGeometryRecordBytes;
+        VkDeviceAddress triangles = part.tail + geometries * (kGeometryRecordBytes + kMicromapNameWords * 4);
         for (uint32_t g = 0; g < geometries; ++g) {
             BlasRecordsPush push{};
             push.geometryRecord = part.tail + g * kGeometryRecordBytes;
@@ -284,6 +296,7 @@ private:
             push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell.address : 0;
             push.geometryCount = geometries;
+            push.geometry = g;
             push.tailUnits = unitsOf(part.tailBytes);
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges[g].primitiveCount;
@@ -293,6 +306,7 @@ private:
                 const VkMicromapEXT handle =
                     micromap->structure ? micromapOf(device_, micromap->structure) : micromap->micromap;
                 push.micromap = micromapAddress(device_, handle);
+                push.named = micromap->structure != VK_NULL_HANDLE;
                 push.baseTriangle = micromap->baseTriangle;
                 push.log = device_.complaints.address();
                 push.object = complaintObject(handle);

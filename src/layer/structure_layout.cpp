@@ -23,7 +23,7 @@ VkDeviceSize bottomLevelTailBytes(const DriverBuildInfo &build, const uint32_t *
 {
     if (!build.hasMicromaps())
         return 0;
-    VkDeviceSize bytes = build.geometryCount() * VkDeviceSize{kGeometryRecordWords} * 4;
+    VkDeviceSize bytes = build.geometryCount() * VkDeviceSize{kGeometryRecordWords + kMicromapNameWords} * 4;
     for (uint32_t i = 0; i < build.geometryCount(); ++i) {
         if (build.micromap(i))
             bytes += alignUp((primitives ? primitives[i] : 0) * VkDeviceSize{kTriangleRecordWords} * 4, 16);

@@ -75,6 +75,7 @@ void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer command
     push.leastUnits = unitsOf(device.blank.structureBytes);
     push.capacity = unitsOf(device.addresses.bytesFrom(push.blob));
     push.wholeCopies = device.blank.wholeCopies;
+    push.blocks = device.asked.khr;
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::StructureSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
         work.barrier();

@@ -121,6 +121,15 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer commandBuffer, VkP
     deviceOf(commandBuffer).next.CmdWriteTimestamp2(commandBuffer, stage, pool, query);
 }
 
+VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                                                 VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
+{
+    // A marker is written when a stage is complete, as a timestamp is.
+    if ((stage & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0)
+        stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+    deviceOf(commandBuffer).next.CmdWriteBufferMarker2AMD(commandBuffer, stage, buffer, offset, marker);
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)
 {
     Device &device = deviceOf(queue);

@@ -28,6 +28,8 @@ layout(push_constant, std430) uniform Push
     uint geometryWord; // word 0 of the geometry record
     uint geometryCount;
     uint tailUnits; // of all records
+    uint geometry;  // its number
+    uint named;     // 1: the micromap is one of VK_KHR_opacity_micromap
 } push;
 
 #include "complaints.glsl"
@@ -91,6 +93,12 @@ void main()
     geometry.w[1] = dataUnits;
     geometry.w[2] = units.x;
     geometry.w[3] = units.y;
+    const bool named = push.named != 0u && any(notEqual(push.micromap, uvec2(0)));
+    Words name = Words(elementAddress(push.firstGeometryRecord, push.geometryCount + push.geometry, kMicromapNameWords * 4u));
+    name.w[0] = named ? push.micromap.x : 0u;
+    name.w[1] = named ? push.micromap.y : 0u;
+    name.w[2] = named ? unitsBetween(push.micromap, units) : 0u;
+    name.w[3] = 0u;
     if (any(notEqual(push.cell, uvec2(0))))
         storeCell(push.cell, Cell(push.firstGeometryRecord, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
 }

@@ -30,6 +30,27 @@ void storeCell(uvec2 address, Cell cell)
     c.w[7] = cell.extra.y;
 }
 
+// The cell of a key in the hash table (core/records.h) that the root table leads to; 0: there is none.
+uvec2 findCell(uvec2 root, uvec2 key)
+{
+    if ((key.x | key.y) == 0u)
+        return uvec2(0);
+    Words header = Words(root);
+    Words table = Words(uvec2(header.w[kRootHashTable], header.w[kRootHashTable + 1u]));
+    const uint mask = table.w[0];
+    uint bucket = hashReference(key.x, key.y) & mask;
+    for (uint probes = 0u; probes <= mask; ++probes) {
+        const uint at = kHashHeaderWords + bucket * kHashBucketWords;
+        const uvec2 found = uvec2(table.w[at], table.w[at + 1u]);
+        if (found.x == key.x && found.y == key.y)
+            return uvec2(table.w[at + 2u], table.w[at + 3u]);
+        if ((found.x | found.y) == 0u)
+            break;
+        bucket = (bucket + 1u) & mask;
+    }
+    return uvec2(0);
+}
+
 uvec2 addressMinus(uvec2 a, uvec2 b)
 {
     uint borrow;

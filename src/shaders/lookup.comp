@@ -113,6 +113,11 @@ uint vellumDriverFlags(const in uint f)
     return driverRayFlags(f);
 }
 
+uint vellumIdleFlags(const in uint f)
+{
+    return idleRayFlags(f);
+}
+
 uint vellumApplicationFlags(const in uint f)
 {
     return applicationRayFlags(f);

@@ -18,7 +18,7 @@ layout(push_constant, std430) uniform Push
 
 void main()
 {
-    const uint i = gl_GlobalInvocationID.x;
+    const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
     if (i >= push.count)
         return;
     uvec2 value = uvec2(Words(push.values).w[2u * i], Words(push.values).w[2u * i + 1u]);

@@ -1,6 +1,29 @@
 // Serialized acceleration structures (core/records.h). Needs cell.glsl.
 
-const uint kSerializedHeaderUnits = 4u; // the header of a BLAS: 56 bytes, padded
+const uint kSerializedHeaderUnits = 4u; // the header of a BLAS without blocks: 56 bytes, padded
+
+// Words of a block in the header: "serialized-as-header" of the specification.
+const uint kBlockFormat = 0xffffffffu; // word 13 of the header, where word 12 is the number of blocks
+const uint kBlockType = 14u;
+const uint kBlockAddressCount = 16u; // and 17
+const uint kBlockAddresses = 18u;
+
+// Units of the header of a BLAS that names so many micromaps, in one block.
+uint headerUnits(uint named)
+{
+    return named == 0u ? kSerializedHeaderUnits : (kBlockAddresses * 4u + named * 8u + 15u) / 16u;
+}
+
+// The name of geometry g's micromap; 0: none.
+uvec4 micromapName(Cell cell, uint g)
+{
+    return Units(cell.tail).at[cell.count + g];
+}
+
+bool isNamed(uvec4 name)
+{
+    return (name.x | name.y) != 0u;
+}
 
 // What the passes of a shader that serializes or deserializes tell each other: words at the beginning of staging memory.
 const uint kPlanUnits = 16u; // keeps what follows aligned to 256 bytes
@@ -8,6 +31,8 @@ const uint kPlanOk = 0u;
 const uint kPlanDriverUnits = 1u;
 const uint kPlanTailUnits = 2u;
 const uint kPlanChecksum = 3u;
+const uint kPlanHeaderUnits = 4u;
+const uint kPlanNamed = 5u; // micromaps in the header's block
 const uint kPlanCell = 8u; // a cell that describes the instances of a serialized TLAS
 
 uint saturatingAdd(uint a, uint b)

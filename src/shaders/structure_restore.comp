@@ -28,15 +28,28 @@ layout(push_constant, std430) uniform Push
     uint pass;
 } push;
 
+// Micromaps that the header of a BLAS names; ~0: the header is not one. Without blocks it has one of two forms.
+uint namedMicromaps()
+{
+    Words header = Words(push.blob);
+    if (header.w[12] == 0u && (header.w[13] == 0u || header.w[13] == kBlockFormat))
+        return 0u;
+    if (header.w[12] != 1u || header.w[13] != kBlockFormat || header.w[kBlockType] != 0u)
+        return ~0u;
+    const uint count = header.w[kBlockAddressCount];
+    return header.w[kBlockAddressCount + 1u] != 0u || count == 0u || count > kMaxBlockAddresses ? ~0u : count;
+}
+
 // Units before the block; ~0: the header is not one.
 uint blockStart()
 {
     Words header = Words(push.blob);
     if (push.kind == kCellBottom) {
-        if (header.w[12] != 0u || header.w[13] != 0u)
+        const uint named = namedMicromaps();
+        if (named == ~0u || !fits(headerUnits(named), kSerializedHeaderUnits, push.capacity))
             return ~0u;
-        Words driver = Words(unitAddress(push.blob, kSerializedHeaderUnits));
-        return saturatingAdd(kSerializedHeaderUnits, driverUnitsOf(uvec2(driver.w[8], driver.w[9]), 0x0fffffffu));
+        Words driver = Words(unitAddress(push.blob, headerUnits(named)));
+        return saturatingAdd(headerUnits(named), driverUnitsOf(uvec2(driver.w[8], driver.w[9]), 0x0fffffffu));
     }
     return header.w[13] != 0u || header.w[12] > 0x0fffffffu ? ~0u : (header.w[12] + 1u) / 2u + kSerializedHeaderUnits;
 }
@@ -69,11 +82,12 @@ uint fault()
         return b.w[kBlockHeaderKind] != kCellTop || count != header.w[12] || tailUnits / kInstanceUnits != count
                    ? kNoticeDamagedData
                    : kNotices;
-    const uint driverUnits = block - kSerializedHeaderUnits;
-    Words driver = Words(unitAddress(push.blob, kSerializedHeaderUnits));
+    const uint headerSize = headerUnits(namedMicromaps());
+    const uint driverUnits = block - headerSize;
+    Words driver = Words(unitAddress(push.blob, headerSize));
     const uint driverSize = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
     if ((b.w[kBlockHeaderKind] != kCellBottom && b.w[kBlockHeaderKind] != kCellPlain && b.w[kBlockHeaderKind] != kCellBoxes) || b.w[kBlockHeaderRecordUnits] > tailUnits ||
-        count > b.w[kBlockHeaderRecordUnits] || driverUnits > push.stagingUnits)
+        count > b.w[kBlockHeaderRecordUnits] / 2u || driverUnits > push.stagingUnits)
         return kNoticeDamagedData;
     for (uint w = 0u; w < 8u; ++w) {
         if (driver.w[w] != blank.w[w])
@@ -91,7 +105,10 @@ void check()
     if (what != kNotices)
         notice(push.root, what);
     p.w[kPlanOk] = what == kNotices ? 1u : 0u;
-    p.w[kPlanDriverUnits] = what == kNotices ? blockStart() - kSerializedHeaderUnits : push.blankUnits;
+    const uint named = what == kNotices && push.kind == kCellBottom ? namedMicromaps() : 0u;
+    p.w[kPlanHeaderUnits] = headerUnits(named);
+    p.w[kPlanNamed] = named;
+    p.w[kPlanDriverUnits] = what == kNotices ? blockStart() - headerUnits(named) : push.blankUnits;
     p.w[kPlanChecksum] = 0u;
 }
 
@@ -101,12 +118,13 @@ void addUp(uint me, uint all)
     if (p.w[kPlanOk] == 0u)
         return;
     const uint driverUnits = p.w[kPlanDriverUnits];
-    const uint block = kSerializedHeaderUnits + driverUnits;
+    const uint header = p.w[kPlanHeaderUnits];
+    const uint block = header + driverUnits;
     Units blob = Units(push.blob);
     uint sum = 0u;
     // Of a TLAS that place holds the handles, which the application may have changed.
     for (uint i = me; push.kind == kCellBottom && i < driverUnits; i += all)
-        sum += checkOf(blob.at[kSerializedHeaderUnits + i], i);
+        sum += checkOf(blob.at[header + i], i);
     const uint first = push.kind == kCellBottom ? driverUnits : 0u;
     const uint tailUnits = Words(unitAddress(push.blob, block)).w[kBlockHeaderTailUnits];
     Units tail = Units(unitAddress(push.blob, block + kBlockUnits));
@@ -120,7 +138,7 @@ void decide()
     Words p = Words(push.staging);
     Cell instances = Cell(uvec2(0), kCellUnbuilt, 0u, 0u, 0u, uvec2(0));
     if (p.w[kPlanOk] != 0u) {
-        const uint block = kSerializedHeaderUnits + p.w[kPlanDriverUnits];
+        const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
         Words b = Words(unitAddress(push.blob, block));
         if (b.w[kBlockHeaderChecksum] != p.w[kPlanChecksum]) {
             notice(push.root, kNoticeDamagedData);
@@ -140,10 +158,25 @@ void stage(uint me, uint all)
     Words p = Words(push.staging);
     const bool ok = p.w[kPlanOk] != 0u;
     const uint driverUnits = p.w[kPlanDriverUnits];
-    Units from = Units(ok ? unitAddress(push.blob, kSerializedHeaderUnits) : push.blank);
+    Units from = Units(ok ? unitAddress(push.blob, p.w[kPlanHeaderUnits]) : push.blank);
     Units to = Units(unitAddress(push.staging, kPlanUnits));
     for (uint i = me; i < driverUnits; i += all)
         to.at[i] = from.at[i];
+}
+
+// Where the header says that the micromap of that number is, in place of the one that was serialized; 0, with a notice,
+// where there is none at that address that data of `units` units fits in, `offset` units behind it.
+uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
+{
+    if (number < named) {
+        Words at = Words(addressPlus(push.blob, kBlockAddresses * 4u + number * 8u));
+        const uvec2 address = uvec2(at.w[0], at.w[1]);
+        const uvec2 cell = findCell(push.root, addressPlus(address, kMicromapKey));
+        if (any(notEqual(cell, uvec2(0))) && loadCell(cell).kind == kCellMicromap && fits(offset, units, loadCell(cell).units))
+            return address;
+    }
+    notice(push.root, kNoticeUnknownMicromap);
+    return uvec2(0);
 }
 
 void finish(uint me, uint all)
@@ -154,7 +187,7 @@ void finish(uint me, uint all)
             storeCell(push.cell, Cell(uvec2(0), kCellBroken, 0u, 0u, 0u, uvec2(0)));
         return;
     }
-    const uint block = kSerializedHeaderUnits + p.w[kPlanDriverUnits];
+    const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
     Words b = Words(unitAddress(push.blob, block));
     const uint tailUnits = b.w[kBlockHeaderTailUnits];
     const uint count = b.w[kBlockHeaderCount];
@@ -169,8 +202,18 @@ void finish(uint me, uint all)
     Units to = Units(tail);
     for (uint i = me; i < tailUnits; i += all) {
         uvec4 value = from.at[i];
-        if (i < count)
+        if (i < count && value.z == kPlaceNamed) {
+            const uint offset = from.at[count + i].z;
+            const uvec2 micromap = micromapInHeader(value.w, p.w[kPlanNamed], offset, value.y);
+            value.zw = unitAddress(micromap, offset);
+            // Without its micromap the geometry has none.
+            if ((micromap.x | micromap.y) == 0u)
+                value = uvec4(value.x & kGeometryRecordOpaque, uvec3(0));
+        } else if (i < count) {
             value.zw = unitAddress(tail, value.z);
+        } else if (i < 2u * count && isNamed(value)) {
+            value.xy = micromapInHeader(from.at[i - count].w, p.w[kPlanNamed], value.z, from.at[i - count].y);
+        }
         to.at[i] = value;
     }
 }

@@ -1,7 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Serializes a bottom-level acceleration structure: the driver's serialized data, and the tail with copies of the data units
-// of its micromaps, since VK_EXT_opacity_micromap has no means to name a micromap to a deserialized structure.
+// Serializes a bottom-level acceleration structure: the driver's serialized data, and the tail. Micromaps of
+// VK_KHR_opacity_micromap are named in the header; the data units of others are copied into the tail, since
+// VK_EXT_opacity_micromap has no means to name a micromap to a deserialized structure.
 // Two passes: one invocation plans, then all copy.
 #include "shared.h"
 #include "records.h"
@@ -24,7 +25,27 @@ layout(push_constant, std430) uniform Push
     uint capacity;     // units in the destination's buffer
     uint wholeCopies;  // the driver serializes whole structures, whatever was built in them
     uint pass;
+    uint blocks; // 1: the header has the form of VK_KHR_opacity_micromap
+    uint padding;
 } push;
+
+// Writes the addresses of the named micromaps where `target` is not 0; returns how many there are.
+uint placeNames(Cell cell, uvec2 target)
+{
+    uint named = 0u;
+    for (uint g = 0u; g < cell.count; ++g) {
+        const uvec4 name = micromapName(cell, g);
+        if (!isNamed(name))
+            continue;
+        if (any(notEqual(target, uvec2(0)))) {
+            Words at = Words(elementAddress(target, named, 8u));
+            at.w[0] = name.x;
+            at.w[1] = name.y;
+        }
+        ++named;
+    }
+    return named;
+}
 
 // Units of the geometries' data; where `target` is not 0, writes their records there.
 uint placeData(Cell cell, uvec2 target)
@@ -33,8 +54,15 @@ uint placeData(Cell cell, uvec2 target)
     uint units = 0u;
     uvec4 before = uvec4(0);
     uint beforePlace = 0u;
+    uint named = 0u;
     for (uint g = 0u; g < cell.count; ++g) {
         const uvec4 record = records.at[g];
+        if (isNamed(micromapName(cell, g))) {
+            if (any(notEqual(target, uvec2(0))))
+                Units(target).at[g] = uvec4(record.xy, kPlaceNamed, named);
+            ++named;
+            continue;
+        }
         uint place = cell.recordUnits + units;
         if (g > 0u && record.yzw == before.yzw)
             place = beforePlace;
@@ -74,7 +102,8 @@ void plan()
     tailOffset = tailOffset + 15u & ~15u; // 256 bytes
     const uint dataUnits = placeData(cell, uvec2(0));
     const uint tailUnits = saturatingAdd(cell.recordUnits, dataUnits);
-    const uint block = kSerializedHeaderUnits + driverUnits;
+    const uint named = placeNames(cell, uvec2(0));
+    const uint block = headerUnits(named) + driverUnits;
     const uint total = saturatingAdd(block + kBlockUnits, tailUnits);
 
     Words p = Words(push.staging);
@@ -86,6 +115,7 @@ void plan()
     p.w[kPlanOk] = 1u;
     p.w[kPlanDriverUnits] = driverUnits;
     p.w[kPlanTailUnits] = tailUnits;
+    p.w[kPlanHeaderUnits] = headerUnits(named);
 
     Words header = Words(push.blob);
     for (uint w = 0u; w < 8u; ++w)
@@ -96,8 +126,16 @@ void plan()
     header.w[9] = totalBytes.y;
     header.w[10] = size.x;
     header.w[11] = size.y;
-    for (uint w = 12u; w < 16u; ++w)
+    for (uint w = 12u; w < headerUnits(named) * 4u; ++w)
         header.w[w] = 0u;
+    if (push.blocks != 0u)
+        header.w[13] = kBlockFormat;
+    if (named != 0u) {
+        header.w[12] = 1u;
+        header.w[kBlockType] = 0u; // VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR
+        header.w[kBlockAddressCount] = named;
+        placeNames(cell, addressPlus(push.blob, kBlockAddresses * 4u));
+    }
     Words b = Words(unitAddress(push.blob, block));
     for (uint w = 8u; w < 16u; ++w)
         b.w[w] = 0u;
@@ -119,13 +157,14 @@ void copy(uint me, uint all)
     if (p.w[kPlanOk] == 0u)
         return;
     const uint driverUnits = p.w[kPlanDriverUnits];
-    const uint block = kSerializedHeaderUnits + driverUnits;
+    const uint header = p.w[kPlanHeaderUnits];
+    const uint block = header + driverUnits;
     Units blob = Units(push.blob);
     Units driver = Units(unitAddress(push.staging, kPlanUnits));
     uint sum = 0u;
     for (uint i = me; i < driverUnits; i += all) {
         const uvec4 value = driver.at[i];
-        blob.at[kSerializedHeaderUnits + i] = value;
+        blob.at[header + i] = value;
         sum += checkOf(value, i);
     }
     // The first units are the geometry records, which the plan has written.

@@ -47,19 +47,24 @@ void main()
         // As structure_save.comp plans it.
         uint units = driverUnitsOf(driver, push.structureUnits);
         uint tail = 0u;
+        uint named = 0u;
         if (cell.kind == kCellBottom) {
             if (push.wholeCopies != 0u)
                 units = min(units, saturatingAdd(offset, kSerializedHeaderUnits));
             tail = cell.recordUnits;
             uvec4 before = uvec4(0);
             for (uint g = 0u; g < cell.count; ++g) {
+                if (isNamed(micromapName(cell, g))) {
+                    ++named;
+                    continue;
+                }
                 const uvec4 record = Units(cell.tail).at[g];
                 if (g == 0u || record.yzw != before.yzw)
                     tail = saturatingAdd(tail, record.y);
                 before = record;
             }
         }
-        result = bytesOfUnits(saturatingAdd(kSerializedHeaderUnits + units + kBlockUnits, tail));
+        result = bytesOfUnits(saturatingAdd(headerUnits(named) + units + kBlockUnits, tail));
     } else if (cell.kind == kCellBottom) {
         const uint part = min(unitsOfBytes(driver) + 15u & ~15u, offset);
         result = bytesOfUnits(part + cell.units);

@@ -51,30 +51,18 @@ struct Referenced {
 Referenced findReferenced(uvec2 reference)
 {
     Referenced found = Referenced(false, false, false, false, 0u, uvec2(0));
-    if (all(equal(reference, uvec2(0))))
+    const uvec2 place = findCell(push.root, reference);
+    if ((place.x | place.y) == 0u)
         return found;
-    Words table = Words(loadAddress(push.root));
-    const uint mask = table.w[0];
-    uint bucket = hashReference(reference.x, reference.y) & mask;
-    for (uint probes = 0u; probes <= mask; ++probes) {
-        const uint at = kHashHeaderWords + bucket * kHashBucketWords;
-        const uvec2 key = uvec2(table.w[at], table.w[at + 1u]);
-        if (all(equal(key, reference))) {
-            Words cell = Words(uvec2(table.w[at + 2u], table.w[at + 3u]));
-            found.known = true;
-            found.built = cell.w[2] != kCellUnbuilt;
-            found.broken = cell.w[2] == kCellBroken;
-            if (cell.w[2] == kCellBottom)
-                found.records = uvec2(cell.w[0], cell.w[1]);
-            found.boxes = cell.w[2] == kCellBoxes;
-            if (found.boxes)
-                found.opaqueBoxes = cell.w[7];
-            break;
-        }
-        if (all(equal(key, uvec2(0))))
-            break;
-        bucket = (bucket + 1u) & mask;
-    }
+    Words cell = Words(place);
+    found.known = true;
+    found.built = cell.w[2] != kCellUnbuilt;
+    found.broken = cell.w[2] == kCellBroken;
+    if (cell.w[2] == kCellBottom)
+        found.records = uvec2(cell.w[0], cell.w[1]);
+    found.boxes = cell.w[2] == kCellBoxes;
+    if (found.boxes)
+        found.opaqueBoxes = cell.w[7];
     return found;
 }
 

@@ -28,6 +28,15 @@ std::uint32_t memoryOperandWords(const Module &module, Instruction in, std::uint
 
 } // namespace
 
+Id restoreValue(Types &types, Id function, Id type, Id value, Code &out)
+{
+    const Id uint = types.uint32();
+    if (type == uint)
+        return out.value(spv::OpFunctionCall, uint, {function, value});
+    const Id asUint = out.value(spv::OpBitcast, uint, {value});
+    return out.value(spv::OpBitcast, type, {out.value(spv::OpFunctionCall, uint, {function, asUint})});
+}
+
 void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out)
 {
     const Id type = module.word(in, 1);

@@ -16,6 +16,13 @@ constexpr std::size_t kMaxIndices = 64;
 constexpr std::uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
 constexpr std::uint32_t kCandidateTriangle = 0;
 
+std::vector<std::uint32_t> keyOf(const QueryAccess &access, const Consumes &consumes)
+{
+    std::vector<std::uint32_t> key{static_cast<std::uint32_t>(consumes.when), consumes.condition};
+    key.insert(key.end(), access.shape.begin(), access.shape.end());
+    return key;
+}
+
 } // namespace
 
 std::optional<QueryAccess> CandidateFunctions::access(Id query) const
@@ -64,7 +71,8 @@ std::optional<QueryAccess> CandidateFunctions::access(Id query) const
     return a;
 }
 
-Id CandidateFunctions::begin(const QueryAccess &access, Id function, const char *name, std::vector<Id> &parameters)
+Id CandidateFunctions::begin(const std::vector<Id> &parameterTypes, Id function, const char *name,
+                             std::vector<Id> &parameters)
 {
     std::vector<std::uint32_t> nameOperands = stringWords(name);
     nameOperands.insert(nameOperands.begin(), function);
@@ -72,11 +80,16 @@ Id CandidateFunctions::begin(const QueryAccess &access, Id function, const char 
 
     const Id boolean = types_.boolean();
     code_.put(spv::OpFunction,
-              {boolean, function, spv::FunctionControlMaskNone, types_.function(boolean, access.parameterTypes)});
-    for (const Id type : access.parameterTypes)
+              {boolean, function, spv::FunctionControlMaskNone, types_.function(boolean, parameterTypes)});
+    for (const Id type : parameterTypes)
         parameters.push_back(code_.value(spv::OpFunctionParameter, type, {}));
-    code_.put(spv::OpLabel, {module_.newId()});
+    const Id label = module_.newId();
+    code_.put(spv::OpLabel, {label});
+    return label;
+}
 
+Id CandidateFunctions::queryOf(const QueryAccess &access, const std::vector<Id> &parameters)
+{
     std::size_t next = 0;
     const Id base = access.base != 0 ? access.base : parameters[next++];
     if (access.indices.empty())
@@ -100,7 +113,35 @@ Id CandidateFunctions::opacityFlags(Code &code, Id query)
     return code.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(*mode_.hidden)});
 }
 
-Id CandidateFunctions::candidate(const QueryAccess &access)
+Id CandidateFunctions::candidate(const QueryAccess &access, const Consumes &consumes)
+{
+    const Id decided = decide(access);
+    if (!consumes.isConditional())
+        return decided;
+    Id &function = conditional_[keyOf(access, consumes)];
+    if (function != 0)
+        return function;
+    function = module_.newId();
+
+    const Id boolean = types_.boolean();
+    const Id ask = module_.newId(), end = module_.newId();
+    std::vector<Id> parameters;
+    const Id before = begin(access.parameterTypes, function, "vellumIfConsumed", parameters);
+    const Id condition = consumption_.condition(consumes, code_);
+    code_.put(spv::OpSelectionMerge, {end, spv::SelectionControlMaskNone});
+    code_.put(spv::OpBranchConditional, {condition, ask, end});
+    code_.put(spv::OpLabel, {ask});
+    parameters.insert(parameters.begin(), decided);
+    const Id handled = code_.value(spv::OpFunctionCall, boolean, parameters);
+    code_.put(spv::OpBranch, {end});
+    code_.put(spv::OpLabel, {end});
+    const Id none = types_.get(spv::OpConstantFalse, {boolean});
+    code_.put(spv::OpReturnValue, {code_.value(spv::OpPhi, boolean, {handled, ask, none, before})});
+    code_.put(spv::OpFunctionEnd, {});
+    return function;
+}
+
+Id CandidateFunctions::decide(const QueryAccess &access)
 {
     Id &function = candidates_[access.shape];
     if (function != 0)
@@ -114,7 +155,8 @@ Id CandidateFunctions::candidate(const QueryAccess &access)
     const Id aabb = module_.newId(), end = module_.newId();
 
     std::vector<Id> parameters;
-    const Id query = begin(access, function, "vellumCandidate", parameters);
+    begin(access.parameterTypes, function, "vellumCandidate", parameters);
+    const Id query = queryOf(access, parameters);
     const auto get = [&](spv::Op opcode, Id type) { return code_.value(opcode, type, {query, intersection}); };
 
     const Id type = get(spv::OpRayQueryGetIntersectionTypeKHR, uint);
@@ -161,20 +203,22 @@ Id CandidateFunctions::candidate(const QueryAccess &access)
     return function;
 }
 
-Id CandidateFunctions::proceed(const QueryAccess &access)
+Id CandidateFunctions::proceed(const QueryAccess &access, const Consumes &consumes)
 {
-    if (const auto it = proceeds_.find(access.shape); it != proceeds_.end())
+    const std::vector<std::uint32_t> key = keyOf(access, consumes);
+    if (const auto it = proceeds_.find(key); it != proceeds_.end())
         return it->second;
-    const Id callee = candidate(access); // may append to code_: before this function begins
+    const Id callee = candidate(access, consumes); // may append to code_: before this function begins
     const Id function = module_.newId();
-    proceeds_[access.shape] = function;
+    proceeds_[key] = function;
 
     const Id boolean = types_.boolean();
     const Id header = module_.newId(), check = module_.newId(), body = module_.newId();
     const Id next = module_.newId(), end = module_.newId();
 
     std::vector<Id> parameters;
-    const Id query = begin(access, function, "vellumProceed", parameters);
+    begin(access.parameterTypes, function, "vellumProceed", parameters);
+    const Id query = queryOf(access, parameters);
     code_.put(spv::OpBranch, {header});
     code_.put(spv::OpLabel, {header});
     code_.put(spv::OpLoopMerge, {end, next, spv::LoopControlMaskNone});

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "spirv/code.h"
+#include "spirv/consumption.h"
 #include "spirv/link.h"
 
 namespace vellum::spirv
@@ -34,8 +35,8 @@ struct QueryAccess {
 class CandidateFunctions
 {
 public:
-    CandidateFunctions(Module &module, Types &types, Linker &linker, RayFlagMode mode)
-        : module_(module), types_(types), linker_(linker), mode_(mode)
+    CandidateFunctions(Module &module, Types &types, Linker &linker, Consumption &consumption, RayFlagMode mode)
+        : module_(module), types_(types), linker_(linker), consumption_(consumption), mode_(mode)
     {
     }
 
@@ -43,10 +44,11 @@ public:
     std::optional<QueryAccess> access(Id query) const;
 
     // bool vellumCandidate(query): true if the candidate was decided (ignored or committed), false if the
-    // application must see it.
-    Id candidate(const QueryAccess &access);
+    // application must see it. Where the query may not consume micromaps, bool vellumIfConsumed(query): the same if it
+    // does, false if not.
+    Id candidate(const QueryAccess &access, const Consumes &consumes);
     // bool vellumProceed(query): OpRayQueryProceedKHR up to a candidate that the application must see.
-    Id proceed(const QueryAccess &access);
+    Id proceed(const QueryAccess &access, const Consumes &consumes);
 
     // Ray flags as the application wrote them, or at least those that matter to opacity; 0 if the linker failed.
     // query: a pointer to it.
@@ -56,15 +58,21 @@ public:
     void finish();
 
 private:
-    // Begins a function with the access's parameters. Returns its query.
-    Id begin(const QueryAccess &access, Id function, const char *name, std::vector<Id> &parameters);
+    Id decide(const QueryAccess &access);
+
+    // Begins a function. Returns its block.
+    Id begin(const std::vector<Id> &parameterTypes, Id function, const char *name, std::vector<Id> &parameters);
+    // The query, in a function with the access's parameters.
+    Id queryOf(const QueryAccess &access, const std::vector<Id> &parameters);
 
     Module &module_;
     Types &types_;
     Linker &linker_;
+    Consumption &consumption_;
     RayFlagMode mode_;
     std::map<std::vector<std::uint32_t>, Id> candidates_;
-    std::map<std::vector<std::uint32_t>, Id> proceeds_;
+    std::map<std::vector<std::uint32_t>, Id> conditional_; // by shape, with what Consumes holds before it
+    std::map<std::vector<std::uint32_t>, Id> proceeds_;    // likewise
     Code code_{module_};
 };
 

@@ -19,12 +19,15 @@ constexpr std::uint32_t kOpacityFlags = kHiddenRayFlags | shared::kRayNoOpaque |
 
 // Most modules pass literal flags, the same everywhere. Then nothing has to travel in the driver's flags, and the
 // resolution of a hit shrinks to what those flags leave of it.
-RayFlagMode RayQueries::findMode(const Module &module, const Types &types)
+RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const Consumption &consumption)
 {
     RayFlagMode mode;
     bool first = true;
+    bool consumes = false;
     for (const Instruction in : module.section(Section::Functions)) {
-        if (in.opcode != spv::OpRayQueryInitializeKHR)
+        if (in.opcode == spv::OpFunction)
+            consumes = consumption.in(module.result(in)).when != Consumes::When::Never;
+        if (in.opcode != spv::OpRayQueryInitializeKHR || !consumes)
             continue;
         const auto flags = types.valueOf(module.word(in, 3));
         if (!flags)
@@ -40,9 +43,9 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types)
     return mode;
 }
 
-RayQueries::RayQueries(Module &module, Types &types, Linker &linker, bool carriesFlagBits)
-    : module_(module), types_(types), linker_(linker), mode_(findMode(module, types)),
-      carriesFlagBits_(carriesFlagBits), candidates_(module, types, linker, mode_)
+RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
+    : module_(module), types_(types), linker_(linker), mode_(findMode(module, types, consumption)),
+      consumption_(consumption), options_(options), candidates_(module, types, linker, consumption, mode_)
 {
 }
 
@@ -70,6 +73,9 @@ bool RayQueries::rewriteFunction(std::span<const Instruction> code, std::vector<
 {
     Function function = splitFunction(module_, code);
     bool changed = false;
+    for (const Instruction in : function.head)
+        if (in.opcode == spv::OpFunction)
+            consumes_ = consumption_.in(module_.result(in));
     for (std::size_t b = 0; b < function.blocks.size(); ++b)
         for (std::size_t i = 0; i < function.blocks[b].code.size(); ++i)
             if (function.blocks[b].code[i].opcode == spv::OpRayQueryProceedKHR)
@@ -96,6 +102,8 @@ bool RayQueries::rewriteFunction(std::span<const Instruction> code, std::vector<
 
 bool RayQueries::decideInLoop(Function &function, std::size_t block, std::size_t call)
 {
+    if (consumes_.when == Consumes::When::Never)
+        return false;
     const auto loop = findProceedLoop(module_, function, block, call);
     const Instruction in = function.blocks[block].code[call];
     const auto access = candidates_.access(module_.word(in, 3));
@@ -103,7 +111,7 @@ bool RayQueries::decideInLoop(Function &function, std::size_t block, std::size_t
         return false;
     Code decision(module_);
     std::vector<std::uint32_t> operands = access->arguments;
-    operands.insert(operands.begin(), candidates_.candidate(*access));
+    operands.insert(operands.begin(), candidates_.candidate(*access, consumes_));
     const Id handled = decision.value(spv::OpFunctionCall, types_.boolean(), operands);
     insertDecision(module_, function, *loop, decision, handled);
     decidedInLoops_.insert(module_.result(in));
@@ -124,60 +132,119 @@ bool RayQueries::replace(Instruction in, Code &out)
     }
 }
 
+Id RayQueries::choose(Id type, Id consuming, Id idle, Code &out)
+{
+    if (consumes_.when == Consumes::When::Never)
+        return idle;
+    if (!consumes_.isConditional() || consuming == idle)
+        return consuming;
+    return out.value(spv::OpSelect, type, {consumption_.condition(consumes_, out), consuming, idle});
+}
+
+Id RayQueries::consumingFlags(Id flags, Code &out)
+{
+    if (mode_.hidden) {
+        if (*mode_.hidden == 0)
+            return flags;
+        const Id type = module_.resultType(module_.definition(flags));
+        return types_.get(spv::OpConstant, {type, types_.valueOf(flags).value_or(0) & ~kHiddenRayFlags});
+    }
+    if (!options_.carriesFlagBits) {
+        error_ = "the ray flags of its ray queries are not constant or not alike, and the driver does not carry unused "
+                 "flag bits";
+        return 0;
+    }
+    return hideRayFlags(module_, types_, linker_, flags, out);
+}
+
+// ForceOpacityMicromap2State, which the driver does not know, does nothing here: it only comes back to the application,
+// if the driver carries it.
+Id RayQueries::idleFlags(Id flags, Code &out)
+{
+    const auto value = types_.valueOf(flags);
+    if (!options_.force2State || (value && (*value & shared::kRayForce2State) == 0))
+        return flags;
+    const Id type = module_.resultType(module_.definition(flags));
+    if (value)
+        return types_.get(spv::OpConstant, {type, shared::idleRayFlags(*value)});
+    const Id uint = types_.uint32();
+    const Id asUint = type == uint ? flags : out.value(spv::OpBitcast, uint, {flags});
+    return out.value(spv::OpFunctionCall, uint, {linker_.function("vellumIdleFlags"), asUint});
+}
+
 bool RayQueries::initialize(Instruction in, Code &out)
 {
     const Id flags = module_.word(in, 3);
-    if (mode_.hidden) {
-        if (*mode_.hidden == 0)
-            return false;
-        const Id type = module_.resultType(module_.definition(flags));
-        const std::uint32_t value = types_.valueOf(flags).value_or(0) & ~kHiddenRayFlags;
-        out.out.push_back(module_.with(in, 3, types_.get(spv::OpConstant, {type, value})));
-        return true;
-    }
-    if (!carriesFlagBits_) {
-        error_ = "the ray flags of its ray queries are not constant or not alike, and the driver does not carry unused "
-                 "flag bits";
+    const bool never = consumes_.when == Consumes::When::Never;
+    Id consuming = never ? flags : consumingFlags(flags, out);
+    if (consuming == 0)
         return false;
+    Id idle = consumes_.when == Consumes::When::Always ? consuming : idleFlags(flags, out);
+    if (consuming == flags && idle == flags)
+        return false;
+    Id type = module_.resultType(module_.definition(flags));
+    if (consumes_.isConditional() && !types_.valueOf(flags)) { // what is computed is uint
+        const Id uint = types_.uint32();
+        if (type != uint)
+            for (Id *one : {&consuming, &idle})
+                if (*one == flags)
+                    *one = out.value(spv::OpBitcast, uint, {flags});
+        type = uint;
     }
-    out.out.push_back(module_.with(in, 3, hideRayFlags(module_, types_, linker_, flags, out)));
+    out.out.push_back(module_.with(in, 3, choose(type, consuming, idle, out)));
     return true;
 }
 
 bool RayQueries::proceed(Instruction in, Code &out)
 {
-    if (decidedInLoops_.contains(module_.result(in)))
+    if (consumes_.when == Consumes::When::Never || decidedInLoops_.contains(module_.result(in)))
         return false;
     const auto access = candidates_.access(module_.word(in, 3));
     if (!access) {
         error_ = "OpRayQueryProceedKHR on a ray query that is not reached through a variable or parameter";
         return false;
     }
-    std::vector<std::uint32_t> operands{module_.resultType(in), module_.result(in), candidates_.proceed(*access)};
+    std::vector<std::uint32_t> operands{module_.resultType(in), module_.result(in),
+                                        candidates_.proceed(*access, consumes_)};
     operands.insert(operands.end(), access->arguments.begin(), access->arguments.end());
     out.put(spv::OpFunctionCall, operands);
     return true;
 }
 
+Id RayQueries::flagsOfConsuming(Id type, Id flags, Code &out)
+{
+    if (!mode_.hidden)
+        return restoreValue(types_, linker_.function("vellumApplicationFlags"), type, flags, out);
+    if (*mode_.hidden == 0)
+        return flags;
+    return out.value(spv::OpBitwiseOr, type, {flags, types_.get(spv::OpConstant, {type, *mode_.hidden})});
+}
+
+Id RayQueries::flagsOfIdle(Id type, Id flags, Code &out)
+{
+    if (!options_.force2State || !options_.carriesFlagBits)
+        return flags;
+    return restoreValue(types_, linker_.function("vellumApplicationFlags"), type, flags, out);
+}
+
 bool RayQueries::getRayFlags(Instruction in, Code &out)
 {
-    const Id type = module_.resultType(in);
-    if (mode_.hidden && *mode_.hidden == 0)
+    const bool never = consumes_.when == Consumes::When::Never;
+    const bool same = never ? !options_.force2State : mode_.hidden && *mode_.hidden == 0;
+    if (same && (never || !consumes_.isConditional() || !options_.force2State))
         return false;
-    if (mode_.hidden) {
-        const Id flags = out.value(spv::OpRayQueryGetRayFlagsKHR, type, {module_.word(in, 3)});
-        out.put(spv::OpBitwiseOr,
-                {type, module_.result(in), flags, types_.get(spv::OpConstant, {type, *mode_.hidden})});
-        return true;
-    }
-    restoreResult(module_, types_, linker_.function("vellumApplicationFlags"), in, out);
+    const Id type = module_.resultType(in);
+    const Id flags = out.value(spv::OpRayQueryGetRayFlagsKHR, type, {module_.word(in, 3)});
+    const Id consuming = never ? flags : flagsOfConsuming(type, flags, out);
+    const Id idle = consumes_.when == Consumes::When::Always ? consuming : flagsOfIdle(type, flags, out);
+    out.put(spv::OpCopyObject, {type, module_.result(in), choose(type, consuming, idle, out)});
     return true;
 }
 
 // With the Opaque flag, which the driver does not see, every box is opaque.
 bool RayQueries::getAabbOpaque(Instruction in, Code &out)
 {
-    if (mode_.hidden && (*mode_.hidden & shared::kRayOpaque) == 0)
+    if (consumes_.when == Consumes::When::Never || (mode_.hidden && (*mode_.hidden & shared::kRayOpaque) == 0))
         return false;
     const Id boolean = types_.boolean();
     const Id query = module_.word(in, 3);
@@ -189,6 +256,8 @@ bool RayQueries::getAabbOpaque(Instruction in, Code &out)
                                  {candidates_.opacityFlags(out, query), types_.uintConstant(shared::kRayOpaque)});
         byFlags = out.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
     }
+    if (consumes_.isConditional())
+        byFlags = out.value(spv::OpLogicalAnd, boolean, {byFlags, consumption_.condition(consumes_, out)});
     out.put(spv::OpLogicalOr, {boolean, module_.result(in), byDriver, byFlags});
     return true;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "spirv/candidate.h"
+#include "spirv/consumption.h"
 #include "spirv/proceed_loop.h"
 
 #include <set>
@@ -9,17 +10,22 @@
 namespace vellum::spirv
 {
 
+struct RayQueryOptions {
+    bool carriesFlagBits = true; // the driver gives ray flag bits 11..13 back
+    bool force2State = true;     // the module declares the capability of the ray flag ForceOpacityMicromap2State
+};
+
 class RayQueries
 {
 public:
-    RayQueries(Module &module, Types &types, Linker &linker, bool carriesFlagBits);
+    RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options);
 
     // Rewrites all functions of the module. Returns whether anything changed; false with error() set on failure.
     bool rewrite();
     const std::string &error() const { return error_; }
 
 private:
-    static RayFlagMode findMode(const Module &module, const Types &types);
+    static RayFlagMode findMode(const Module &module, const Types &types, const Consumption &consumption);
     bool rewriteFunction(std::span<const Instruction> code, std::vector<Instruction> &out);
     bool decideInLoop(Function &function, std::size_t block, std::size_t call);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
@@ -28,12 +34,22 @@ private:
     bool proceed(Instruction in, Code &out);
     bool getRayFlags(Instruction in, Code &out);
     bool getAabbOpaque(Instruction in, Code &out);
+    // Ray flags as the driver gets them where the query consumes micromaps, and where it does not; 0 on failure.
+    Id consumingFlags(Id flags, Code &out);
+    Id idleFlags(Id flags, Code &out);
+    // Ray flags as the application wrote them, from the driver's, likewise.
+    Id flagsOfConsuming(Id type, Id flags, Code &out);
+    Id flagsOfIdle(Id type, Id flags, Code &out);
+    // One of two values of a type: in functions that may or may not consume micromaps, by the condition.
+    Id choose(Id type, Id consuming, Id idle, Code &out);
 
     Module &module_;
     Types &types_;
     Linker &linker_;
     RayFlagMode mode_;
-    bool carriesFlagBits_;
+    Consumption &consumption_;
+    RayQueryOptions options_;
+    Consumes consumes_; // of the function that is being rewritten
     CandidateFunctions candidates_;
     std::set<Id> decidedInLoops_; // results of proceed calls that stay
     std::string error_;

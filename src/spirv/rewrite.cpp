@@ -1,6 +1,7 @@
 #include "spirv/rewrite.h"
 
 #include "spirv/built_ins.h"
+#include "spirv/consumption.h"
 #include "spirv/entry_wrapper.h"
 #include "spirv/opcodes.h"
 #include "spirv/ray_query.h"
@@ -113,17 +114,25 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     if (!module)
         return failed(error);
 
-    bool changed = removeDeclarations(*module);
     Types types(*module);
+    Consumption consumption(*module, types);
+    if (!consumption.read(options))
+        return failed(consumption.error());
+    const bool force2State = module->hasCapability(kCapabilityOpacityMicromap);
+    bool changed = removeDeclarations(*module);
     Linker linker(*module, types, lookup,
                   {{0, static_cast<std::uint32_t>(options.rootAddress)},
                    {1, static_cast<std::uint32_t>(options.rootAddress >> 32)},
                    {2, static_cast<std::uint32_t>(options.firstSlots)},
                    {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
-    RayQueries queries(*module, types, linker, options.queriesCarryFlagBits);
+    RayQueries queries(*module, types, linker, consumption,
+                       {.carriesFlagBits = options.queriesCarryFlagBits, .force2State = force2State});
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
         return failed(queries.error());
+
+    if (!consumption.finish())
+        return failed(consumption.error());
 
     const bool inPipeline = options.pipelineStage.has_value();
     BuiltIns builtIns(*module, types, linker, inPipeline);

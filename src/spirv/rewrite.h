@@ -13,8 +13,9 @@
 // their custom index back, the others hide ray flags from the driver, and hits are decided before the application's
 // shader.
 //
-// Semantics are VK_EXT_opacity_micromap's: every ray query consumes micromaps. An OpacityMicromapIdKHR execution mode
-// is removed without regard to its operand.
+// Extension strings, capabilities and execution modes of micromaps are removed. Which ray queries consume micromaps is
+// QueriesConsume. Of those that do not, traversal is the driver's: VUID-vkCmdDispatch-micromap-11636 keeps them away
+// from geometry with micromaps (where they meet it all the same, its hits are non-opaque).
 #pragma once
 
 #include <cstdint>
@@ -35,6 +36,12 @@ enum class Decides {
     BoxCulling    // an intersection shader
 };
 
+// Which ray queries consume micromaps.
+enum class QueriesConsume {
+    Always,       // all: VK_EXT_opacity_micromap is enabled. The execution mode does not matter, nor does its operand.
+    WhereDeclared // those of entry points with the execution mode OpacityMicromapIdKHR and a true operand
+};
+
 // A stage of a ray tracing pipeline that uses micromaps.
 struct PipelineStage {
     std::string_view entryPoint;
@@ -45,6 +52,7 @@ struct PipelineStage {
 struct RewriteOptions {
     std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
     std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
+    QueriesConsume queriesConsume = QueriesConsume::Always;
     // Whether the driver gives ray flag bits 11..13 back. Without them, a module whose ray queries do not all pass
     // constant flags with the same hidden bits is Failed.
     bool queriesCarryFlagBits = true;

@@ -38,22 +38,22 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, st
     view.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
     VT_CHECK(vkCreateImageView(device, &view, nullptr, &view_));
 
-    std::array<std::vector<std::uint32_t>, 2> own;
+    std::array<std::vector<std::uint32_t>, 2> code; // of inline modules
     std::array<VkShaderModuleCreateInfo, 2> modules{};
     std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
     for (std::size_t i = 0; i < 2; ++i) {
-        const auto words = i == 0 ? shaders.vertex : shaders.fragment;
+        const auto original = i == 0 ? shaders.vertex : shaders.fragment;
+        const auto &words = code[i] = gpu.code(original);
         modules[i].sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        own[i] = gpu.shaderWords(words);
-        modules[i].codeSize = own[i].size() * sizeof(own[i][0]);
-        modules[i].pCode = own[i].data();
+        modules[i].codeSize = words.size() * sizeof(std::uint32_t);
+        modules[i].pCode = words.data();
         stages[i].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
         stages[i].stage = i == 0 ? VK_SHADER_STAGE_VERTEX_BIT : VK_SHADER_STAGE_FRAGMENT_BIT;
         stages[i].pName = "main";
         if (shaders.inlineModules)
             stages[i].pNext = &modules[i];
         else
-            stages[i].module = gpu.shader(words);
+            stages[i].module = gpu.shader(original);
     }
     VkPipelineVertexInputStateCreateInfo input{};
     input.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO;
@@ -85,6 +85,7 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, st
     rendering.pColorAttachmentFormats = &kFormat;
     VkGraphicsPipelineCreateInfo pipeline{};
     pipeline.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
+    rendering.pNext = shaders.pNext;
     pipeline.pNext = &rendering;
     pipeline.stageCount = 2;
     pipeline.pStages = stages.data();

@@ -15,6 +15,7 @@ public:
         std::span<const std::uint32_t> vertex, fragment;
         bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
         VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+        const void *pNext = nullptr; // of the pipeline
     };
     Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width);
     Graphics(const Graphics &) = delete;

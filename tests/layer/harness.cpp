@@ -1,6 +1,6 @@
 #include "harness.h"
 
-#include "micromap_mode.h"
+#include "execution_mode.h"
 
 #include <algorithm>
 #include <array>
@@ -230,9 +230,9 @@ void Gpu::createDevice()
     };
     for (const char *name : kWantedExtensions)
         add(name);
-    if (options_.micromaps && options_.api == Api::Ext) {
+    if (options_.micromaps && (options_.api == Api::Ext || options_.bothApis))
         extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    } else if (options_.micromaps) {
+    if (options_.micromaps && (options_.api == Api::Khr || options_.bothApis)) {
         extensions_.emplace_back(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
         extensions_.emplace_back(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
     }
@@ -243,6 +243,7 @@ void Gpu::createDevice()
     if (options_.newer) {
         for (const NewerExtension &extension : kNewerExtensions)
             add(extension.name);
+        add("VK_KHR_map_memory2");
     }
 
     VkPhysicalDeviceFeatures2 features{};
@@ -391,23 +392,22 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
 }
 
-VkShaderModule Gpu::shader(std::span<const std::uint32_t> words) const
+std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
+    return khr() && options_.declaresMode ? withModeWhereNeeded(words)
+                                          : std::vector<std::uint32_t>(words.begin(), words.end());
+}
+
+VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const
+{
+    const std::vector<std::uint32_t> words = code(original);
     VkShaderModuleCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    const std::vector<std::uint32_t> own = shaderWords(words);
-    info.codeSize = own.size() * sizeof(own[0]);
-    info.pCode = own.data();
+    info.codeSize = words.size() * sizeof(std::uint32_t);
+    info.pCode = words.data();
     VkShaderModule module = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(device_, &info, nullptr, &module));
     return module;
-}
-
-std::vector<std::uint32_t> Gpu::shaderWords(std::span<const std::uint32_t> words) const
-{
-    if (khr() && options_.micromaps && options_.micromapMode)
-        return withMicromapMode(words);
-    return {words.begin(), words.end()};
 }
 
 std::vector<Message> Gpu::takeMessages()

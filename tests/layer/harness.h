@@ -36,14 +36,15 @@ struct Options {
     bool spy = true;           // spy_layer.cpp, below everything
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
+    bool bothApis = false;     // enable the other one, too
     bool hostCommands = true;  // enable micromapHostCommands
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
-    bool newer = false;       // extensions for ray tracing pipelines that the oldest supported headers do not know, and
-                              // the validation layer of that age complains about
-    bool micromapMode = true; // with KHR: shaders with ray queries say that they use micromaps
+    bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
+                        // the validation layer of that age complains about
     bool micromapFeature = true; // where the extension is enabled, its feature too
+    bool declaresMode = true;    // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
@@ -147,6 +148,10 @@ public:
 
     [[nodiscard]] const Options &options() const { return options_; }
     [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
+    // What is made from now on goes through that API; of a device with both.
+    void use(Api api) { options_.api = api; }
+    // A module as shader() makes it.
+    [[nodiscard]] std::vector<std::uint32_t> code(std::span<const std::uint32_t> words) const;
     [[nodiscard]] VkInstance instance() const { return instance_; }
     [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
     [[nodiscard]] VkDevice device() const { return device_; }
@@ -179,8 +184,6 @@ public:
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
     VkShaderModule shader(std::span<const std::uint32_t> words) const;
-    // The words as an application of the device's API has them: micromap_mode.h.
-    std::vector<std::uint32_t> shaderWords(std::span<const std::uint32_t> words) const;
 
     // All messages since the last call.
     std::vector<Message> takeMessages();

@@ -55,7 +55,7 @@ MicromapHandle createMicromap(const Gpu &gpu, VkBuffer buffer, VkDeviceAddress a
 
 void destroyMicromap(const Gpu &gpu, MicromapHandle micromap)
 {
-    if (gpu.khr())
+    if (micromap.khr != VK_NULL_HANDLE || (gpu.khr() && micromap.ext == VK_NULL_HANDLE))
         gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), micromap.khr, nullptr);
     else
         gpu.vk().DestroyMicromapEXT(gpu.device(), micromap.ext, nullptr);

@@ -10,6 +10,7 @@ namespace
 using namespace vt;
 
 constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+constexpr VkBuildMicromapFlagsEXT kFast = VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT;
 constexpr std::size_t kHeader = 64;
 
 class MicromapHost : public GpuTest
@@ -110,6 +111,34 @@ TEST_F(MicromapHost, BuildsAreThoseOfTheDevice)
         const Micromap host(gpu(), mixed(), flags);
         hostBuild(host);
         EXPECT_GT(used(host).size(), 5000u);
+        EXPECT_EQ(used(host), used(device));
+    }
+}
+
+// Large triangles that use the same data, of which the usage counts declare only one: the parts of the others have no
+// room in scratch memory, and what nobody has looked at must not be taken for transparent.
+TEST_F(MicromapHost, MoreLargeTrianglesThanDeclared)
+{
+    MicromapInput input;
+    std::vector<std::uint8_t> states(1u << 16);
+    for (std::size_t i = 0; i < states.size(); ++i)
+        states[i] = i % 4;
+    input.add(8, kFourState, states);
+    for (int i = 0; i < 7; ++i)
+        input.triangles.push_back(input.triangles[0]);
+    input.declared = {{1, 8, kFourState}, {7, 0, kFourState}};
+    for (const VkBuildMicromapFlagsEXT flags : std::array<VkBuildMicromapFlagsEXT, 2>{0, kFast}) {
+        SCOPED_TRACE(testing::Message() << "flags " << flags);
+        Micromap device(gpu(), input, flags);
+        device.build();
+        for (std::size_t i = 0; i < input.triangles.size(); ++i) {
+            std::uint32_t coarse = 0;
+            std::memcpy(&coarse, device.memory() + 64 + 8 * i + 4, 4);
+            for (std::uint32_t sub = 0; sub < 16; ++sub)
+                EXPECT_GE(coarse >> (2 * sub) & 3u, 2u) << "triangle " << i;
+        }
+        const Micromap host(gpu(), input, flags);
+        hostBuild(host);
         EXPECT_EQ(used(host), used(device));
     }
 }
@@ -232,6 +261,50 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
     expectMessage("07577");
     gpu().vk().DestroyMicromapEXT(gpu().device(), unbound, nullptr);
     vkDestroyBuffer(gpu().device(), buffer, nullptr);
+}
+
+class MicromapHostNewer : public MicromapHost
+{
+protected:
+    MicromapHostNewer() : MicromapHost(Options{.validation = false, .api = Api::Ext, .newer = true}) {}
+};
+
+// A mapping that only the driver can make (VK_EXT_map_memory_placed gives its structure; here it asks for nothing) is
+// one all the same: the layer must not map the memory a second time, and must unmap it when the application does.
+TEST_F(MicromapHostNewer, MappedByTheDriver)
+{
+    struct MapInfo { // VkMemoryMapInfo, which the oldest supported headers do not know
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags flags;
+        VkDeviceMemory memory;
+        VkDeviceSize offset, size;
+    };
+    struct Placed { // VkMemoryMapPlacedInfoEXT
+        VkStructureType sType;
+        const void *pNext;
+        void *address;
+    };
+    using Map = VkResult(VKAPI_PTR *)(VkDevice, const MapInfo *, void **);
+    const auto map = reinterpret_cast<Map>(vkGetDeviceProcAddr(gpu().device(), "vkMapMemory2KHR"));
+    if (map == nullptr)
+        GTEST_SKIP() << "no VK_KHR_map_memory2";
+    Micromap reference(gpu(), mixed(), kAllow);
+    reference.build();
+    const Micromap micromap(gpu(), mixed(), kAllow);
+    vkUnmapMemory(gpu().device(), micromap.storageMemory());
+    const Placed placed{static_cast<VkStructureType>(1000272002), nullptr, nullptr};
+    const MapInfo info{
+        static_cast<VkStructureType>(1000271000), &placed, 0, micromap.storageMemory(), 0, VK_WHOLE_SIZE};
+    for (int turn = 0; turn < 2; ++turn) {
+        void *whole = nullptr;
+        VT_CHECK(map(gpu().device(), &info, &whole));
+        hostBuild(micromap);
+        EXPECT_EQ(used(micromap), used(reference));
+        vkUnmapMemory(gpu().device(), micromap.storageMemory());
+    }
+    void *whole = nullptr;
+    VT_CHECK(vkMapMemory(gpu().device(), micromap.storageMemory(), 0, VK_WHOLE_SIZE, 0, &whole));
 }
 
 class MicromapHostDisabled : public MicromapHost

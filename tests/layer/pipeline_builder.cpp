@@ -37,7 +37,7 @@ PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), in
         stage.pName = names_[i].c_str();
         stage.pSpecializationInfo = from.specialization;
         if (from.inlineModule) {
-            words_.push_back(gpu.shaderWords(from.words));
+            words_.push_back(gpu.code(from.words));
             inlined_[i].sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
             inlined_[i].codeSize = words_.back().size() * sizeof(std::uint32_t);
             inlined_[i].pCode = words_.back().data();

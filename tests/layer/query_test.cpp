@@ -311,6 +311,28 @@ TEST_F(Queries, WrongUseIsRefused)
     EXPECT_EQ(read(compacted, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
 }
 
+// The driver, whose pool behind the layer's is another one, must see nothing of it either.
+TEST_F(Queries, WrongUseStaysInTheLayer)
+{
+    const VkQueryType type = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+    const Blas blas(gpu(), {Geometry{.vertices = triangleRow(2)}},
+                    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
+    const VkAccelerationStructureKHR structure = blas.handle();
+    const Pool micromaps(gpu(), kTypes[1], 2);
+    const Pool sizes(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR, 2);
+    for (const VkQueryPool pool : {VkQueryPool{micromaps}, VkQueryPool{sizes}}) {
+        vkResetQueryPool(gpu().device(), pool, 0, 2);
+        gpu().submit([&](VkCommandBuffer commands) {
+            gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &structure, type, pool, 0);
+        });
+        expectMessage("vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
+    }
+    vkResetQueryPool(gpu().device(), micromaps, 1, 2);
+    expectMessage("query-range");
+    gpu().submit([&](VkCommandBuffer commands) { vkCmdResetQueryPool(commands, micromaps, 2, 1); });
+    expectMessage("query-range");
+}
+
 // Sizes of a micromap that holds garbage are not believed, but bounded by its own.
 TEST_F(Queries, AMicromapThatWasNeverBuilt)
 {

@@ -29,15 +29,19 @@ std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<std::uint32_t, 
     return usage;
 }
 
+std::uint32_t bytesOf(VkIndexType type)
+{
+    return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT8_EXT ? 1 : 2;
+}
+
 // Packs indices the way an application would, with the gaps of the stride left as garbage.
 std::vector<std::uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
 {
-    const bool wide = attachment.indexType == VK_INDEX_TYPE_UINT32;
-    const VkDeviceSize last = wide ? 4 : 2;
+    const VkDeviceSize last = bytesOf(attachment.indexType);
     std::vector<std::uint8_t> packed(attachment.indexOffset + stride * (attachment.indices.size() - 1) + last, 0x5a);
     for (std::size_t i = 0; i < (stride == 0 ? 1 : attachment.indices.size()); ++i) {
         const auto value = static_cast<std::uint32_t>(attachment.indices[i]);
-        std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, wide ? 4 : 2);
+        std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, last);
     }
     return packed;
 }
@@ -323,7 +327,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
                 for (std::uint32_t p = 0; p < input.primitives(); ++p)
                     used.push_back(static_cast<std::int32_t>(p));
             } else {
-                const std::uint32_t size = attachment.indexType == VK_INDEX_TYPE_UINT32 ? 4 : 2;
+                const std::uint32_t size = bytesOf(attachment.indexType);
                 out.indexStride = attachment.stride.value_or(size);
                 if (out.indexStride == 0)
                     used.assign(used.size(), used.at(0));
@@ -337,15 +341,17 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             out.usageCountsCount = static_cast<std::uint32_t>(usages_[i].size());
             out.pUsageCounts = usages_[i].data();
             geometry.geometry.triangles.pNext = &out;
-            if (gpu().khr()) {
-                VkAccelerationStructureTrianglesOpacityMicromapKHR &khr = attachmentsKhr_[i];
-                khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
-                khr.indexType = out.indexType;
-                khr.indexBuffer = out.indexBuffer.deviceAddress;
-                khr.indexStride = out.indexStride;
-                khr.baseTriangle = out.baseTriangle;
-                khr.micromap = attachment.micromap != nullptr ? attachment.micromap->handle().khr : VK_NULL_HANDLE;
-                geometry.geometry.triangles.pNext = &khr;
+            const bool khr =
+                attachment.micromap != nullptr ? attachment.micromap->handle().khr != VK_NULL_HANDLE : gpu().khr();
+            if (khr) {
+                VkAccelerationStructureTrianglesOpacityMicromapKHR &own = attachmentsKhr_[i];
+                own.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+                own.indexType = out.indexType;
+                own.indexBuffer = out.indexBuffer.deviceAddress;
+                own.indexStride = out.indexStride;
+                own.baseTriangle = out.baseTriangle;
+                own.micromap = attachment.micromap != nullptr ? attachment.micromap->handle().khr : VK_NULL_HANDLE;
+                geometry.geometry.triangles.pNext = &own;
             }
         }
         geometries_.push_back(geometry);

@@ -40,12 +40,12 @@ using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkSh
 
 // The tracer as a shader object: what `info` points to lives as long as this.
 struct TracerShader {
-    TracerShader(const Gpu &gpu, const Tracer &tracer)
-        : setLayout(tracer.setLayout()), words(gpu.shaderWords(tracer_comp))
+    explicit TracerShader(const Gpu &gpu, const Tracer &tracer)
+        : setLayout(tracer.setLayout()), code(gpu.code(tracer_comp))
     {
         info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.codeSize = words.size() * sizeof(words[0]);
-        info.pCode = words.data();
+        info.codeSize = code.size() * sizeof(std::uint32_t);
+        info.pCode = code.data();
         info.setLayoutCount = 1;
         info.pSetLayouts = &setLayout;
         info.pushConstantRangeCount = 1;
@@ -54,7 +54,7 @@ struct TracerShader {
     TracerShader(const TracerShader &) = delete;
     TracerShader &operator=(const TracerShader &) = delete;
     VkDescriptorSetLayout setLayout;
-    std::vector<std::uint32_t> words;
+    std::vector<std::uint32_t> code;
     VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
     ShaderCreateInfo info;
 };
@@ -93,6 +93,26 @@ TEST_F(ShaderObject, TracesAndSurvivesBuilds)
     });
     StateScene::expectRight(tracer.results());
     destroy(gpu().device(), shader, nullptr);
+}
+
+// VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT: the spy below the layer tells if it gets
+// there.
+TEST_F(ShaderObject, ThePromiseOfNoMixedSpecialIndicesStaysInTheLayer)
+{
+    if (!gpu().has("VK_EXT_shader_object"))
+        GTEST_SKIP() << "no VK_EXT_shader_object";
+    const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
+    const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
+    const Tracer tracer(gpu());
+    TracerShader description(gpu(), tracer);
+    description.info.flags = 1u << 12;
+    ShaderHandle shader = 0;
+    EXPECT_EQ(create(gpu().device(), 1, &description.info, nullptr, &shader), VK_SUCCESS);
+    destroy(gpu().device(), shader, nullptr);
+    const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(messages.size(), gpu().khr() ? 0u : 1u);
+    for (const Message &m : messages)
+        EXPECT_EQ(m.id, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623") << m.text;
 }
 
 // A rewritten shader holds the address of its device's tables: its binary must come back on that device, and on no

@@ -13,6 +13,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace
@@ -164,6 +165,13 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipeline
     SPY_NEXT(vkCmdWriteTimestamp2)(handle, stage, pool, query);
 }
 
+// Whether the driver has it or not: lavapipe has not.
+VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer, VkPipelineStageFlags2 stage, VkBuffer, VkDeviceSize,
+                                                 std::uint32_t)
+{
+    expectStages("vkCmdWriteBufferMarker2AMD", stage);
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, std::uint32_t count, const VkSubmitInfo2 *submits,
                                             VkFence fence)
 {
@@ -195,6 +203,57 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
 }
 
+// Memory can be mapped once (VUID-vkMapMemory-memory-00678), and unmapped where it is
+// (VUID-vkUnmapMemory-memory-00689).
+std::map<VkDeviceMemory, bool> mapped;
+
+void expectMapped(const char *where, VkDeviceMemory memory, bool before, bool after)
+{
+    bool was = false;
+    {
+        std::lock_guard lock(mutex);
+        was = std::exchange(mapped[memory], after);
+    }
+    if (was != before)
+        tell(std::string(where) + (was ? ": memory that is mapped" : ": memory that is not mapped"));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize size,
+                                         VkMemoryMapFlags flags, void **data)
+{
+    expectMapped("vkMapMemory", memory, false, true);
+    return SPY_NEXT(vkMapMemory)(handle, memory, offset, size, flags, data);
+}
+
+struct MapInfo { // VkMemoryMapInfo
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkDeviceMemory memory;
+    VkDeviceSize offset, size;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const MapInfo *info, void **data)
+{
+    expectMapped("vkMapMemory2", info->memory, false, true);
+    return SPY_NEXT(vkMapMemory)(handle, info->memory, info->offset, info->size, info->flags, data);
+}
+
+VKAPI_ATTR void VKAPI_CALL unmapMemory(VkDevice handle, VkDeviceMemory memory)
+{
+    expectMapped("vkUnmapMemory", memory, true, false);
+    SPY_NEXT(vkUnmapMemory)(handle, memory);
+}
+
+VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        mapped.erase(memory);
+    }
+    SPY_NEXT(vkFreeMemory)(handle, memory, allocator);
+}
+
 VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                          const VkAccelerationStructureBuildGeometryInfoKHR *info,
                                          const std::uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
@@ -203,12 +262,71 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
     SPY_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, sizes);
 }
 
+// Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
+// ordered before what comes in that stage.
+struct Updates {
+    bool built = false;   // there was a build in the command buffer
+    bool pending = false; // and then a transfer, and no barrier since
+};
+std::map<VkCommandBuffer, Updates> updates;
+
+VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const VkCommandBufferBeginInfo *info)
+{
+    {
+        std::lock_guard lock(mutex);
+        updates.erase(handle);
+    }
+    return SPY_NEXT(vkBeginCommandBuffer)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buffer, VkDeviceSize offset,
+                                           VkDeviceSize size, const void *data)
+{
+    {
+        std::lock_guard lock(mutex);
+        updates[handle].pending = updates[handle].built;
+    }
+    SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipelineStageFlags from,
+                                              VkPipelineStageFlags to, VkDependencyFlags flags, std::uint32_t count,
+                                              const VkMemoryBarrier *memory, std::uint32_t buffers,
+                                              const VkBufferMemoryBarrier *buffer, std::uint32_t images,
+                                              const VkImageMemoryBarrier *image)
+{
+    constexpr VkPipelineStageFlags transfer = VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    constexpr VkPipelineStageFlags builds =
+        VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    if ((from & transfer) != 0 && (to & builds) != 0) {
+        std::lock_guard lock(mutex);
+        updates[handle].pending = false;
+    }
+    SPY_NEXT(vkCmdPipelineBarrier)(handle, from, to, flags, count, memory, buffers, buffer, images, image);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL endCommandBuffer(VkCommandBuffer handle)
+{
+    bool pending = false;
+    {
+        std::lock_guard lock(mutex);
+        pending = updates[handle].pending;
+    }
+    if (pending)
+        tell("vkEndCommandBuffer: a transfer after a build, and no barrier");
+    return SPY_NEXT(vkEndCommandBuffer)(handle);
+}
+
 VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     for (std::uint32_t i = 0; i < count; ++i)
         expectBuild("vkCmdBuildAccelerationStructuresKHR", infos[i]);
+    {
+        std::lock_guard lock(mutex);
+        updates[handle] = {.built = true, .pending = false};
+    }
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
 
@@ -225,16 +343,62 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
     return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
 }
 constexpr VkFlags64 kDisallowMicromaps = VkFlags64{1} << 37; // ..._DISALLOW_OPACITY_MICROMAP_BIT_ARM
+constexpr VkFlags64 kDisallowMixed = VkFlags64{1} << 41;     // ..._DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR
+
+// What no kind of pipeline may have.
+void expectPromises(const char *where, VkFlags64 flags)
+{
+    if ((flags & kDisallowMicromaps) != 0)
+        tell(std::string(where) + ": DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+    if ((flags & kDisallowMixed) != 0)
+        tell(std::string(where) + ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR");
+}
 
 VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
                                                       const VkComputePipelineCreateInfo *infos,
                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    for (const VkComputePipelineCreateInfo &info : std::span(infos, count)) {
-        if ((pipelineFlags(info.pNext, info.flags) & kDisallowMicromaps) != 0)
-            tell("vkCreateComputePipelines: DISALLOW_OPACITY_MICROMAP_BIT_ARM");
-    }
+    for (const VkComputePipelineCreateInfo &info : std::span(infos, count))
+        expectPromises("vkCreateComputePipelines", pipelineFlags(info.pNext, info.flags));
     return SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                       const VkGraphicsPipelineCreateInfo *infos,
+                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    for (const VkGraphicsPipelineCreateInfo &info : std::span(infos, count))
+        expectPromises("vkCreateGraphicsPipelines", pipelineFlags(info.pNext, info.flags));
+    return SPY_NEXT(vkCreateGraphicsPipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
+struct ShaderCreateInfo { // VkShaderCreateInfoEXT, which older headers lack
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkShaderStageFlagBits stage;
+    VkShaderStageFlags nextStage;
+    std::uint32_t codeType;
+    std::size_t codeSize;
+    const void *pCode;
+    const char *pName;
+    std::uint32_t setLayoutCount;
+    const VkDescriptorSetLayout *pSetLayouts;
+    std::uint32_t pushConstantRangeCount;
+    const VkPushConstantRange *pPushConstantRanges;
+    const VkSpecializationInfo *pSpecializationInfo;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t count, const ShaderCreateInfo *infos,
+                                             const VkAllocationCallbacks *allocator, void *shaders)
+{
+    constexpr VkFlags disallowMixed = 1u << 12; // ..._OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT
+    for (const ShaderCreateInfo &info : std::span(infos, count)) {
+        if ((info.flags & disallowMixed) != 0)
+            tell("vkCreateShadersEXT: OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT");
+    }
+    const auto next = nextOfDevice<decltype(&createShaders)>(keyOf(handle), "vkCreateShadersEXT");
+    return next(handle, count, infos, allocator, shaders);
 }
 
 // --- ray tracing pipelines ---
@@ -312,8 +476,7 @@ void expectPipeline(const VkRayTracingPipelineCreateInfoKHR &info)
     const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
     if ((flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
         tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
-    if ((flags & kDisallowMicromaps) != 0)
-        tell("vkCreateRayTracingPipelinesKHR: DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+    expectPromises("vkCreateRayTracingPipelinesKHR", flags);
 }
 
 VkResult createPipelinesNow(VkDevice handle, VkDeferredOperationKHR operation, const Deferral &call)
@@ -422,6 +585,10 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         return std::strncmp(name, other, length) == 0 && (name[length] == 0 || std::strcmp(name + length, "KHR") == 0);
     };
     const Row rows[]{
+        {"vkBeginCommandBuffer", reinterpret_cast<PFN_vkVoidFunction>(beginCommandBuffer)},
+        {"vkEndCommandBuffer", reinterpret_cast<PFN_vkVoidFunction>(endCommandBuffer)},
+        {"vkCmdUpdateBuffer", reinterpret_cast<PFN_vkVoidFunction>(cmdUpdateBuffer)},
+        {"vkCmdPipelineBarrier", reinterpret_cast<PFN_vkVoidFunction>(cmdPipelineBarrier)},
         {"vkCmdPipelineBarrier2", reinterpret_cast<PFN_vkVoidFunction>(cmdPipelineBarrier2)},
         {"vkCmdSetEvent2", reinterpret_cast<PFN_vkVoidFunction>(cmdSetEvent2)},
         {"vkCmdResetEvent2", reinterpret_cast<PFN_vkVoidFunction>(cmdResetEvent2)},
@@ -430,6 +597,12 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkQueueSubmit2", reinterpret_cast<PFN_vkVoidFunction>(queueSubmit2)},
         {"vkCreateRenderPass2", reinterpret_cast<PFN_vkVoidFunction>(createRenderPass2)},
         {"vkCreateComputePipelines", reinterpret_cast<PFN_vkVoidFunction>(createComputePipelines)},
+        {"vkMapMemory", reinterpret_cast<PFN_vkVoidFunction>(mapMemory)},
+        {"vkMapMemory2", reinterpret_cast<PFN_vkVoidFunction>(mapMemory2)},
+        {"vkUnmapMemory", reinterpret_cast<PFN_vkVoidFunction>(unmapMemory)},
+        {"vkFreeMemory", reinterpret_cast<PFN_vkVoidFunction>(freeMemory)},
+        {"vkCreateGraphicsPipelines", reinterpret_cast<PFN_vkVoidFunction>(createGraphicsPipelines)},
+        {"vkCreateShadersEXT", reinterpret_cast<PFN_vkVoidFunction>(createShaders)},
         {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
         {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
@@ -451,6 +624,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, cons
 {
     if (std::strcmp(name, "vkGetDeviceProcAddr") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
+    if (std::strcmp(name, "vkCmdWriteBufferMarker2AMD") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(cmdWriteBufferMarker2);
     PFN_vkGetDeviceProcAddr next = nullptr;
     {
         std::lock_guard lock(mutex);

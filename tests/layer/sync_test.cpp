@@ -252,6 +252,25 @@ TEST_F(Sync, Timestamps)
     vkDestroyQueryPool(gpu().device(), pool, nullptr);
 }
 
+class SyncUnvalidated : public GpuTest
+{
+protected:
+    SyncUnvalidated() : GpuTest(Options{.validation = false, .api = Api::Ext}) {}
+};
+
+// The spy has the command where the driver has not, and looks at the stage.
+TEST_F(SyncUnvalidated, BufferMarkers)
+{
+    const auto write = reinterpret_cast<PFN_vkCmdWriteBufferMarker2AMD>(
+        vkGetDeviceProcAddr(gpu().device(), "vkCmdWriteBufferMarker2AMD"));
+    if (write == nullptr)
+        GTEST_SKIP() << "the loader hides the command";
+    const Buffer marker(gpu(), 16, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    gpu().submit([&](VkCommandBuffer commands) {
+        write(commands, VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, marker.handle(), 0, 1);
+    });
+}
+
 TEST_F(Sync, RenderPassDependencies)
 {
     VkAttachmentDescription2 attachment{};

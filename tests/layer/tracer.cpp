@@ -46,11 +46,11 @@ Tracer::Tracer(Gpu &gpu, std::span<const std::uint32_t> words, const TracerSetup
     layout.pPushConstantRanges = &range;
     VT_CHECK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
 
-    const std::vector<std::uint32_t> own = gpu.shaderWords(words);
     VkShaderModuleCreateInfo inlined{};
     inlined.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    inlined.codeSize = own.size() * sizeof(own[0]);
-    inlined.pCode = own.data();
+    const std::vector<std::uint32_t> code = gpu.code(words);
+    inlined.codeSize = code.size() * sizeof(std::uint32_t);
+    inlined.pCode = code.data();
     const VkShaderModule module = setup.inlineModule ? VK_NULL_HANDLE : gpu.shader(words);
     const VkSpecializationMapEntry entry{0, 0, sizeof(std::uint32_t)};
     const std::uint32_t flags = setup.specializedFlags.value_or(0);

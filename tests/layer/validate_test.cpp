@@ -188,6 +188,24 @@ TEST_F(Validate, IndicesPastTheMicromap)
     EXPECT_EQ(count(numbers, std::string("|triangle 3: index 3") + rest), 1u);
 }
 
+// Of a BLAS build: triangles whose index lies beyond the end of the index buffer.
+TEST_F(Validate, IndexBufferTooShort)
+{
+    Micromap micromap(gpu(), good(), 0);
+    micromap.build();
+    // The test's buffer ends a few hundred bytes, which say another index, behind the indices.
+    constexpr std::uint32_t indices = 900, last = indices + 300, triangles = 2000;
+    Geometry geometry{.vertices = triangleRow(triangles)};
+    geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<std::int32_t>(indices, 5)};
+    const Blas blas(gpu(), {geometry});
+    const std::vector<std::string> told = messages();
+    const std::string text = ": its index lies outside the buffer of indexBuffer";
+    EXPECT_EQ(told.size(), triangles - indices);
+    EXPECT_GE(count(told, text), triangles - last);
+    for (const std::uint32_t triangle : {last, triangles - 1})
+        EXPECT_EQ(count(told, "VELLUM-micromap-index|triangle " + std::to_string(triangle) + text), 1u) << triangle;
+}
+
 // Told of at every place where the host learns that work is done.
 TEST_F(Validate, FencesAndSemaphores)
 {

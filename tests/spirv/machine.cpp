@@ -26,9 +26,14 @@ spirv::Module parse(const std::vector<std::uint32_t> &words)
 
 } // namespace
 
-Machine::Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script)
+Machine::Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script,
+                 const std::map<std::uint32_t, std::uint32_t> &specialization)
     : module_(parse(words)), script_(std::move(script))
 {
+    for (const Instruction in : module_.section(Section::Decorations))
+        if (in.opcode == spv::OpDecorate && module_.word(in, 2) == spv::DecorationSpecId)
+            if (const auto it = specialization.find(module_.word(in, 3)); it != specialization.end())
+                specialized_[module_.word(in, 1)] = it->second;
     for (const Instruction in : module_.section(Section::Names))
         if (in.opcode == spv::OpName)
             names_[module_.word(in, 1)] = module_.string(in, 2);
@@ -41,11 +46,11 @@ Machine::Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate>
     }
 }
 
-std::vector<std::uint32_t> Machine::run()
+std::vector<std::uint32_t> Machine::run(const std::string &entryPoint)
 {
-    for (const auto &[function, at] : functions_)
-        if (names_[function] == "main")
-            call(function, {});
+    for (const Instruction in : module_.section(Section::EntryPoints))
+        if (module_.string(in, 3) == entryPoint)
+            call(module_.word(in, 2), {});
     if (steps_ >= kMaxSteps)
         seen_.push_back(~0u);
     return seen_;
@@ -54,12 +59,32 @@ std::vector<std::uint32_t> Machine::run()
 std::uint32_t Machine::value(Id id) const
 {
     const Instruction in = module_.definition(id);
-    if (in.opcode == spv::OpConstant)
-        return module_.word(in, 3);
-    if (in.opcode == spv::OpConstantTrue)
-        return 1;
+    if (module_.isGlobal(id) && in.opcode != spv::OpVariable)
+        return constant(in);
     const auto it = values_.find(id);
     return it == values_.end() ? 0 : it->second;
+}
+
+std::uint32_t Machine::constant(Instruction in) const
+{
+    const auto specialized = specialized_.find(module_.result(in));
+    if (specialized != specialized_.end())
+        return specialized->second;
+    switch (in.opcode) {
+    case spv::OpConstant:
+    case spv::OpSpecConstant: return module_.word(in, 3);
+    case spv::OpConstantTrue:
+    case spv::OpSpecConstantTrue: return 1;
+    case spv::OpSpecConstantOp: {
+        const std::uint32_t a = value(module_.word(in, 4)), b = value(module_.word(in, 5));
+        switch (module_.word(in, 3)) {
+        case spv::OpLogicalNot: return a == 0;
+        case spv::OpIEqual: return a == b;
+        default: throw std::runtime_error("OpSpecConstantOp of opcode " + std::to_string(module_.word(in, 3)));
+        }
+    }
+    default: return 0;
+    }
 }
 
 void Machine::branch(Id to)
@@ -140,11 +165,17 @@ std::uint32_t Machine::evaluate(Instruction in)
     case spv::OpIMul: return a * b;
     case spv::OpBitwiseAnd: return a & b;
     case spv::OpBitwiseXor: return a ^ b;
+    case spv::OpBitwiseOr: return a | b;
+    case spv::OpShiftLeftLogical: return a << b;
+    case spv::OpShiftRightLogical: return a >> b;
     case spv::OpIEqual: return a == b;
+    case spv::OpINotEqual: return a != b;
     case spv::OpULessThan: return a < b;
     case spv::OpLogicalNot: return a == 0;
+    case spv::OpLogicalAnd: return (a & b) != 0;
     case spv::OpLogicalOr: return (a | b) != 0;
-    case spv::OpCopyObject: return a;
+    case spv::OpCopyObject:
+    case spv::OpBitcast: return a;
     case spv::OpSelect: return a != 0 ? b : c;
     case spv::OpLoad: return variables_[module_.word(in, 3)];
     case spv::OpStore:
@@ -166,7 +197,9 @@ std::uint32_t Machine::evaluate(Instruction in)
     case spv::OpSelectionMerge:
     case spv::OpLine:
     case spv::OpNoLine:
-    case spv::OpRayQueryInitializeKHR: return 0;
+    case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return 0;
+    case spv::OpRayQueryInitializeKHR: rayFlags_ = value(module_.word(in, 3)); return 0;
+    case spv::OpRayQueryGetRayFlagsKHR: return rayFlags_;
     default: throw std::runtime_error("opcode " + std::to_string(in.opcode));
     }
 }

@@ -19,17 +19,22 @@ struct Candidate {
 class Machine
 {
 public:
-    Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script);
+    // specialization: values of specialization constants by SpecId.
+    Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script,
+            const std::map<std::uint32_t, std::uint32_t> &specialization = {});
 
-    // Runs main. What the application does that can be seen from outside: values stored to memory, and candidates
-    // confirmed. Ends with ~0 if the steps run out.
-    std::vector<std::uint32_t> run();
+    // Runs an entry point. What the application does that can be seen from outside: values stored to memory, and
+    // candidates confirmed. Ends with ~0 if the steps run out.
+    std::vector<std::uint32_t> run(const std::string &entryPoint = "main");
+    // Ray flags that the query was last initialized with.
+    [[nodiscard]] std::uint32_t rayFlags() const { return rayFlags_; }
 
 private:
     std::uint32_t call(spirv::Id function, const std::vector<std::uint32_t> &arguments);
     void branch(spirv::Id to);
     std::uint32_t evaluate(spirv::Instruction in);
     std::uint32_t value(spirv::Id id) const;
+    std::uint32_t constant(spirv::Instruction in) const;
 
     spirv::Module module_;
     std::vector<Candidate> script_;
@@ -42,6 +47,8 @@ private:
     spirv::Id block_ = 0;
     int steps_ = 0;
     std::vector<std::uint32_t> seen_;
+    std::map<spirv::Id, std::uint32_t> specialized_;
+    std::uint32_t rayFlags_ = 0;
 };
 
 } // namespace vellum::test

@@ -208,10 +208,13 @@ World::World(Gpu &gpu, const Extent &extent)
                        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
     scratch_ = Buffer(gpu_, scratch + 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
     serialized_ = Buffer(gpu_, blasRoomBytes_ + 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
-    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
-        micromaps_[m].handle = createMicromapAt(m, 0);
+    VkQueryPoolCreateInfo pool{};
+    pool.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+    pool.queryType = micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+    pool.queryCount = 1;
+    VT_CHECK(vkCreateQueryPool(gpu_.device(), &pool, nullptr, &sizes_));
+    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m)
         buildMicromap(m);
-    }
     for (std::uint32_t b = 0; b < extent_.blases; ++b) {
         replace(b, createBlas(b, 0, blasBytes_));
         build(b, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
@@ -220,6 +223,7 @@ World::World(Gpu &gpu, const Extent &extent)
 
 World::~World()
 {
+    vkDestroyQueryPool(gpu_.device(), sizes_, nullptr);
     for (const Bottom &blas : blases_)
         gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
     for (const Map &micromap : micromaps_)
@@ -264,34 +268,63 @@ void World::fillInput(std::uint32_t micromap, std::uint32_t version)
     }
 }
 
-MicromapHandle World::createMicromapAt(std::uint32_t micromap, std::uint32_t half)
+MicromapHandle World::replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes)
 {
-    return createMicromap(gpu_, micromapRoom_.handle(), micromapRoom_.address(),
-                          (2 * VkDeviceSize{micromap} + half) * micromapBytes_, micromapBytes_);
+    Map &map = micromaps_[micromap];
+    const MicromapHandle old = map.handle;
+    map.handle = createMicromap(gpu_, micromapRoom_.handle(), micromapRoom_.address(),
+                                (2 * VkDeviceSize{micromap} + half) * micromapBytes_, bytes);
+    map.half = half;
+    map.bytes = bytes;
+    return old;
 }
 
 void World::buildMicromap(std::uint32_t micromap)
 {
-    fillInput(micromap, micromaps_[micromap].version);
+    Map &map = micromaps_[micromap];
+    if (map.bytes < micromapBytes_)
+        destroyMicromap(gpu_, replaceMicromap(micromap, map.half, micromapBytes_));
+    fillInput(micromap, map.version);
     MicromapDescription description(micromap, extent_.triangles);
     description.info.data.deviceAddress = up(data_);
     description.info.triangleArray.deviceAddress = up(triangles_);
     description.info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
     description.info.scratchData.deviceAddress = up(scratch_);
-    const MicromapBuild build{description.info, micromaps_[micromap].handle};
+    const MicromapBuild build{description.info, map.handle};
     gpu_.submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, std::span(&build, 1)); });
 }
 
-void World::copyMicromap(std::uint32_t micromap)
+VkDeviceSize World::compactedBytes(std::uint32_t micromap)
+{
+    gpu_.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, sizes_, 0, 1);
+        recordMicromapProperties(gpu_, commands, std::span(&micromaps_[micromap].handle, 1),
+                                 micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT), sizes_, 0);
+    });
+    VkDeviceSize bytes = 0;
+    VT_CHECK(vkGetQueryPoolResults(gpu_.device(), sizes_, 0, 1, sizeof bytes, &bytes, sizeof bytes,
+                                   VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
+    return bytes;
+}
+
+void World::copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode)
 {
     Map &map = micromaps_[micromap];
-    const MicromapHandle old = map.handle;
-    map.half ^= 1;
-    map.handle = createMicromapAt(micromap, map.half);
-    gpu_.submit([&](VkCommandBuffer commands) {
-        recordMicromapCopy(gpu_, commands, old, map.handle, VK_COPY_MICROMAP_MODE_CLONE_EXT);
-    });
+    const bool compact = mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+    const MicromapHandle old = replaceMicromap(micromap, map.half ^ 1, compact ? compactedBytes(micromap) : map.bytes);
+    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapCopy(gpu_, commands, old, map.handle, mode); });
     destroyMicromap(gpu_, old);
+}
+
+void World::reloadMicromap(std::uint32_t micromap)
+{
+    Map &map = micromaps_[micromap];
+    const VkDeviceAddress memory = up(serialized_);
+    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, map.handle, memory); });
+    std::uint64_t size = 0;
+    std::memcpy(&size, serialized_.bytes() + (memory - serialized_.address()) + 40, 8);
+    destroyMicromap(gpu_, replaceMicromap(micromap, map.half ^ 1, size));
+    gpu_.submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, memory, map.handle); });
 }
 
 VkAccelerationStructureKHR World::createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size)
@@ -382,8 +415,16 @@ void World::change(std::uint32_t blas, Change change, std::uint32_t geometry)
         buildMicromap(micromap);
         build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
         break;
-    case Change::MicromapCopy:
-        copyMicromap(micromap);
+    case Change::MicromapClone:
+        copyMicromap(micromap, VK_COPY_MICROMAP_MODE_CLONE_EXT);
+        build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        break;
+    case Change::MicromapCompact:
+        copyMicromap(micromap, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+        build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        break;
+    case Change::MicromapReload:
+        reloadMicromap(micromap);
         build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
         break;
     case Change::Rebuild: build(blas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR); break;

@@ -31,7 +31,17 @@ public:
     ~World();
 
     // What can happen to a structure; each leaves it with what it has to show.
-    enum class Change { DataUpdate, MicromapCopy, Rebuild, Clone, Compact, Reload, Count };
+    enum class Change {
+        DataUpdate,
+        MicromapClone,
+        MicromapCompact,
+        MicromapReload,
+        Rebuild,
+        Clone,
+        Compact,
+        Reload,
+        Count
+    };
     void change(std::uint32_t blas, Change change, std::uint32_t geometry);
 
     [[nodiscard]] VkDeviceAddress address(std::uint32_t blas) const { return blases_[blas].address; }
@@ -50,6 +60,7 @@ private:
         vt::MicromapHandle handle;
         std::uint32_t version = 0;
         std::uint32_t half = 0; // of its room
+        VkDeviceSize bytes = 0; // of a compacted or loaded one too few for a build
     };
     struct Bottom {
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
@@ -61,8 +72,11 @@ private:
     void makeGeometry();
     void fillInput(std::uint32_t micromap, std::uint32_t version);
     void buildMicromap(std::uint32_t micromap);
-    void copyMicromap(std::uint32_t micromap);
-    vt::MicromapHandle createMicromapAt(std::uint32_t micromap, std::uint32_t half);
+    void copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode);
+    void reloadMicromap(std::uint32_t micromap);
+    VkDeviceSize compactedBytes(std::uint32_t micromap);
+    // Puts a new micromap of that size into half of the room; the handle of the old one is returned.
+    vt::MicromapHandle replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes);
     VkAccelerationStructureKHR createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size);
     void build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode);
     void replace(std::uint32_t blas, VkAccelerationStructureKHR handle);
@@ -75,6 +89,7 @@ private:
     std::vector<Bottom> blases_;
     vt::Buffer vertices_, indices_, data_, triangles_;
     vt::Buffer micromapRoom_, blasRoom_, scratch_, serialized_;
+    VkQueryPool sizes_ = VK_NULL_HANDLE; // one query of a compacted size
     VkDeviceSize micromapBytes_ = 0, blasBytes_ = 0, blasRoomBytes_ = 0;
 };
 

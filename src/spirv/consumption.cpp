@@ -1,0 +1,189 @@
+#include "spirv/consumption.h"
+
+#include <set>
+
+#include "spirv/opcodes.h"
+
+namespace vellum::spirv
+{
+namespace
+{
+
+using When = Consumes::When;
+
+constexpr std::size_t kMaxInstructionWords = 65535;
+
+bool isConstant(std::uint32_t opcode)
+{
+    switch (opcode) {
+    case spv::OpConstantTrue:
+    case spv::OpConstantFalse:
+    case spv::OpConstantNull:
+    case spv::OpSpecConstantTrue:
+    case spv::OpSpecConstantFalse:
+    case spv::OpSpecConstantOp: return true;
+    default: return false;
+    }
+}
+
+} // namespace
+
+// What one OpExecutionModeId declares.
+std::optional<Consumes> Consumption::declared(Instruction mode)
+{
+    if (mode.opcode != spv::OpExecutionModeId || mode.count < 4) {
+        error_ = "its execution mode OpacityMicromapIdKHR has no operand, which is an id of OpExecutionModeId";
+        return {};
+    }
+    const Id operand = module_.word(mode, 3);
+    const Instruction in = module_.definition(operand);
+    if (!module_.isGlobal(operand) || !isConstant(in.opcode) ||
+        module_.definition(module_.resultType(in)).opcode != spv::OpTypeBool) {
+        error_ = "the operand of its execution mode OpacityMicromapIdKHR, id " + std::to_string(operand) +
+                 ", is no constant of type bool";
+        return {};
+    }
+    switch (in.opcode) {
+    case spv::OpConstantTrue: return Consumes{When::Always};
+    case spv::OpConstantFalse:
+    case spv::OpConstantNull: return Consumes{When::Never};
+    default: return Consumes{When::If, operand};
+    }
+}
+
+bool Consumption::read(const RewriteOptions &options)
+{
+    if (options.queriesConsume == QueriesConsume::Always)
+        return true;
+    std::map<Id, Consumes> modes;
+    for (const Instruction in : module_.section(Section::ExecutionModes)) {
+        if ((in.opcode != spv::OpExecutionMode && in.opcode != spv::OpExecutionModeId) ||
+            module_.word(in, 2) != kExecutionModeOpacityMicromapId)
+            continue;
+        const auto consumes = declared(in);
+        if (!consumes)
+            return false;
+        const auto [known, isNew] = modes.emplace(module_.word(in, 1), *consumes);
+        if (!isNew && known->second != *consumes) {
+            error_ = "an entry point has the execution mode OpacityMicromapIdKHR twice, with different operands";
+            return false;
+        }
+    }
+    const auto &stage = options.pipelineStage;
+    for (const Instruction in : module_.section(Section::EntryPoints)) {
+        if (in.opcode != spv::OpEntryPoint ||
+            (stage && (module_.word(in, 1) != stage->executionModel || module_.string(in, 3) != stage->entryPoint)))
+            continue;
+        const Id function = module_.word(in, 2);
+        const auto mode = modes.find(function);
+        entries_[function] = mode == modes.end() ? Consumes{} : mode->second;
+    }
+    otherwise_ = entries_.empty() ? Consumes{} : entries_.begin()->second;
+    for (const auto &[function, consumes] : entries_)
+        if (consumes != otherwise_)
+            otherwise_ = {When::Mixed};
+    spread();
+    return true;
+}
+
+// From callers to callees. What is known of a function changes at most twice: from nothing to what one entry point
+// declares, and to Mixed.
+void Consumption::spread()
+{
+    std::map<Id, std::set<Id>> callees;
+    Id function = 0;
+    for (const Instruction in : module_.section(Section::Functions)) {
+        if (in.opcode == spv::OpFunction)
+            function = module_.result(in);
+        else if (in.opcode == spv::OpFunctionCall)
+            callees[function].insert(module_.word(in, 3));
+    }
+    std::vector<std::pair<Id, Consumes>> work(entries_.begin(), entries_.end());
+    while (!work.empty()) {
+        const auto [reached, consumes] = work.back();
+        work.pop_back();
+        const auto [known, isNew] = functions_.emplace(reached, consumes);
+        if (!isNew) {
+            if (known->second == consumes || known->second.when == When::Mixed)
+                continue;
+            known->second = {When::Mixed};
+        }
+        for (const Id callee : callees[reached])
+            work.emplace_back(callee, known->second);
+    }
+}
+
+Consumes Consumption::in(Id function) const
+{
+    const auto known = functions_.find(function);
+    return known == functions_.end() ? otherwise_ : known->second;
+}
+
+Id Consumption::condition(const Consumes &consumes, Code &out)
+{
+    if (consumes.when == When::If)
+        return consumes.condition;
+    const Id boolean = types_.boolean();
+    if (variable_ == 0) {
+        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, boolean});
+        variable_ = module_.newId();
+        module_.append(Section::Globals, spv::OpVariable, {pointer, variable_, spv::StorageClassPrivate});
+    }
+    return out.value(spv::OpLoad, boolean, {variable_});
+}
+
+bool Consumption::finish()
+{
+    if (variable_ == 0)
+        return true;
+    std::vector<Instruction> out;
+    const auto &code = module_.section(Section::Functions);
+    const Consumes *pending = nullptr; // of the entry point whose first block began: variables come first in it
+    for (std::size_t i = 0; i < code.size(); ++i) {
+        out.push_back(code[i]);
+        if (code[i].opcode == spv::OpFunction) {
+            const auto entry = entries_.find(module_.result(code[i]));
+            pending = entry == entries_.end() ? nullptr : &entry->second;
+        }
+        const bool begun = code[i].opcode == spv::OpLabel || code[i].opcode == spv::OpVariable ||
+                           code[i].opcode == kOpUntypedVariableKHR;
+        if (!pending || !begun)
+            continue;
+        std::size_t next = i + 1;
+        while (next < code.size() && (code[next].opcode == spv::OpLine || code[next].opcode == spv::OpNoLine ||
+                                      code[next].opcode == spv::OpExtInst))
+            ++next;
+        if (next < code.size() && (code[next].opcode == spv::OpVariable || code[next].opcode == kOpUntypedVariableKHR))
+            continue;
+        Id value = pending->condition;
+        if (pending->when != When::If)
+            value = types_.get(pending->when == When::Always ? spv::OpConstantTrue : spv::OpConstantFalse,
+                               {types_.boolean()});
+        out.push_back(module_.make(spv::OpStore, {variable_, value}));
+        pending = nullptr;
+    }
+    module_.section(Section::Functions) = std::move(out);
+    return addToInterfaces();
+}
+
+// From SPIR-V 1.4 on an interface has all module-scope variables that the entry point uses.
+bool Consumption::addToInterfaces()
+{
+    if (module_.version() < kVersion14)
+        return true;
+    for (Instruction &in : module_.section(Section::EntryPoints)) {
+        if (in.opcode != spv::OpEntryPoint)
+            continue;
+        const Words words = module_.words(in);
+        std::vector<std::uint32_t> operands(words.begin() + 1, words.end());
+        if (operands.size() + 2 > kMaxInstructionWords) {
+            error_ = "an entry point has too long an interface";
+            return false;
+        }
+        operands.push_back(variable_);
+        in = module_.make(spv::OpEntryPoint, operands);
+    }
+    return true;
+}
+
+} // namespace vellum::spirv
