@@ -88,7 +88,7 @@ struct Translated {
 std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData &data)
 {
     if (data.usageCountsCount > 0 && (data.pUsageCounts != nullptr) == (data.ppUsageCounts != nullptr))
-        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts",
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts-11642",
                        data.pUsageCounts
                            ? "both pUsageCounts and ppUsageCounts are given"
                            : "usageCountsCount is not 0, but neither pUsageCounts nor ppUsageCounts is given"};
@@ -108,12 +108,12 @@ std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData 
                                ? "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11565"
                            : usage.format == VK_OPACITY_MICROMAP_FORMAT_4_STATE_KHR
                                ? "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11564"
-                               : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556",
+                               : "VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-subdivisionLevel-11645",
                            where + "subdivision level " + std::to_string(usage.subdivisionLevel) + " is above 12"};
         triangles += usage.count;
     }
     if (triangles > kMaxMicromapTriangles)
-        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-maxMicromapTriangles",
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-count-11643",
                        "the usage counts add up to " + std::to_string(triangles) +
                            " triangles, more than maxMicromapTriangles"};
     return std::nullopt;
@@ -180,6 +180,9 @@ std::optional<Offence> structureOffenceOf(const Device &device, const BuildInfo 
         return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671",
                        "scratchData has " + std::to_string(device.addresses.bytesFrom(scratch)) +
                            " bytes in its buffer, the build needs " + std::to_string(extent.scratchBytes())};
+    if (data.triangleArrayStride < sizeof(VkMicromapTriangleKHR))
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
+                       "triangleArrayStride " + std::to_string(data.triangleArrayStride) + " is less than 8"};
     // What both front ends have in common.
     return buildOffenceOf(build.info);
 }
@@ -222,14 +225,14 @@ Place placeOf(const Device &device, const VkAccelerationStructureCreateInfo2KHR 
         return Place{};
     };
     if (!found.buffer)
-        return refused("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
                        "addressRange.address is not in any buffer");
     if (found.bytes < info.addressRange.size)
-        return refused("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11364",
+        return refused("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
                        "addressRange has " + std::to_string(info.addressRange.size) + " bytes, " +
                            std::to_string(found.bytes) + " are left in its buffer");
     if (info.addressRange.address % 256 != 0)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange",
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
                        "addressRange.address is not a multiple of 256");
     return {found.buffer, found.offset};
 }
@@ -370,6 +373,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure2(VkDevice handle,
                                                             VkAccelerationStructureKHR *result)
 {
     Device &device = deviceOf(handle);
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.asked.khrFeature) {
+        device.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                              "vkCreateAccelerationStructure2KHR: the feature "
+                              "VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
     const Place place = placeOf(device, *info);
     if (!place.buffer)
         return VK_ERROR_VALIDATION_FAILED_EXT;

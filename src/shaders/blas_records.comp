@@ -21,7 +21,7 @@ layout(push_constant, std430) uniform Push
     uvec2 log;    // 0: nothing is validated
     uvec2 object; // the micromap's handle
     uint triangleCount;
-    uint indexBytes; // 2 or 4
+    uint indexBytes; // 1, 2 or 4
     uint indexStride;
     uint readable; // indices that lie inside their buffer
     uint baseTriangle;
@@ -40,7 +40,8 @@ uint fetchIndex(uint triangle)
 {
     const uint value = loadBytes(elementAddress(push.indices, triangle, push.indexStride), push.indexBytes);
     // Special indices are the unsigned cast of -1..-4 to the index type.
-    return push.indexBytes == 2u && value >= 0xfffcu ? value | 0xffff0000u : value;
+    const uint above = push.indexBytes == 4u ? 0u : ~0u << (push.indexBytes * 8u);
+    return value >= (~above & ~3u) ? value | above : value;
 }
 
 uvec2 recordOf(uint triangle, uint micromapTriangles)
