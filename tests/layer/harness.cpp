@@ -394,8 +394,10 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
 
 std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
-    return khr() && options_.declaresMode ? withModeWhereNeeded(words)
-                                          : std::vector<std::uint32_t>(words.begin(), words.end());
+    // A driver without the extension knows nothing of the mode.
+    return khr() && options_.vellum && options_.micromaps && options_.declaresMode
+               ? withModeWhereNeeded(words)
+               : std::vector<std::uint32_t>(words.begin(), words.end());
 }
 
 VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const
