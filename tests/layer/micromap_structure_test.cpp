@@ -839,8 +839,8 @@ TEST_F(MicromapStructureRefused, Creation)
             expectRefused(rule);
         }
     };
-    create(memory.address(), 4097, "VUID-VkDeviceAddressRangeKHR-address-11365");
-    create(memory.address() + 256, ~VkDeviceSize{0}, "VUID-VkDeviceAddressRangeKHR-address-11365");
+    create(memory.address(), 4097, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603");
+    create(memory.address() + 256, ~VkDeviceSize{0}, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603");
     create(memory.address() + 128, 256, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605");
     create(256, 256, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602");
     VkAccelerationStructureCreateInfoKHR info{};
