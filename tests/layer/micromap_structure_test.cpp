@@ -851,7 +851,7 @@ TEST_F(MicromapStructureRefused, Creation)
     VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
     EXPECT_NE(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
     EXPECT_EQ(handle, VkAccelerationStructureKHR{});
-    expectRefused("VUID-VkAccelerationStructureCreateInfoKHR-type");
+    expectRefused("VUID-VkAccelerationStructureCreateInfoKHR-type-11600");
 }
 
 TEST_F(MicromapStructureRefused, Queries)
