@@ -3,6 +3,8 @@
 // knows the extension and lets most of its bits pass.)
 // It also checks that stack sizes which the application sets have room for all shaders of the driver's pipeline, and,
 // where VELLUM_TEST_SPY_DEFER is in the environment, is a driver that defers the creation of ray tracing pipelines.
+// Where VELLUM_TEST_SPY_MEMORY is there when the instance is made, the driver has one more type of memory; for as long
+// as it stays there, the others have none left.
 #include <vulkan/vk_layer.h>
 #include <vulkan/vulkan.h>
 
@@ -33,6 +35,7 @@ struct InstanceTable {
     PFN_vkGetInstanceProcAddr getProcAddr = nullptr;
     PFN_vkCreateDebugUtilsMessengerEXT createMessenger = nullptr;
     PFN_vkDestroyDebugUtilsMessengerEXT destroyMessenger = nullptr;
+    PFN_vkGetPhysicalDeviceMemoryProperties getMemoryProperties = nullptr;
 };
 std::map<void *, InstanceTable> instances;
 std::map<void *, PFN_vkGetDeviceProcAddr> devices;
@@ -201,6 +204,39 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
          (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
         tell("vkCreateBuffer: micromap usage");
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
+}
+
+// --- a memory type more: that of the host, where lavapipe's are local to the device ---
+
+bool moreMemory = false;
+std::uint32_t memoryTypesBelow = 0;
+
+VKAPI_ATTR void VKAPI_CALL getMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties *memory)
+{
+    tableOf(keyOf(handle)).getMemoryProperties(handle, memory);
+    if (!moreMemory)
+        return;
+    memoryTypesBelow = memory->memoryTypeCount;
+    memory->memoryTypes[memory->memoryTypeCount++] = {
+        VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT, 0};
+}
+
+VKAPI_ATTR void VKAPI_CALL getBufferRequirements(VkDevice handle, VkBuffer buffer, VkMemoryRequirements *requirements)
+{
+    SPY_NEXT(vkGetBufferMemoryRequirements)(handle, buffer, requirements);
+    if (moreMemory)
+        requirements->memoryTypeBits |= 1u << memoryTypesBelow;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
+                                              const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+{
+    VkMemoryAllocateInfo below = *info;
+    if (moreMemory && info->memoryTypeIndex == memoryTypesBelow)
+        below.memoryTypeIndex = 0;
+    else if (std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr)
+        return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    return SPY_NEXT(vkAllocateMemory)(handle, &below, allocator, memory);
 }
 
 // Memory can be mapped once (VUID-vkMapMemory-memory-00678), and unmapped where it is
@@ -597,6 +633,8 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkQueueSubmit2", reinterpret_cast<PFN_vkVoidFunction>(queueSubmit2)},
         {"vkCreateRenderPass2", reinterpret_cast<PFN_vkVoidFunction>(createRenderPass2)},
         {"vkCreateComputePipelines", reinterpret_cast<PFN_vkVoidFunction>(createComputePipelines)},
+        {"vkGetBufferMemoryRequirements", reinterpret_cast<PFN_vkVoidFunction>(getBufferRequirements)},
+        {"vkAllocateMemory", reinterpret_cast<PFN_vkVoidFunction>(allocateMemory)},
         {"vkMapMemory", reinterpret_cast<PFN_vkVoidFunction>(mapMemory)},
         {"vkMapMemory2", reinterpret_cast<PFN_vkVoidFunction>(mapMemory2)},
         {"vkUnmapMemory", reinterpret_cast<PFN_vkVoidFunction>(unmapMemory)},
@@ -649,6 +687,7 @@ Link *linkOf(const void *chain, VkStructureType type)
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance)
 {
+    moreMemory = std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr;
     auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);
     const PFN_vkGetInstanceProcAddr next = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
     link->u.pLayerInfo = link->u.pLayerInfo->pNext;
@@ -660,6 +699,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
             reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(next(*instance, "vkCreateDebugUtilsMessengerEXT"));
         table.destroyMessenger =
             reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(next(*instance, "vkDestroyDebugUtilsMessengerEXT"));
+        table.getMemoryProperties = reinterpret_cast<PFN_vkGetPhysicalDeviceMemoryProperties>(
+            next(*instance, "vkGetPhysicalDeviceMemoryProperties"));
         std::lock_guard lock(mutex);
         instances[keyOf(*instance)] = table;
     }
@@ -726,6 +767,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
         return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
     if (std::strcmp(name, "vkCreateDevice") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(createDevice);
+    if (std::strcmp(name, "vkGetPhysicalDeviceMemoryProperties") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getMemoryProperties);
     if (std::strcmp(name, "vkCreateDebugUtilsMessengerEXT") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(createMessenger);
     if (std::strcmp(name, "vkDestroyDebugUtilsMessengerEXT") == 0)
