@@ -34,4 +34,85 @@ TEST(Driver, WithoutLocalMemoryLeft)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
+// Names, tags and private data of a micromap of that API, by all extensions that have such: none reaches the driver,
+// and those of other objects do.
+void nameMicromap(Api api)
+{
+    // The validation layer has its own ideas about handles that it does not know.
+    Gpu gpu(Options{.validation = false, .api = api});
+    MicromapInput input;
+    input.add(1, kFourState, std::vector<std::uint8_t>(4, 1));
+    const Micromap micromap(gpu, input);
+    const VkObjectType type = api == Api::Khr ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT;
+    const std::uint64_t object = api == Api::Khr ? reinterpret_cast<std::uint64_t>(micromap.structure())
+                                                 : reinterpret_cast<std::uint64_t>(micromap.handle());
+    const auto set = [&](VkObjectType kind, std::uint64_t handle) {
+        const auto function = [&]<class Function>(Function, const char *name) {
+            const auto loaded = reinterpret_cast<Function>(vkGetDeviceProcAddr(gpu.device(), name));
+            EXPECT_NE(loaded, nullptr) << name;
+            return loaded;
+        };
+        VkDebugUtilsObjectNameInfoEXT name{};
+        name.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
+        name.objectType = kind;
+        name.objectHandle = handle;
+        name.pObjectName = "leaves";
+        function(PFN_vkSetDebugUtilsObjectNameEXT{}, "vkSetDebugUtilsObjectNameEXT")(gpu.device(), &name);
+        VkDebugUtilsObjectTagInfoEXT tag{};
+        tag.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_TAG_INFO_EXT;
+        tag.objectType = kind;
+        tag.objectHandle = handle;
+        tag.tagSize = 1;
+        tag.pTag = "x";
+        function(PFN_vkSetDebugUtilsObjectTagEXT{}, "vkSetDebugUtilsObjectTagEXT")(gpu.device(), &tag);
+        VkDebugMarkerObjectNameInfoEXT marker{};
+        marker.sType = VK_STRUCTURE_TYPE_DEBUG_MARKER_OBJECT_NAME_INFO_EXT;
+        marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // the same numbers
+        marker.object = handle;
+        marker.pObjectName = "leaves";
+        function(PFN_vkDebugMarkerSetObjectNameEXT{}, "vkDebugMarkerSetObjectNameEXT")(gpu.device(), &marker);
+        VkDebugMarkerObjectTagInfoEXT markerTag{};
+        markerTag.sType = VK_STRUCTURE_TYPE_DEBUG_MARKER_OBJECT_TAG_INFO_EXT;
+        markerTag.objectType = marker.objectType;
+        markerTag.object = handle;
+        markerTag.tagSize = 1;
+        markerTag.pTag = "x";
+        function(PFN_vkDebugMarkerSetObjectTagEXT{}, "vkDebugMarkerSetObjectTagEXT")(gpu.device(), &markerTag);
+        VkPrivateDataSlotCreateInfo slotInfo{};
+        slotInfo.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
+        VkPrivateDataSlot slot = VK_NULL_HANDLE;
+        VT_CHECK(vkCreatePrivateDataSlot(gpu.device(), &slotInfo, nullptr, &slot));
+        VT_CHECK(vkSetPrivateData(gpu.device(), kind, handle, slot, 42));
+        std::uint64_t value = 0;
+        vkGetPrivateData(gpu.device(), kind, handle, slot, &value);
+        EXPECT_EQ(value, 42u);
+        vkDestroyPrivateDataSlot(gpu.device(), slot, nullptr);
+    };
+    set(type, object);
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    set(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<std::uint64_t>(blas.handle()));
+    for (const Message &m : gpu.takeUnexpectedMessages())
+        ADD_FAILURE() << m.id << ": " << m.text;
+    // The spy would have told.
+    const auto stranger = reinterpret_cast<std::uint64_t>(&gpu);
+    VkDebugMarkerObjectNameInfoEXT marker{};
+    marker.sType = VK_STRUCTURE_TYPE_DEBUG_MARKER_OBJECT_NAME_INFO_EXT;
+    marker.objectType = VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT;
+    marker.object = stranger;
+    marker.pObjectName = "stranger";
+    reinterpret_cast<PFN_vkDebugMarkerSetObjectNameEXT>(
+        vkGetDeviceProcAddr(gpu.device(), "vkDebugMarkerSetObjectNameEXT"))(gpu.device(), &marker);
+    EXPECT_EQ(gpu.takeUnexpectedMessages().size(), 1u);
+}
+
+TEST(Driver, NamesOfMicromapsStayInTheLayer)
+{
+    nameMicromap(Api::Ext);
+}
+
+TEST(Driver, NamesOfMicromapStructuresStayInTheLayer)
+{
+    nameMicromap(Api::Khr);
+}
+
 } // namespace

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -237,6 +238,87 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     else if (std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr)
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
     return SPY_NEXT(vkAllocateMemory)(handle, &below, allocator, memory);
+}
+
+// --- handles that the driver never gave ---
+
+std::set<std::uint64_t> structures; // acceleration structures
+
+VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelerationStructureCreateInfoKHR *info,
+                                               const VkAllocationCallbacks *allocator,
+                                               VkAccelerationStructureKHR *structure)
+{
+    const VkResult result = SPY_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
+    std::lock_guard lock(mutex);
+    if (result == VK_SUCCESS)
+        structures.insert(reinterpret_cast<std::uint64_t>(*structure));
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
+                                            const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        structures.erase(reinterpret_cast<std::uint64_t>(structure));
+    }
+    SPY_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
+}
+
+// Whether an object is the driver's, as far as the spy can know it; it tells of the others.
+bool expectObject(const char *where, VkObjectType type, std::uint64_t object)
+{
+    bool known = type != VK_OBJECT_TYPE_MICROMAP_EXT;
+    if (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR) {
+        std::lock_guard lock(mutex);
+        known = structures.contains(object);
+    }
+    if (!known)
+        tell(std::string(where) + ": an object that is not the driver's");
+    return known;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setObjectName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
+{
+    const auto next = SPY_NEXT(vkSetDebugUtilsObjectNameEXT);
+    return expectObject("vkSetDebugUtilsObjectNameEXT", info->objectType, info->objectHandle) && next != nullptr
+               ? next(handle, info)
+               : VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setObjectTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
+{
+    const auto next = SPY_NEXT(vkSetDebugUtilsObjectTagEXT);
+    return expectObject("vkSetDebugUtilsObjectTagEXT", info->objectType, info->objectHandle) && next != nullptr
+               ? next(handle, info)
+               : VK_SUCCESS;
+}
+
+// Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerName(VkDevice, const VkDebugMarkerObjectNameInfoEXT *info)
+{
+    expectObject("vkDebugMarkerSetObjectNameEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerTag(VkDevice, const VkDebugMarkerObjectTagInfoEXT *info)
+{
+    expectObject("vkDebugMarkerSetObjectTagEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
+                                              VkPrivateDataSlot slot, std::uint64_t data)
+{
+    return expectObject("vkSetPrivateData", type, object) ? SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data)
+                                                          : VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
+                                          VkPrivateDataSlot slot, std::uint64_t *data)
+{
+    if (expectObject("vkGetPrivateData", type, object))
+        SPY_NEXT(vkGetPrivateData)(handle, type, object, slot, data);
 }
 
 // Memory can be mapped once (VUID-vkMapMemory-memory-00678), and unmapped where it is
@@ -642,6 +724,12 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkCreateGraphicsPipelines", reinterpret_cast<PFN_vkVoidFunction>(createGraphicsPipelines)},
         {"vkCreateShadersEXT", reinterpret_cast<PFN_vkVoidFunction>(createShaders)},
         {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
+        {"vkCreateAccelerationStructureKHR", reinterpret_cast<PFN_vkVoidFunction>(createStructure)},
+        {"vkDestroyAccelerationStructureKHR", reinterpret_cast<PFN_vkVoidFunction>(destroyStructure)},
+        {"vkSetPrivateData", reinterpret_cast<PFN_vkVoidFunction>(setPrivateData)},
+        {"vkGetPrivateData", reinterpret_cast<PFN_vkVoidFunction>(getPrivateData)},
+        {"vkSetDebugUtilsObjectNameEXT", reinterpret_cast<PFN_vkVoidFunction>(setObjectName)},
+        {"vkSetDebugUtilsObjectTagEXT", reinterpret_cast<PFN_vkVoidFunction>(setObjectTag)},
         {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
         {"vkCreateRayTracingPipelinesKHR", reinterpret_cast<PFN_vkVoidFunction>(createRayTracingPipelines)},
@@ -664,6 +752,10 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, cons
         return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
     if (std::strcmp(name, "vkCmdWriteBufferMarker2AMD") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(cmdWriteBufferMarker2);
+    if (std::strcmp(name, "vkDebugMarkerSetObjectNameEXT") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(setMarkerName);
+    if (std::strcmp(name, "vkDebugMarkerSetObjectTagEXT") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(setMarkerTag);
     PFN_vkGetDeviceProcAddr next = nullptr;
     {
         std::lock_guard lock(mutex);
