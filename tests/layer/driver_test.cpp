@@ -115,4 +115,40 @@ TEST(Driver, NamesOfMicromapStructuresStayInTheLayer)
     nameMicromap(Api::Khr);
 }
 
+// 1,000 triangles that share the data of one: as much as the usage counts have room for would reach from the data into
+// the micromap behind it, in the same buffer. Transfers must not overlap; the validation layer would tell.
+TEST(Driver, InputAndMicromapInOneBuffer)
+{
+    Gpu gpu(Options{.api = Api::Ext});
+    MicromapInput input;
+    const std::vector<std::uint8_t> states(256, 1);
+    input.add(4, kFourState, states);
+    input.triangles.resize(1000, input.triangles[0]);
+    Micromap other(gpu, input); // for its build info
+    constexpr VkDeviceSize kPlace = 1024;
+    const Buffer both(gpu, kPlace + other.size(),
+                      VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT |
+                          VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT);
+    ASSERT_EQ(both.address() % 256, 0u);
+    std::memcpy(both.bytes(), input.data.data(), input.data.size());
+    VkMicromapCreateInfoEXT create{};
+    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    create.buffer = both.handle();
+    create.offset = kPlace;
+    create.size = other.size();
+    create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    VkMicromapEXT micromap = VK_NULL_HANDLE;
+    VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &create, nullptr, &micromap));
+    other.build();
+    VkMicromapBuildInfoEXT info = other.buildInfo();
+    info.dstMicromap = micromap;
+    info.data.deviceAddress = both.address();
+    gpu.submit([&](VkCommandBuffer commands) { gpu.vk().CmdBuildMicromapsEXT(commands, 1, &info); });
+    // The records of uniform triangles are the same wherever their data is.
+    EXPECT_EQ(std::memcmp(both.bytes() + kPlace + 64, other.memory() + 64, 1000 * 8), 0);
+    gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, nullptr);
+    for (const Message &m : gpu.takeUnexpectedMessages())
+        ADD_FAILURE() << m.id << ": " << m.text;
+}
+
 } // namespace
