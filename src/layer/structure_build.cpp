@@ -306,6 +306,7 @@ private:
                 const VkMicromapEXT handle =
                     micromap->structure ? micromapOf(device_, micromap->structure) : micromap->micromap;
                 push.micromap = micromapAddress(device_, handle);
+                push.micromapSize = handle ? unitsOf(micromapOf(handle)->size) : 0;
                 push.named = micromap->structure != VK_NULL_HANDLE;
                 push.baseTriangle = micromap->baseTriangle;
                 push.log = device_.complaints.address();

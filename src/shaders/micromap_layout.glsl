@@ -19,3 +19,14 @@ uvec2 micromapBytes(uint triangles, uint units)
     const uvec2 records = elementAddress(uvec2(kMicromapHeaderWords * 4u, 0u), pairs, 2u * kTriangleRecordWords * 4u);
     return elementAddress(records, units, kDataUnitBytes);
 }
+
+// Whether a micromap was built in memory of so many units of 16 bytes. Where none was, the memory holds what it holds: that
+// can be a larger micromap's header.
+bool holdsMicromap(uvec2 micromap, uint size)
+{
+    if (size < kMicromapHeaderWords / 4u)
+        return false;
+    Words header = Words(micromap);
+    const uvec2 bytes = micromapBytes(header.w[kMicromapHeaderTriangles], header.w[kMicromapHeaderUnits]);
+    return header.w[kMicromapHeaderMagic] == kMicromapMagic && bytes.y < 16u && (bytes.x >> 4u | bytes.y << 28u) <= size;
+}
