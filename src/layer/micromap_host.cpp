@@ -62,7 +62,12 @@ public:
         const uint64_t used = size_ < kMicromapHeaderWords * 4 ? 0 : micromapMemoryInUse(bytes());
         return used <= size_ ? used : 0;
     }
-    void invalidate() const { std::memset(bytes() + kMicromapHeaderMagic * 4, 0, 4); }
+    // A micromap that is smaller than its header is none, whatever it holds.
+    void invalidate() const
+    {
+        if (size_ >= kMicromapHeaderWords * 4)
+            std::memset(bytes() + kMicromapHeaderMagic * 4, 0, 4);
+    }
 
 private:
     uint64_t size_;
