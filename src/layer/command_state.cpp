@@ -87,8 +87,6 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
         state->forgetBindings();
         state->scratch.reset();
         state->conditionalRendering.reset();
-        state->transient.reset();
-        state->kept.clear();
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(

@@ -8,9 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/gpu_memory.h"
 #include "layer/scratch_memory.h"
-#include "layer/transient_memory.h"
 #include "layer/vulkan_newer.h"
 
 namespace vellum::layer
@@ -35,10 +33,7 @@ struct CommandState {
     std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
-    TransientMemory transient; // of what has been recorded since the command buffer was begun
-
-    ScratchMemory scratch;       // of injected work; lives as long as what is recorded
-    std::vector<GpuBuffer> kept; // the layer's own, used by what is recorded
+    ScratchMemory scratch; // of injected work; lives as long as what is recorded
 
     void forgetBindings();
 };

@@ -149,11 +149,11 @@ public:
         static_assert(sizeof(Push) <= kPushBytes);
         return run(shader, &push, sizeof(Push), (invocations + groupSize - 1) / groupSize);
     }
+    // Memory of the command buffer for what is done here; address 0 where there is none.
+    [[nodiscard]] ScratchMemory::Place scratch(VkDeviceSize bytes);
     // Orders what came before in the command buffer, ours and the application's, before what comes after; and before
     // what the host reads.
     void barrier(bool forHost = false);
-    // Keeps a buffer for as long as what is recorded in the command buffer may run.
-    void keep(GpuBuffer buffer);
 
 private:
     bool run(InjectedShader shader, const void *push, uint32_t pushBytes, uint64_t groups);

@@ -151,4 +151,41 @@ TEST(Driver, InputAndMicromapInOneBuffer)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
+// Copies of query results are recorded with memory of the layer's: not with an allocation each, of which there may be
+// no more than maxMemoryAllocationCount.
+TEST(Driver, ManyCopiesOfQueryResults)
+{
+    Gpu gpu(Options{.api = Api::Ext});
+    MicromapInput input;
+    input.add(4, kFourState, std::vector<std::uint8_t>(256, 1));
+    Micromap micromap(gpu, input);
+    micromap.build();
+    constexpr std::uint32_t kCopies = 100;
+    const Buffer out(gpu, kCopies * 8, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    VkQueryPoolCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+    info.queryType = VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
+    info.queryCount = 1;
+    VkQueryPool pool = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &pool));
+    const VkMicromapEXT handle = micromap.handle();
+    gpu.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 1);
+        gpu.vk().CmdWriteMicromapsPropertiesEXT(commands, 1, &handle, info.queryType, pool, 0);
+        const auto copy = [&](std::uint32_t i) {
+            vkCmdCopyQueryPoolResults(commands, pool, 0, 1, out.handle(), i * 8, 8,
+                                      VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+        };
+        copy(0);
+        const Environment full("VELLUM_TEST_SPY_MEMORY");
+        for (std::uint32_t i = 1; i < kCopies; ++i)
+            copy(i);
+    });
+    for (const std::uint64_t size : out.as<std::uint64_t>())
+        EXPECT_EQ(size, 64u + 64u + 16u + 256u / 4u);
+    vkDestroyQueryPool(gpu.device(), pool, nullptr);
+    for (const Message &m : gpu.takeUnexpectedMessages())
+        ADD_FAILURE() << m.id << ": " << m.text;
+}
+
 } // namespace
