@@ -52,6 +52,7 @@ struct MicromapMovePush {
     VkDeviceAddress micromap, serialized, log;
     uint64_t object, micromapBytes, serializedBytes;
     uint32_t driverUuid[4];
+    VkDeviceAddress root;
     uint32_t mode, invocations;
 };
 struct QueryValuePush {

@@ -28,6 +28,7 @@ MicromapMovePush movePush(const Device &device, const Micromap &micromap, uint32
     push.micromapBytes = micromap.size;
     push.log = device.complaints.address();
     push.object = complaintObject(micromap.object.type, micromap.object.handle);
+    push.root = device.root.address();
     push.mode = mode;
     return push;
 }
