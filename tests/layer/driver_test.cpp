@@ -188,4 +188,64 @@ TEST(Driver, ManyCopiesOfQueryResults)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
+// VK_NV_displacement_micromap is built on the driver's own VK_EXT_opacity_micromap, and its structures carry a
+// VkMicromapEXT: beside emulated micromaps there is none.
+TEST(Driver, NoDisplacementBesideEmulation)
+{
+    const Environment force("VELLUM_FORCE_EMULATION");
+    std::unique_ptr<Gpu> gpu;
+    {
+        const Environment native("VELLUM_TEST_SPY_DISPLACEMENT");
+        gpu = std::make_unique<Gpu>(Options{.validation = false, .api = Api::Ext});
+    }
+    constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
+    std::uint32_t count = 0;
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu->physical(), nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> list(count);
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu->physical(), nullptr, &count, list.data()));
+    const auto listed = [&](const std::string &name) {
+        return std::count_if(list.begin(), list.end(), [&](const auto &e) { return name == e.extensionName; });
+    };
+    EXPECT_EQ(listed(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME), 1);
+    EXPECT_EQ(listed(kDisplacement), 0);
+    struct OneMember {
+        VkStructureType sType;
+        void *pNext = nullptr;
+        std::uint32_t value = 1;
+    };
+    OneMember feature{static_cast<VkStructureType>(1000397000)};
+    VkPhysicalDeviceFeatures2 features{};
+    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    features.pNext = &feature;
+    vkGetPhysicalDeviceFeatures2(gpu->physical(), &features);
+    EXPECT_EQ(feature.value, 0u);
+    OneMember limit{static_cast<VkStructureType>(1000397001)};
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &limit;
+    vkGetPhysicalDeviceProperties2(gpu->physical(), &properties);
+    EXPECT_EQ(limit.value, 0u);
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{};
+    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    VkDeviceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    info.enabledExtensionCount = 1;
+    info.ppEnabledExtensionNames = &kDisplacement;
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(vkCreateDevice(gpu->physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
+    vkDestroyDevice(device, nullptr);
+    std::vector<std::string> told;
+    for (const Message &m : gpu->takeUnexpectedMessages()) {
+        EXPECT_NE(m.id, "SPY") << m.text;
+        if (m.fromVellum()) // the loader says something, too
+            told.push_back(m.id);
+    }
+    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-displacement-micromaps"});
+}
+
 } // namespace

@@ -3,8 +3,9 @@
 // knows the extension and lets most of its bits pass.)
 // It also checks that stack sizes which the application sets have room for all shaders of the driver's pipeline, and,
 // where VELLUM_TEST_SPY_DEFER is in the environment, is a driver that defers the creation of ray tracing pipelines.
-// Where VELLUM_TEST_SPY_MEMORY is there when the instance is made, the driver has one more type of memory; for as long
-// as it stays there, the others have none left.
+// Where VELLUM_TEST_SPY_DISPLACEMENT is there when the instance is made, the driver says that it has micromaps, and
+// displacement micromaps. Where VELLUM_TEST_SPY_MEMORY is there when the instance is made, the driver has one more type
+// of memory; for as long as it stays there, the others have none left.
 #include <vulkan/vk_layer.h>
 #include <vulkan/vulkan.h>
 
@@ -37,6 +38,9 @@ struct InstanceTable {
     PFN_vkCreateDebugUtilsMessengerEXT createMessenger = nullptr;
     PFN_vkDestroyDebugUtilsMessengerEXT destroyMessenger = nullptr;
     PFN_vkGetPhysicalDeviceMemoryProperties getMemoryProperties = nullptr;
+    PFN_vkEnumerateDeviceExtensionProperties enumerateExtensions = nullptr;
+    PFN_vkGetPhysicalDeviceFeatures2 getFeatures = nullptr;
+    PFN_vkGetPhysicalDeviceProperties2 getProperties = nullptr;
 };
 std::map<void *, InstanceTable> instances;
 std::map<void *, PFN_vkGetDeviceProcAddr> devices;
@@ -238,6 +242,62 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     else if (std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr)
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
     return SPY_NEXT(vkAllocateMemory)(handle, &below, allocator, memory);
+}
+
+// --- VK_NV_displacement_micromap ---
+
+constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
+bool displacement = false;
+
+struct OneMember { // VkPhysicalDeviceDisplacementMicromapFeaturesNV and ...PropertiesNV
+    VkStructureType sType;
+    void *pNext;
+    std::uint32_t value;
+};
+
+void answer(void *chain, VkStructureType type, std::uint32_t value)
+{
+    auto *structure = static_cast<VkBaseOutStructure *>(chain);
+    while (structure != nullptr && structure->sType != type)
+        structure = structure->pNext;
+    if (displacement && structure != nullptr)
+        reinterpret_cast<OneMember *>(structure)->value = value;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+                                                   VkExtensionProperties *properties)
+{
+    const auto next = tableOf(keyOf(handle)).enumerateExtensions;
+    if (!displacement || layer != nullptr)
+        return next(handle, layer, count, properties);
+    std::uint32_t below = 0;
+    next(handle, nullptr, &below, nullptr);
+    std::vector<VkExtensionProperties> all(below);
+    next(handle, nullptr, &below, all.data());
+    for (const char *name : {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, kDisplacement}) {
+        std::strcpy(all.emplace_back().extensionName, name);
+        all.back().specVersion = 1;
+    }
+    const auto size = static_cast<std::uint32_t>(all.size());
+    if (properties == nullptr) {
+        *count = size;
+        return VK_SUCCESS;
+    }
+    *count = std::min(*count, size);
+    std::copy_n(all.begin(), *count, properties);
+    return *count < size ? VK_INCOMPLETE : VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL getFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
+{
+    tableOf(keyOf(handle)).getFeatures(handle, features);
+    answer(features->pNext, static_cast<VkStructureType>(1000397000), VK_TRUE);
+}
+
+VKAPI_ATTR void VKAPI_CALL getProperties(VkPhysicalDevice handle, VkPhysicalDeviceProperties2 *properties)
+{
+    tableOf(keyOf(handle)).getProperties(handle, properties);
+    answer(properties->pNext, static_cast<VkStructureType>(1000397001), 5);
 }
 
 // --- handles that the driver never gave ---
@@ -779,6 +839,7 @@ Link *linkOf(const void *chain, VkStructureType type)
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance)
 {
+    displacement = std::getenv("VELLUM_TEST_SPY_DISPLACEMENT") != nullptr;
     moreMemory = std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr;
     auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);
     const PFN_vkGetInstanceProcAddr next = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
@@ -791,6 +852,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
             reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(next(*instance, "vkCreateDebugUtilsMessengerEXT"));
         table.destroyMessenger =
             reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(next(*instance, "vkDestroyDebugUtilsMessengerEXT"));
+        table.enumerateExtensions = reinterpret_cast<PFN_vkEnumerateDeviceExtensionProperties>(
+            next(*instance, "vkEnumerateDeviceExtensionProperties"));
+        table.getFeatures =
+            reinterpret_cast<PFN_vkGetPhysicalDeviceFeatures2>(next(*instance, "vkGetPhysicalDeviceFeatures2"));
+        table.getProperties =
+            reinterpret_cast<PFN_vkGetPhysicalDeviceProperties2>(next(*instance, "vkGetPhysicalDeviceProperties2"));
         table.getMemoryProperties = reinterpret_cast<PFN_vkGetPhysicalDeviceMemoryProperties>(
             next(*instance, "vkGetPhysicalDeviceMemoryProperties"));
         std::lock_guard lock(mutex);
@@ -807,6 +874,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
             tell("vkCreateDevice: VK_EXT_opacity_micromap");
         if (std::strcmp(name, "VK_ARM_pipeline_opacity_micromap") == 0)
             tell("vkCreateDevice: VK_ARM_pipeline_opacity_micromap");
+        if (std::strcmp(name, kDisplacement) == 0)
+            tell("vkCreateDevice: VK_NV_displacement_micromap");
     }
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
@@ -859,6 +928,12 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
         return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
     if (std::strcmp(name, "vkCreateDevice") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(createDevice);
+    if (std::strcmp(name, "vkEnumerateDeviceExtensionProperties") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(enumerateExtensions);
+    if (std::strcmp(name, "vkGetPhysicalDeviceFeatures2") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getFeatures);
+    if (std::strcmp(name, "vkGetPhysicalDeviceProperties2") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getProperties);
     if (std::strcmp(name, "vkGetPhysicalDeviceMemoryProperties") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(getMemoryProperties);
     if (std::strcmp(name, "vkCreateDebugUtilsMessengerEXT") == 0)
