@@ -87,6 +87,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
         state->forgetBindings();
         state->scratch.reset();
         state->conditionalRendering.reset();
+        state->cellsWait = false;
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(

@@ -33,6 +33,7 @@ struct CommandState {
     std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
+    bool cellsWait = false; // transfers to cells wait for what came before in the stage of builds; since it was begun
     ScratchMemory scratch; // of injected work; lives as long as what is recorded
 
     void forgetBindings();

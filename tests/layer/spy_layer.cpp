@@ -441,10 +441,12 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
 }
 
 // Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
-// ordered before what comes in that stage.
+// ordered before what comes in that stage. And whoever makes a build wait, for a semaphore, makes it wait in that
+// stage: the transfer must wait for what comes before it in that stage.
 struct Updates {
     bool built = false;   // there was a build in the command buffer
     bool pending = false; // and then a transfer, and no barrier since
+    bool waits = false;   // there was a barrier from that stage to transfers
 };
 std::map<VkCommandBuffer, Updates> updates;
 
@@ -460,10 +462,15 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const 
 VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buffer, VkDeviceSize offset,
                                            VkDeviceSize size, const void *data)
 {
+    bool waits = false;
     {
         std::lock_guard lock(mutex);
         updates[handle].pending = updates[handle].built;
+        waits = updates[handle].waits;
     }
+    constexpr VkDeviceSize cell = 32; // what the layer writes; the tests write other sizes
+    if (size == cell && !waits)
+        tell("vkCmdUpdateBuffer: not ordered after builds before it");
     SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
 }
 
@@ -476,9 +483,12 @@ VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipeline
     constexpr VkPipelineStageFlags transfer = VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
     constexpr VkPipelineStageFlags builds =
         VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
-    if ((from & transfer) != 0 && (to & builds) != 0) {
+    {
         std::lock_guard lock(mutex);
-        updates[handle].pending = false;
+        if ((from & transfer) != 0 && (to & builds) != 0)
+            updates[handle].pending = false;
+        if ((from & builds) != 0 && (to & transfer) != 0)
+            updates[handle].waits = true;
     }
     SPY_NEXT(vkCmdPipelineBarrier)(handle, from, to, flags, count, memory, buffers, buffer, images, image);
 }
@@ -503,7 +513,8 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
         expectBuild("vkCmdBuildAccelerationStructuresKHR", infos[i]);
     {
         std::lock_guard lock(mutex);
-        updates[handle] = {.built = true, .pending = false};
+        updates[handle].built = true;
+        updates[handle].pending = false;
     }
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
