@@ -70,6 +70,7 @@ VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot
 VELLUM_CONST uint kScratchLastUnit = 2u;   // the end of the data that can
 VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, where input is validated
 VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; where input is validated
+VELLUM_CONST uint kScratchPartsFull = 5u;  // not 0: large triangles have more parts than the list has room for
 VELLUM_CONST uint kPlaceBlock = 256u;
 VELLUM_CONST uint kCheckedPerInvocation = 16u;
 VELLUM_CONST uint kPartUnits = 64u;
