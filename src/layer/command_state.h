@@ -34,7 +34,7 @@ struct CommandState {
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
     bool cellsWait = false; // transfers to cells wait for what came before in the stage of builds; since it was begun
-    ScratchMemory scratch; // of injected work; lives as long as what is recorded
+    ScratchMemory scratch;  // of injected work; lives as long as what is recorded
 
     void forgetBindings();
 };
