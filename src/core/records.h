@@ -80,6 +80,7 @@ VELLUM_CONST uint kScratchLastUnit = 2u;   // the end of the data that can
 VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, where input is validated
 VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; where input is validated
 VELLUM_CONST uint kScratchStaged = 5u;     // data units of lossy builds' triangles that have a place
+VELLUM_CONST uint kScratchPartsFull = 6u;  // not 0: large triangles have more parts than the list has room for
 VELLUM_CONST uint kPlaceBlock = 256u;
 VELLUM_CONST uint kCheckedPerInvocation = 16u;
 VELLUM_CONST uint kPartUnits = 64u;
@@ -150,7 +151,10 @@ VELLUM_CONST uint kNoticeUnknownReference = 5u; // instance of a bottom-level st
 VELLUM_CONST uint kNoticeUnbuiltReference = 6u; // instance of a bottom-level structure that was never built
 VELLUM_CONST uint kNoticeCopyTooSmall = 7u;     // acceleration structure that is too small for a copy of another
 VELLUM_CONST uint kNoticeUnknownMicromap = 8u; // serialized data that names a micromap that does not exist, or fits not
-VELLUM_CONST uint kNotices = 9u;
+VELLUM_CONST uint kNoticeMicromapTooSmall = 9u;  // micromap, or buffer, that is too small for a copy of a micromap
+VELLUM_CONST uint kNoticeMicromapNotBuilt = 10u; // copy of a micromap that was never built
+VELLUM_CONST uint kNoticeMicromapData = 11u;     // serialized data of a micromap that is no such data, or not all of it
+VELLUM_CONST uint kNotices = 12u;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted

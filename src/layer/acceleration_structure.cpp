@@ -47,6 +47,13 @@ constexpr Notice kNoticeTexts[kNotices] = {
     {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
      "vkCmdCopyMemoryToAccelerationStructureKHR: the data names a micromap that does not exist, or is smaller than the "
      "one that was serialized. Its geometry has no micromap now"},
+    {"VELLUM-micromap-copy-size",
+     "a micromap was copied, serialized or deserialized to where there is less room than it "
+     "needs. Micromaps that were the target hold nothing now"},
+    {"VELLUM-micromap-not-constructed", "a micromap was copied or serialized before it was built"},
+    {"VELLUM-micromap-serialized",
+     "a micromap was deserialized from memory that does not hold a serialized micromap of "
+     "this version of the layer, or not all of it. It holds nothing now"},
 };
 
 } // namespace

@@ -88,8 +88,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
         state->scratch.reset();
         state->conditionalRendering.reset();
         state->refusedTransformFeedback = false;
-        state->transient.reset();
-        state->kept.clear();
+        state->cellsWait = false;
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(

@@ -8,9 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/gpu_memory.h"
 #include "layer/scratch_memory.h"
-#include "layer/transient_memory.h"
 #include "layer/vulkan_newer.h"
 
 namespace vellum::layer
@@ -36,10 +34,8 @@ struct CommandState {
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
     bool refusedTransformFeedback = false; // by vkCmdBeginTransformFeedback2EXT: its end is to be refused too
-    TransientMemory transient;             // of what has been recorded since the command buffer was begun
-
-    ScratchMemory scratch;       // of injected work; lives as long as what is recorded
-    std::vector<GpuBuffer> kept; // the layer's own, used by what is recorded
+    bool cellsWait = false; // transfers to cells wait for what came before in the stage of builds; since it was begun
+    ScratchMemory scratch;  // of injected work; lives as long as what is recorded
 
     void forgetBindings();
 };

@@ -69,9 +69,16 @@ VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkD
 {
     emulated = false;
     const Asked asked = askedFor(info);
-    if (!asked.ext && !asked.khr && !asked.addressCommands)
+    const bool displacement = asksFor(info, newer::kDisplacementMicromapExtension);
+    if (!asked.ext && !asked.khr && !asked.addressCommands && !displacement)
         return VK_SUCCESS;
     const Implementations have = implementationsOn(instance, physicalDevice);
+    if (displacement && have.ext == Implementation::Emulation) {
+        instance.report.error("VELLUM-displacement-micromaps",
+                              "VK_NV_displacement_micromap is not there where VK_EXT_opacity_micromap is emulated",
+                              VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
+        return VK_ERROR_EXTENSION_NOT_PRESENT;
+    }
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
         emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
     const char *missing = asked.ext && have.ext == Implementation::None   ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME
@@ -110,6 +117,7 @@ struct DriverDeviceInfo {
         if (ownAddressCommands)
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
         chain.remove(newer::kPipelineOpacityMicromapFeatures);
+        chain.remove(newer::kDisplacementMicromapFeatures);
         // The tables are reached by address from every rewritten shader.
         if (auto *core =
                 chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {

@@ -126,7 +126,9 @@ namespace vellum::layer
     X(CmdWriteBufferMarker2AMD, CmdWriteBufferMarker2AMD)                                                              \
     X(QueueSubmit2, QueueSubmit2KHR)                                                                                   \
     X(SetDebugUtilsObjectNameEXT, SetDebugUtilsObjectNameEXT)                                                          \
-    X(SetDebugUtilsObjectTagEXT, SetDebugUtilsObjectTagEXT)
+    X(SetDebugUtilsObjectTagEXT, SetDebugUtilsObjectTagEXT)                                                            \
+    X(DebugMarkerSetObjectNameEXT, DebugMarkerSetObjectNameEXT)                                                        \
+    X(DebugMarkerSetObjectTagEXT, DebugMarkerSetObjectTagEXT)
 
 struct InstanceTable {
 #define VELLUM_MEMBER(name, alias) PFN_vk##name name = nullptr;

@@ -55,6 +55,8 @@ DriverBuildInfo::DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoK
                 Chain &chain = chains_.emplace_back(g.geometry.triangles.pNext);
                 chain.remove(kAttachmentEXT);
                 chain.remove(kAttachmentKHR);
+                // Carries a VkMicromapEXT, and was refused with its extension.
+                chain.remove(newer::kTrianglesDisplacementMicromap);
                 g.geometry.triangles.pNext = chain.head();
                 g.flags &= ~static_cast<VkGeometryFlagsKHR>(VK_GEOMETRY_OPAQUE_BIT_KHR);
             }

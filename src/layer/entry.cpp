@@ -142,6 +142,8 @@ const Row kRows[] = {
     row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Emulated),
     row<setDebugUtilsObjectName>("vkSetDebugUtilsObjectNameEXT", Scope::Debug),
     row<setDebugUtilsObjectTag>("vkSetDebugUtilsObjectTagEXT", Scope::Debug),
+    row<debugMarkerSetObjectName>("vkDebugMarkerSetObjectNameEXT", Scope::Debug),
+    row<debugMarkerSetObjectTag>("vkDebugMarkerSetObjectTagEXT", Scope::Debug),
 
     row<createShaderModule>("vkCreateShaderModule", Scope::Emulated),
     row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),

@@ -2,23 +2,28 @@
 
 #include <cstring>
 #include <utility>
+#include <vector>
 
 namespace vellum::layer
 {
 namespace
 {
 
-// Prefers memory that is also local to the device: shaders read these buffers at every hit.
-uint32_t memoryType(const VkPhysicalDeviceMemoryProperties &memory, uint32_t allowed)
+// The types that a buffer's memory may have, the better ones first: memory that is also local to the device is
+// preferred, since shaders read these buffers at every hit. There may be little of it that the host can see.
+std::vector<uint32_t> memoryTypes(const VkPhysicalDeviceMemoryProperties &memory, uint32_t allowed)
 {
     const VkMemoryPropertyFlags host = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
-    for (const VkMemoryPropertyFlags wanted : {host | VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, host}) {
+    std::vector<uint32_t> types;
+    for (const VkMemoryPropertyFlags local : {VkMemoryPropertyFlags{VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT}, 0u}) {
         for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
-            if ((allowed & (1u << i)) != 0 && (memory.memoryTypes[i].propertyFlags & wanted) == wanted)
-                return i;
+            const VkMemoryPropertyFlags flags = memory.memoryTypes[i].propertyFlags;
+            if ((allowed & (1u << i)) != 0 && (flags & host) == host &&
+                (flags & VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT) == local)
+                types.push_back(i);
         }
     }
-    return UINT32_MAX;
+    return types;
 }
 
 } // namespace
@@ -53,11 +58,15 @@ VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBuff
     next.GetBufferMemoryRequirements(context.device, buffer_, &requirements);
     VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
     flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, requirements.size,
-                                      memoryType(context.memory, requirements.memoryTypeBits)};
-    result = allocateInfo.memoryTypeIndex == UINT32_MAX
-                 ? VK_ERROR_OUT_OF_DEVICE_MEMORY
-                 : next.AllocateMemory(context.device, &allocateInfo, nullptr, &memory_);
+    VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, requirements.size, 0};
+    result = VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    for (const uint32_t type : memoryTypes(context.memory, requirements.memoryTypeBits)) {
+        allocateInfo.memoryTypeIndex = type;
+        result = next.AllocateMemory(context.device, &allocateInfo, nullptr, &memory_);
+        // Another type may be of another heap, which has room.
+        if (result != VK_ERROR_OUT_OF_DEVICE_MEMORY)
+            break;
+    }
     void *mapped = nullptr;
     if (result == VK_SUCCESS)
         result = next.BindBufferMemory(context.device, buffer_, memory_, 0);

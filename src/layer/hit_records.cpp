@@ -35,7 +35,8 @@ HitRecordsPush pushOf(const RayTracingPipeline &pipeline)
 
 VkDeviceAddress allocate(const Device &device, CommandState &state, VkDeviceSize bytes)
 {
-    const VkDeviceAddress address = state.transient.get(device.gpu, bytes);
+    state.scratch.restart();
+    const VkDeviceAddress address = state.scratch.allocate(device.gpu, bytes);
     if (!address)
         device.report().error("VELLUM-out-of-memory",
                               "no memory for hit records: null ones do not see opacity micromaps");

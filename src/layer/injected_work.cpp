@@ -195,10 +195,12 @@ void InjectedWork::barrier(bool forHost)
                                     VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | host, 0, 1, &memory, 0, nullptr, 0, nullptr);
 }
 
-void InjectedWork::keep(GpuBuffer buffer)
+ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
 {
-    if (state_)
-        state_->kept.push_back(std::move(buffer));
+    if (!state_)
+        return {};
+    state_->scratch.restart();
+    return state_->scratch.place(device_.gpu, bytes);
 }
 
 InjectedWork::~InjectedWork()

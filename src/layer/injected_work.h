@@ -57,6 +57,7 @@ struct MicromapMovePush {
     VkDeviceAddress micromap, serialized, log;
     uint64_t object, micromapBytes, serializedBytes;
     uint32_t driverUuid[4];
+    VkDeviceAddress root;
     uint32_t mode, invocations;
 };
 struct QueryValuePush {
@@ -72,7 +73,7 @@ struct BlasRecordsPush {
     VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord, log, range;
     uint64_t object;
     uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits,
-        geometry, named;
+        geometry, named, micromapSize;
 };
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {
@@ -170,11 +171,11 @@ public:
     }
     // How the invocations of a dispatch are laid out, in groups.
     static VkDispatchIndirectCommand groupsOf(uint64_t invocations, uint32_t groupSize);
+    // Memory of the command buffer for what is done here; address 0 where there is none.
+    [[nodiscard]] ScratchMemory::Place scratch(VkDeviceSize bytes);
     // Orders what came before in the command buffer, ours and the application's, before what comes after; and before
     // what the host reads.
     void barrier(bool forHost = false);
-    // Keeps a buffer for as long as what is recorded in the command buffer may run.
-    void keep(GpuBuffer buffer);
 
 private:
     bool run(InjectedShader shader, const void *push, uint32_t pushBytes, const VkDispatchIndirectCommand &groups);

@@ -237,6 +237,11 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
         if (implementations.*own.implementation == Implementation::Emulation && !contains(list, own.name))
             list.push_back(propertiesOf(own));
     }
+    // It extends the driver's VK_EXT_opacity_micromap, to which the layer's micromaps mean nothing.
+    if (implementations.ext == Implementation::Emulation)
+        std::erase_if(list, [](const auto &e) {
+            return std::strcmp(e.extensionName, newer::kDisplacementMicromapExtension) == 0;
+        });
     return giveList(list, count, properties);
 }
 
@@ -252,6 +257,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
     const Unlinked addresses =
         take(have.addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
     const Unlinked pipelines = take(have.pipelines, newer::kPipelineOpacityMicromapFeatures);
+    const Unlinked displacement = take(have.ext, newer::kDisplacementMicromapFeatures);
     instance.next.GetPhysicalDeviceFeatures2(device, features);
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>()) {
         own->micromap = VK_TRUE;
@@ -264,6 +270,8 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->deviceAddressCommands = VK_TRUE;
     if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
         own->pipelineOpacityMicromap = VK_TRUE;
+    if (auto *none = displacement.get<newer::DisplacementMicromapFeatures>())
+        none->displacementMicromap = VK_FALSE;
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
@@ -276,6 +284,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     };
     const Unlinked ext = take(have.ext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
+    const Unlinked displacement = take(have.ext, newer::kDisplacementMicromapProperties);
     instance.next.GetPhysicalDeviceProperties2(device, properties);
     // Shader binaries of other processes are refused (shader_binary.h), so the UUID that tells whether they fit is
     // another.
@@ -293,6 +302,8 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
         own->maxOpacityLossy4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
         own->maxMicromapTriangles = shared::kMaxMicromapTriangles;
     }
+    if (auto *none = displacement.get<newer::DisplacementMicromapProperties>())
+        none->maxDisplacementMicromapSubdivisionLevel = 0;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,

@@ -144,9 +144,12 @@ DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
         return {};
     const Micromap &target = *micromapOf(info.dstMicromap);
     const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
-    return {source.buffer,
-            target.buffer,
-            {source.offset, target.offset + begin, std::min(source.bytes, extent.units * kDataUnitBytes)}};
+    const uint64_t bytes = std::min(source.bytes, extent.units * kDataUnitBytes);
+    // As much as there is room for may reach from the data into the micromap: VUID-vkCmdCopyBuffer-pRegions-00117.
+    const VkDeviceAddress from = info.data.deviceAddress, to = micromapAddress(device, target) + begin;
+    if (from < to + bytes && to < from + bytes)
+        return {};
+    return {source.buffer, target.buffer, {source.offset, target.offset + begin, bytes}};
 }
 
 // One build of a command.

@@ -28,6 +28,7 @@ MicromapMovePush movePush(const Device &device, const Micromap &micromap, uint32
     push.micromapBytes = micromap.size;
     push.log = device.complaints.address();
     push.object = complaintObject(micromap.object.type, micromap.object.handle);
+    push.root = device.root.address();
     push.mode = mode;
     return push;
 }
@@ -42,6 +43,21 @@ void move(InjectedWork &work, MicromapMovePush push)
     work.barrier(true);
 }
 
+// A micromap that no micromap fits is easily made: the size queries say 0 after a message. No shader may look at its
+// header.
+bool tooSmall(const Micromap &micromap)
+{
+    return micromap.size < kMicromapHeaderWords * 4;
+}
+
+void refuseTooSmall(const Device &device, const char *command, const Micromap &micromap, bool target)
+{
+    device.report().error(target ? "VELLUM-micromap-copy-size" : "VELLUM-micromap-not-constructed",
+                          std::string(command) + ": " + (target ? "dst" : "src") + " has " +
+                              std::to_string(micromap.size) + " bytes, less than any micromap",
+                          micromap.object.type, micromap.object.handle);
+}
+
 bool overlap(const Micromap &a, const Micromap &b, VkDeviceSize size)
 {
     return a.buffer == b.buffer && a.offset < b.offset + size && b.offset < a.offset + size;
@@ -52,6 +68,8 @@ bool overlap(const Micromap &a, const Micromap &b, VkDeviceSize size)
 void recordMicromapCopy(Device &device, VkCommandBuffer commandBuffer, const char *command, const Micromap &source,
                         const Micromap &target)
 {
+    if (tooSmall(source) || tooSmall(target))
+        return refuseTooSmall(device, command, tooSmall(source) ? source : target, !tooSmall(source));
     // What is in use comes first (core/records.h): the bytes that fit the target are all that a compact copy needs.
     const VkBufferCopy region{source.offset, target.offset, std::min(source.size, target.size)};
     if (overlap(source, target, region.size)) {
@@ -73,6 +91,8 @@ void recordMicromapCopy(Device &device, VkCommandBuffer commandBuffer, const cha
 
 void recordMicromapSave(Device &device, VkCommandBuffer commandBuffer, const Micromap &source, VkDeviceAddress target)
 {
+    if (tooSmall(source))
+        return refuseTooSmall(device, "serialization of a micromap", source, false);
     const bool structure = source.object.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
     MicromapMovePush push = movePush(device, source, kMoveSerialize | (structure ? kMoveMarked : 0));
     push.serialized = target;
@@ -86,6 +106,8 @@ void recordMicromapSave(Device &device, VkCommandBuffer commandBuffer, const Mic
 void recordMicromapRestore(Device &device, VkCommandBuffer commandBuffer, const Micromap &target,
                            VkDeviceAddress source)
 {
+    if (tooSmall(target))
+        return refuseTooSmall(device, "deserialization of a micromap", target, true);
     MicromapMovePush push = movePush(device, target, kMoveDeserialize);
     push.serialized = source;
     push.serializedBytes = device.addresses.bytesFrom(source);

@@ -38,10 +38,10 @@ bool enabled(const Device &device, const char *command)
     return device.asked.hostCommands;
 }
 
+// Of copies that cannot be carried out, on the device as well, more is told than of the triangles of a build.
 void complainAbout(const Device &device, uint32_t what, VkMicromapEXT micromap)
 {
-    if (device.complaints.address() != 0)
-        complain(device.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
+    complain(device.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
 }
 
 // A micromap's memory as the host sees it.
@@ -62,7 +62,7 @@ public:
         const uint64_t used = size_ < kMicromapHeaderWords * 4 ? 0 : micromapMemoryInUse(bytes());
         return used <= size_ ? used : 0;
     }
-    // One that is too small for a header holds none, and may end before the magic number does.
+    // A micromap that is smaller than its header is none, whatever it holds.
     void invalidate() const
     {
         if (size_ >= kMicromapHeaderWords * 4)

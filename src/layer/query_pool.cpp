@@ -249,28 +249,28 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResults(VkCommandBuffer commandBuffer
         return;
     // The application's buffer is only known to take transfers: results are put together elsewhere, and copied.
     const Format format(flags);
-    GpuBuffer own;
-    if (own.create(device.gpu, count * format.bytes(),
-                   VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT) != VK_SUCCESS) {
+    InjectedWork work(device, commandBuffer);
+    const ScratchMemory::Place own = work.scratch(count * format.bytes());
+    if (!own.address) {
         device.report().error("VELLUM-out-of-memory", "vkCmdCopyQueryPoolResults: no memory for the results");
         return;
     }
-    InjectedWork work(device, commandBuffer);
+    // The barrier waits for all that came before on this queue, which is the command's first synchronization scope:
+    // results of another queue must have been waited for with a semaphore, even with VK_QUERY_RESULT_WAIT_BIT.
     work.barrier();
     QueryCopyPush push{};
     push.values = pool->valueAddress(first);
     push.availability = pool->memory.address() + pool->availabilityOffset(first);
-    push.target = own.address();
+    push.target = own.address;
     push.count = count;
     push.flags = (format.wide ? kQueryCopy64 : 0) | (format.both ? kQueryCopyAvailability : 0);
     work.dispatch(InjectedShader::QueryCopy, push, count, 64);
     work.barrier();
     std::vector<VkBufferCopy> regions(count);
     for (uint32_t i = 0; i < count; ++i)
-        regions[i] = {i * format.bytes(), offset + i * stride, format.bytes()};
-    device.next.CmdCopyBuffer(commandBuffer, own.buffer(), buffer, count, regions.data());
+        regions[i] = {own.offset + i * format.bytes(), offset + i * stride, format.bytes()};
+    device.next.CmdCopyBuffer(commandBuffer, own.buffer, buffer, count, regions.data());
     work.barrier(true);
-    work.keep(std::move(own));
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer commandBuffer, uint32_t count,

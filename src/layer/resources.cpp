@@ -172,4 +172,27 @@ VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice handle, const VkD
     return device.next.SetDebugUtilsObjectTagEXT(handle, info);
 }
 
+// VK_EXT_debug_marker has the object types of VK_EXT_debug_report: the same numbers, as far as acceleration structures
+// go, and none for VkMicromapEXT.
+static_assert(VkObjectType(VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT) ==
+              VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR);
+
+VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectName(VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
+{
+    Device &device = deviceOf(handle);
+    if (device.ownObject(static_cast<VkObjectType>(info->objectType), info->object)) {
+        device.report().setName(info->object, info->pObjectName ? info->pObjectName : "");
+        return VK_SUCCESS;
+    }
+    return device.next.DebugMarkerSetObjectNameEXT(handle, info);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectTag(VkDevice handle, const VkDebugMarkerObjectTagInfoEXT *info)
+{
+    Device &device = deviceOf(handle);
+    if (device.ownObject(static_cast<VkObjectType>(info->objectType), info->object))
+        return VK_SUCCESS;
+    return device.next.DebugMarkerSetObjectTagEXT(handle, info);
+}
+
 } // namespace vellum::layer

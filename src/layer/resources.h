@@ -27,5 +27,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer, uint32_t,
                                                     const VkDescriptorBufferBindingInfoEXT *);
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice, const VkDebugUtilsObjectNameInfoEXT *);
 VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice, const VkDebugUtilsObjectTagInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectName(VkDevice, const VkDebugMarkerObjectNameInfoEXT *);
+VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectTag(VkDevice, const VkDebugMarkerObjectTagInfoEXT *);
 
 } // namespace vellum::layer

@@ -1,5 +1,5 @@
-// Memory that recorded commands use for themselves, such as scratch memory of builds that the application did not ask
-// for.
+// Memory that recorded commands use for themselves: scratch memory of builds that the application did not ask for,
+// results that are put together before they are copied, hit records that were changed.
 #pragma once
 
 #include <vector>
@@ -15,10 +15,16 @@ class ScratchMemory
 public:
     // For the next command: what was allocated before may be used again.
     void restart() { next_ = begin_; }
-    // Address of that many bytes for shaders and builds, a multiple of 256; 0 where there is no memory. The content is
-    // undefined.
-    VkDeviceAddress allocate(const GpuContext &context, VkDeviceSize bytes);
-    // When the commands are gone.
+    // That many bytes for shaders, builds, traces and transfers, at an address that is a multiple of 256; 0 where there
+    // is no memory. The content is undefined.
+    struct Place {
+        VkDeviceAddress address = 0;
+        VkBuffer buffer = VK_NULL_HANDLE;
+        VkDeviceSize offset = 0;
+    };
+    Place place(const GpuContext &context, VkDeviceSize bytes);
+    VkDeviceAddress allocate(const GpuContext &context, VkDeviceSize bytes) { return place(context, bytes).address; }
+    // When the commands are gone: the last piece is kept for the next ones, unless it is a large one.
     void reset();
 
 private:

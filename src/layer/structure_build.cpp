@@ -77,6 +77,7 @@ public:
             prepare(part);
         InjectedWork work(device_, commandBuffer_);
         patchInstances(work);
+        letCellsWait();
         runDriver();
         writeCells();
         writeTails(work);
@@ -248,6 +249,30 @@ private:
         work.barrier();
     }
 
+    [[nodiscard]] static bool writesPlainCell(const Part &part)
+    {
+        return !part.skipped && !part.build.topLevel() && !part.tail;
+    }
+
+    // A queue that waits for another one's build of a structure, by a semaphore, does so in the stage of builds: the
+    // transfer to the structure's cell must come after it, too. Semaphores are waited for before the command buffer
+    // begins, so one barrier in each will do, and builds of one command buffer do not wait for each other; in front of
+    // the first build, so that none waits for that. (Barriers of one queue are ordered by writeCells. What is waited
+    // for in another stage, and then by a later barrier of the application's in the stage of builds, is not.)
+    void letCellsWait()
+    {
+        const auto state = commandState(commandBuffer_);
+        if (!state || state->cellsWait || std::none_of(parts_.begin(), parts_.end(), writesPlainCell))
+            return;
+        const VkMemoryBarrier builds{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
+                                     VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR |
+                                         VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
+                                     VK_ACCESS_TRANSFER_WRITE_BIT};
+        device_.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                                        VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 1, &builds, 0, nullptr, 0, nullptr);
+        state->cellsWait = true;
+    }
+
     void runDriver()
     {
         std::vector<BuildInfo> infos, indirectInfos;
@@ -287,7 +312,7 @@ private:
     {
         bool any = false;
         for (const Part &part : parts_) {
-            if (part.skipped || part.build.topLevel() || part.tail)
+            if (!writesPlainCell(part))
                 continue;
             uint32_t words[kCellWords]{};
             words[2] = kCellPlain;
@@ -346,6 +371,7 @@ private:
                 const VkMicromapEXT handle =
                     micromap->structure ? micromapOf(device_, micromap->structure) : micromap->micromap;
                 push.micromap = micromapAddress(device_, handle);
+                push.micromapSize = handle ? unitsOf(micromapOf(handle)->size) : 0;
                 push.named = micromap->structure != VK_NULL_HANDLE;
                 push.baseTriangle = micromap->baseTriangle;
                 push.log = device_.complaints.address();

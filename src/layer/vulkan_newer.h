@@ -61,6 +61,22 @@ struct PipelineOpacityMicromapFeatures {
     VkBool32 pipelineOpacityMicromap;
 };
 
+// VK_NV_displacement_micromap, which headers have only with VK_ENABLE_BETA_EXTENSIONS
+inline constexpr const char *kDisplacementMicromapExtension = "VK_NV_displacement_micromap";
+inline constexpr auto kDisplacementMicromapFeatures = static_cast<VkStructureType>(1000397000);
+inline constexpr auto kDisplacementMicromapProperties = static_cast<VkStructureType>(1000397001);
+inline constexpr auto kTrianglesDisplacementMicromap = static_cast<VkStructureType>(1000397002);
+struct DisplacementMicromapFeatures {
+    VkStructureType sType;
+    void *pNext;
+    VkBool32 displacementMicromap;
+};
+struct DisplacementMicromapProperties {
+    VkStructureType sType;
+    void *pNext;
+    uint32_t maxDisplacementMicromapSubdivisionLevel;
+};
+
 // VK_KHR_map_memory2 (core in 1.4)
 struct MemoryMapInfo {
     VkStructureType sType;

@@ -29,8 +29,9 @@ layout(push_constant, std430) uniform Push
     uint geometryWord; // word 0 of the geometry record
     uint geometryCount;
     uint tailUnits; // of all records
-    uint geometry;  // its number
-    uint named;     // 1: the micromap is one of VK_KHR_opacity_micromap
+    uint geometry;     // its number
+    uint named;        // 1: the micromap is one of VK_KHR_opacity_micromap
+    uint micromapSize; // in units of 16 bytes
 } push;
 
 #include "complaints.glsl"
@@ -73,13 +74,10 @@ void main()
 
     uint micromapTriangles = 0u;
     uint dataUnits = 0u;
-    if (any(notEqual(push.micromap, uvec2(0)))) {
+    if (any(notEqual(push.micromap, uvec2(0))) && holdsMicromap(push.micromap, push.micromapSize)) {
         Words header = Words(push.micromap);
-        // A micromap that was never built holds whatever its memory holds.
-        if (header.w[kMicromapHeaderMagic] == kMicromapMagic) {
-            micromapTriangles = header.w[kMicromapHeaderTriangles];
-            dataUnits = header.w[kMicromapHeaderUnits];
-        }
+        micromapTriangles = header.w[kMicromapHeaderTriangles];
+        dataUnits = header.w[kMicromapHeaderUnits];
     }
     uint triangles = push.triangleCount;
     if (any(notEqual(push.range, uvec2(0))))

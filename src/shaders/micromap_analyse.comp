@@ -25,11 +25,9 @@ void main()
     } else {
         word0 = kKindData + kindOf(s);
         if (units > kPartUnits) {
-            if (!listParts(triangle, units)) {
-                word0 = kRejected;
-                word1 = ~0u;
-                s.problem = kComplaintNoRoom;
-            }
+            // Which one finds the list full depends on the run: micromap_share.comp then rejects all of them.
+            if (!listParts(triangle, units))
+                Words(push.scratch).w[kScratchPartsFull] = 1u;
         } else {
             const Walk walk = walkAll(s, false, uvec2(0u));
             word1 = walk.gathered;

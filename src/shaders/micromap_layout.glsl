@@ -26,3 +26,14 @@ uvec2 marked(uvec2 bytes)
     const uvec2 above = addressPlus(bytes, 255u - kMicromapSizeMark);
     return uvec2((above.x & ~255u) + kMicromapSizeMark, above.y);
 }
+
+// Whether a micromap was built in memory of so many units of 16 bytes. Where none was, the memory holds what it holds: that
+// can be a larger micromap's header.
+bool holdsMicromap(uvec2 micromap, uint size)
+{
+    if (size < kMicromapHeaderWords / 4u)
+        return false;
+    Words header = Words(micromap);
+    const uvec2 bytes = micromapBytes(header.w[kMicromapHeaderTriangles], header.w[kMicromapHeaderUnits]);
+    return header.w[kMicromapHeaderMagic] == kMicromapMagic && bytes.y < 16u && (bytes.x >> 4u | bytes.y << 28u) <= size;
+}

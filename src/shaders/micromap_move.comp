@@ -6,6 +6,7 @@
 #include "records.h"
 #include "memory.glsl"
 #include "micromap_layout.glsl"
+#include "cell.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -18,6 +19,7 @@ layout(push_constant, std430) uniform Push
     uvec2 micromapBytes;
     uvec2 serializedBytes; // that lie inside their buffer
     uvec4 driverUuid;
+    uvec2 root;
     uint mode; // kMove*, and perhaps kMoveMarked
     uint invocations;
 } push;
@@ -39,6 +41,17 @@ uint complaintOfHeader(uvec2 header, out uvec2 bytes)
     Words words = Words(header);
     bytes = micromapBytes(words.w[kMicromapHeaderTriangles], words.w[kMicromapHeaderUnits]);
     return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kComplaintNotBuilt : 0u;
+}
+
+// With the log, the micromap's name is told, too.
+void tell(uint problem, uvec2 bytes)
+{
+    if ((push.log.x | push.log.y) != 0u)
+        complain(problem, push.object, 0u, bytes.x, bytes.y);
+    else
+        notice(push.root, problem == kComplaintTooLarge   ? kNoticeMicromapTooSmall
+                          : problem == kComplaintNotBuilt ? kNoticeMicromapNotBuilt
+                                                          : kNoticeMicromapData);
 }
 
 // Lookup trusts the records: what a file says is looked at first. Wrong ones become unknown.
@@ -113,7 +126,7 @@ void main()
     }
     if (problem != 0u) {
         if (me == 0u) {
-            complain(problem, push.object, 0u, bytes.x, bytes.y);
+            tell(problem, bytes);
             if (mode != kMoveSerialize && !tiny)
                 Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
         }

@@ -39,6 +39,17 @@ void main()
     const uint word0 = record.w[0];
     if ((word0 & kKindMask) == kKindInline)
         return;
+    if (Words(push.scratch).w[kScratchPartsFull] != 0u) {
+        Source large = readSource(triangle);
+        if (unitsOf(large) > kPartUnits) {
+            large.problem = kComplaintNoRoom;
+            complainAbout(triangle, large);
+            countForLog(0u, true);
+            record.w[0] = kRejected;
+            record.w[1] = ~0u;
+            return;
+        }
+    }
     const uint mask = coarseMask(record.w[1]);
     record.w[1] = mask;
     if (describesAll(mask)) {

@@ -21,7 +21,8 @@ void main()
 {
     Words header = Words(push.micromap);
     uvec2 bytes = uvec2(kMicromapHeaderWords * 4u, 0u);
-    if (header.w[kMicromapHeaderMagic] == kMicromapMagic)
+    const bool holdsHeader = push.micromapBytes.y != 0u || push.micromapBytes.x >= kMicromapHeaderWords * 4u;
+    if (holdsHeader && header.w[kMicromapHeaderMagic] == kMicromapMagic)
         bytes = micromapBytes(header.w[kMicromapHeaderTriangles], header.w[kMicromapHeaderUnits]);
     if (bytes.y > push.micromapBytes.y || (bytes.y == push.micromapBytes.y && bytes.x > push.micromapBytes.x))
         bytes = push.micromapBytes;

@@ -249,4 +249,30 @@ TEST_F(MicromapBuild, WrongInput)
     }
 }
 
+// Large triangles of which the usage counts declare only one, where data is shared: which of them the list of parts has
+// room for would depend on the run, so none of them is used; the others are what they are.
+TEST_F(MicromapBuild, MoreLargeTrianglesThanDeclared)
+{
+    Random random(11);
+    MicromapInput input;
+    const std::vector<std::uint8_t> states = randomStates(random, 8, kFourState);
+    input.add(8, kFourState, states);
+    for (int i = 0; i < 3; ++i)
+        input.triangles.push_back(input.triangles[0]);
+    for (int i = 0; i < 4; ++i)
+        input.add(8, kFourState, randomStates(random, 8, kFourState));
+    const std::uint32_t small = input.add(2, kFourState, std::vector<std::uint8_t>(16, 1));
+    input.declared = {{1, 8, kFourState}, {8, 2, kFourState}};
+    for (const VkBuildMicromapFlagsEXT flags : {kAllow, kTrace}) {
+        Micromap micromap(gpu(), input, flags);
+        micromap.build();
+        for (std::uint32_t i = 0; i <= small; ++i) {
+            std::uint32_t record[2];
+            std::memcpy(record, micromap.memory() + 64 + 8 * i, 8);
+            EXPECT_EQ(record[0] & 31u, 0u) << "triangle " << i;
+            EXPECT_EQ(record[1], i == small ? 0x55555555u : ~0u) << "triangle " << i;
+        }
+    }
+}
+
 } // namespace

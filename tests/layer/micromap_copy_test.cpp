@@ -269,24 +269,26 @@ TEST_F(MicromapCopy, WhatIsNoMicromapBecomesUnknown)
     Micromap source(gpu(), repetitive());
     source.build();
     const std::vector<std::uint8_t> good = bytesOf(serialize(source));
-    const auto expectUnknown = [&](std::vector<std::uint8_t> bytes, VkDeviceSize size, const char *what) {
+    const auto expectUnknown = [&](std::vector<std::uint8_t> bytes, VkDeviceSize size, const char *what,
+                                   bool tooLarge = false) {
         SCOPED_TRACE(what);
         const Micromap target(gpu(), source, size);
         deserialize(bytes, target);
         EXPECT_EQ(traced(target), unknown(source.input()));
+        expectMessage(tooLarge ? "VELLUM-micromap-copy-size" : "VELLUM-micromap-serialized");
     };
     expectUnknown({good.begin(), good.end() - 16}, source.size(), "cut off");
     expectUnknown({good.begin(), good.begin() + 64}, source.size(), "only a header");
     expectUnknown({good.begin(), good.begin() + 16}, source.size(), "less than a header");
     expectUnknown(std::vector<std::uint8_t>(good.size(), 0), source.size(), "zeros");
     expectUnknown(std::vector<std::uint8_t>(good.size(), 0xff), source.size(), "ones");
-    expectUnknown(good, good.size() - kSerializedHeader - 16, "too large for the target");
+    expectUnknown(good, good.size() - kSerializedHeader - 16, "too large for the target", true);
     std::vector<std::uint8_t> other = good;
     other[28] ^= 0x40;
     expectUnknown(other, source.size(), "another layout");
     other = good;
     std::memset(other.data() + kSerializedHeader + 4, 0xff, 8); // counts of triangles and units
-    expectUnknown(other, source.size(), "huge counts");
+    expectUnknown(other, source.size(), "huge counts", true);
 }
 
 TEST_F(MicromapCopy, RecordsOfAFileAreNotTrusted)
@@ -326,6 +328,7 @@ TEST_F(MicromapCopy, TooSmallATarget)
     const Micromap target(gpu(), source, kRepetitiveCompacted - 16);
     copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
     EXPECT_EQ(traced(target), unknown(source.input()));
+    expectMessage("VELLUM-micromap-copy-size");
 }
 
 TEST_F(MicromapCopy, RefusedCopies)

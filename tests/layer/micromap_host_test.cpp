@@ -159,6 +159,7 @@ TEST_F(MicromapHost, CompactionAndSizes)
     const Micromap small(gpu(), source, size - 16);
     EXPECT_EQ(hostCopy(source, small, VK_COPY_MICROMAP_MODE_COMPACT_EXT), VK_SUCCESS);
     EXPECT_TRUE(used(small).empty());
+    expectMessage("VELLUM-micromap-copy-size");
 }
 
 TEST_F(MicromapHost, SerializedByOneReadByTheOther)
@@ -185,9 +186,11 @@ TEST_F(MicromapHost, SerializedByOneReadByTheOther)
         bad[20] ^= 1;
         hostDeserialize(bad, target);
         EXPECT_TRUE(used(target).empty());
+        expectMessage("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-src-07549");
         const Micromap small(gpu(), source, bytes.size() - kHeader - 16);
         hostDeserialize(bytes, small);
         EXPECT_TRUE(used(small).empty());
+        expectMessage("VELLUM-micromap-copy-size");
     }
 }
 

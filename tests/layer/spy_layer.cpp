@@ -5,6 +5,9 @@
 // where VELLUM_TEST_SPY_DEFER is in the environment, is a driver that defers the creation of ray tracing pipelines.
 // Where VELLUM_TEST_SPY_MARKER is there, it is a driver with VK_AMD_buffer_marker; where VELLUM_TEST_SPY_BARRIERS is,
 // it tells of every memory and buffer barrier.
+// Where VELLUM_TEST_SPY_DISPLACEMENT is there when the instance is made, the driver says that it has micromaps, and
+// displacement micromaps. Where VELLUM_TEST_SPY_MEMORY is there when the instance is made, the driver has one more type
+// of memory; for as long as it stays there, the others have none left.
 #include <vulkan/vk_layer.h>
 
 #include "vellum/vulkan_opacity_micromap.h"
@@ -38,6 +41,10 @@ struct InstanceTable {
     PFN_vkGetInstanceProcAddr getProcAddr = nullptr;
     PFN_vkCreateDebugUtilsMessengerEXT createMessenger = nullptr;
     PFN_vkDestroyDebugUtilsMessengerEXT destroyMessenger = nullptr;
+    PFN_vkGetPhysicalDeviceMemoryProperties getMemoryProperties = nullptr;
+    PFN_vkEnumerateDeviceExtensionProperties enumerateExtensions = nullptr;
+    PFN_vkGetPhysicalDeviceFeatures2 getFeatures = nullptr;
+    PFN_vkGetPhysicalDeviceProperties2 getProperties = nullptr;
 };
 std::map<void *, InstanceTable> instances;
 std::map<void *, PFN_vkGetDeviceProcAddr> devices;
@@ -171,7 +178,8 @@ void expectBuild(const char *where, const VkAccelerationStructureBuildGeometryIn
 std::set<VkAccelerationStructureKHR> structures;
 std::mutex structuresMutex;
 
-void expectStructure(const char *where, VkAccelerationStructureKHR structure)
+// Whether it is the driver's; the spy tells of the others.
+bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
 {
     bool known = structure == VK_NULL_HANDLE;
     {
@@ -180,14 +188,16 @@ void expectStructure(const char *where, VkAccelerationStructureKHR structure)
     }
     if (!known)
         tell(std::string(where) + ": an acceleration structure that is not the driver's");
+    return known;
 }
 
-void expectObject(const char *where, VkObjectType type, std::uint64_t object)
+bool expectObject(const char *where, VkObjectType type, std::uint64_t object)
 {
     if (type == VK_OBJECT_TYPE_MICROMAP_EXT)
         tell(std::string(where) + ": an object of type VK_OBJECT_TYPE_MICROMAP_EXT");
     if (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
-        expectStructure(where, reinterpret_cast<VkAccelerationStructureKHR>(object));
+        return expectStructure(where, reinterpret_cast<VkAccelerationStructureKHR>(object));
+    return type != VK_OBJECT_TYPE_MICROMAP_EXT;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelerationStructureCreateInfoKHR *info,
@@ -240,27 +250,31 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
 VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
                                               VkPrivateDataSlot slot, std::uint64_t data)
 {
-    expectObject("vkSetPrivateData", type, object);
-    return SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data);
+    return expectObject("vkSetPrivateData", type, object) ? SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data)
+                                                          : VK_SUCCESS;
 }
 
 VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
                                           VkPrivateDataSlot slot, std::uint64_t *data)
 {
-    expectObject("vkGetPrivateData", type, object);
-    SPY_NEXT(vkGetPrivateData)(handle, type, object, slot, data);
+    if (expectObject("vkGetPrivateData", type, object))
+        SPY_NEXT(vkGetPrivateData)(handle, type, object, slot, data);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL setName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
 {
-    expectObject("vkSetDebugUtilsObjectNameEXT", info->objectType, info->objectHandle);
-    return SPY_NEXT(vkSetDebugUtilsObjectNameEXT)(handle, info);
+    const auto next = SPY_NEXT(vkSetDebugUtilsObjectNameEXT);
+    return expectObject("vkSetDebugUtilsObjectNameEXT", info->objectType, info->objectHandle) && next != nullptr
+               ? next(handle, info)
+               : VK_SUCCESS;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL setTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
 {
-    expectObject("vkSetDebugUtilsObjectTagEXT", info->objectType, info->objectHandle);
-    return SPY_NEXT(vkSetDebugUtilsObjectTagEXT)(handle, info);
+    const auto next = SPY_NEXT(vkSetDebugUtilsObjectTagEXT);
+    return expectObject("vkSetDebugUtilsObjectTagEXT", info->objectType, info->objectHandle) && next != nullptr
+               ? next(handle, info)
+               : VK_SUCCESS;
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
@@ -336,6 +350,108 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
 }
 
+// --- a memory type more: that of the host, where lavapipe's are local to the device ---
+
+bool moreMemory = false;
+std::uint32_t memoryTypesBelow = 0;
+
+VKAPI_ATTR void VKAPI_CALL getMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties *memory)
+{
+    tableOf(keyOf(handle)).getMemoryProperties(handle, memory);
+    if (!moreMemory)
+        return;
+    memoryTypesBelow = memory->memoryTypeCount;
+    memory->memoryTypes[memory->memoryTypeCount++] = {
+        VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT, 0};
+}
+
+VKAPI_ATTR void VKAPI_CALL getBufferRequirements(VkDevice handle, VkBuffer buffer, VkMemoryRequirements *requirements)
+{
+    SPY_NEXT(vkGetBufferMemoryRequirements)(handle, buffer, requirements);
+    if (moreMemory)
+        requirements->memoryTypeBits |= 1u << memoryTypesBelow;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
+                                              const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+{
+    VkMemoryAllocateInfo below = *info;
+    if (moreMemory && info->memoryTypeIndex == memoryTypesBelow)
+        below.memoryTypeIndex = 0;
+    else if (std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr)
+        return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    return SPY_NEXT(vkAllocateMemory)(handle, &below, allocator, memory);
+}
+
+// --- VK_NV_displacement_micromap ---
+
+constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
+bool displacement = false;
+
+struct OneMember { // VkPhysicalDeviceDisplacementMicromapFeaturesNV and ...PropertiesNV
+    VkStructureType sType;
+    void *pNext;
+    std::uint32_t value;
+};
+
+void answer(void *chain, VkStructureType type, std::uint32_t value)
+{
+    auto *structure = static_cast<VkBaseOutStructure *>(chain);
+    while (structure != nullptr && structure->sType != type)
+        structure = structure->pNext;
+    if (displacement && structure != nullptr)
+        reinterpret_cast<OneMember *>(structure)->value = value;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+                                                   VkExtensionProperties *properties)
+{
+    const auto next = tableOf(keyOf(handle)).enumerateExtensions;
+    if (!displacement || layer != nullptr)
+        return next(handle, layer, count, properties);
+    std::uint32_t below = 0;
+    next(handle, nullptr, &below, nullptr);
+    std::vector<VkExtensionProperties> all(below);
+    next(handle, nullptr, &below, all.data());
+    for (const char *name : {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, kDisplacement}) {
+        std::strcpy(all.emplace_back().extensionName, name);
+        all.back().specVersion = 1;
+    }
+    const auto size = static_cast<std::uint32_t>(all.size());
+    if (properties == nullptr) {
+        *count = size;
+        return VK_SUCCESS;
+    }
+    *count = std::min(*count, size);
+    std::copy_n(all.begin(), *count, properties);
+    return *count < size ? VK_INCOMPLETE : VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL getFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
+{
+    tableOf(keyOf(handle)).getFeatures(handle, features);
+    answer(features->pNext, static_cast<VkStructureType>(1000397000), VK_TRUE);
+}
+
+VKAPI_ATTR void VKAPI_CALL getProperties(VkPhysicalDevice handle, VkPhysicalDeviceProperties2 *properties)
+{
+    tableOf(keyOf(handle)).getProperties(handle, properties);
+    answer(properties->pNext, static_cast<VkStructureType>(1000397001), 5);
+}
+
+// Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerName(VkDevice, const VkDebugMarkerObjectNameInfoEXT *info)
+{
+    expectObject("vkDebugMarkerSetObjectNameEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerTag(VkDevice, const VkDebugMarkerObjectTagInfoEXT *info)
+{
+    expectObject("vkDebugMarkerSetObjectTagEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    return VK_SUCCESS;
+}
+
 // Memory can be mapped once (VUID-vkMapMemory-memory-00678), and unmapped where it is
 // (VUID-vkUnmapMemory-memory-00689).
 std::map<VkDeviceMemory, bool> mapped;
@@ -396,10 +512,12 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
 }
 
 // Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
-// ordered before what comes in that stage.
+// ordered before what comes in that stage. And whoever makes a build wait, for a semaphore, makes it wait in that
+// stage: the transfer must wait for what comes before it in that stage.
 struct Updates {
     bool built = false;   // there was a build in the command buffer
     bool pending = false; // and then a transfer, and no barrier since
+    bool waits = false;   // there was a barrier from that stage to transfers
 };
 std::map<VkCommandBuffer, Updates> updates;
 
@@ -415,10 +533,15 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const 
 VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buffer, VkDeviceSize offset,
                                            VkDeviceSize size, const void *data)
 {
+    bool waits = false;
     {
         std::lock_guard lock(mutex);
         updates[handle].pending = updates[handle].built;
+        waits = updates[handle].waits;
     }
+    constexpr VkDeviceSize cell = 32; // what the layer writes; the tests write other sizes
+    if (size == cell && !waits)
+        tell("vkCmdUpdateBuffer: not ordered after builds before it");
     SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
 }
 
@@ -431,9 +554,12 @@ VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipeline
     constexpr VkPipelineStageFlags transfer = VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
     constexpr VkPipelineStageFlags builds =
         VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
-    if ((from & transfer) != 0 && (to & builds) != 0) {
+    {
         std::lock_guard lock(mutex);
-        updates[handle].pending = false;
+        if ((from & transfer) != 0 && (to & builds) != 0)
+            updates[handle].pending = false;
+        if ((from & builds) != 0 && (to & transfer) != 0)
+            updates[handle].waits = true;
     }
     SPY_NEXT(vkCmdPipelineBarrier)(handle, from, to, flags, count, memory, buffers, buffer, images, image);
 }
@@ -458,7 +584,8 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
         expectBuild("vkCmdBuildAccelerationStructuresKHR", infos[i]);
     {
         std::lock_guard lock(mutex);
-        updates[handle] = {.built = true, .pending = false};
+        updates[handle].built = true;
+        updates[handle].pending = false;
     }
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
@@ -730,6 +857,8 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkQueueSubmit2", reinterpret_cast<PFN_vkVoidFunction>(queueSubmit2)},
         {"vkCreateRenderPass2", reinterpret_cast<PFN_vkVoidFunction>(createRenderPass2)},
         {"vkCreateComputePipelines", reinterpret_cast<PFN_vkVoidFunction>(createComputePipelines)},
+        {"vkGetBufferMemoryRequirements", reinterpret_cast<PFN_vkVoidFunction>(getBufferRequirements)},
+        {"vkAllocateMemory", reinterpret_cast<PFN_vkVoidFunction>(allocateMemory)},
         {"vkMapMemory", reinterpret_cast<PFN_vkVoidFunction>(mapMemory)},
         {"vkMapMemory2", reinterpret_cast<PFN_vkVoidFunction>(mapMemory2)},
         {"vkUnmapMemory", reinterpret_cast<PFN_vkVoidFunction>(unmapMemory)},
@@ -768,6 +897,10 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, cons
         return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
     if (std::strcmp(name, "vkCmdWriteBufferMarker2AMD") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(cmdWriteBufferMarker2);
+    if (std::strcmp(name, "vkDebugMarkerSetObjectNameEXT") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(setMarkerName);
+    if (std::strcmp(name, "vkDebugMarkerSetObjectTagEXT") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(setMarkerTag);
     PFN_vkGetDeviceProcAddr next = nullptr;
     {
         std::lock_guard lock(mutex);
@@ -794,6 +927,8 @@ Link *linkOf(const void *chain, VkStructureType type)
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance)
 {
+    displacement = std::getenv("VELLUM_TEST_SPY_DISPLACEMENT") != nullptr;
+    moreMemory = std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr;
     auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);
     const PFN_vkGetInstanceProcAddr next = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
     link->u.pLayerInfo = link->u.pLayerInfo->pNext;
@@ -805,6 +940,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
             reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(next(*instance, "vkCreateDebugUtilsMessengerEXT"));
         table.destroyMessenger =
             reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(next(*instance, "vkDestroyDebugUtilsMessengerEXT"));
+        table.enumerateExtensions = reinterpret_cast<PFN_vkEnumerateDeviceExtensionProperties>(
+            next(*instance, "vkEnumerateDeviceExtensionProperties"));
+        table.getFeatures =
+            reinterpret_cast<PFN_vkGetPhysicalDeviceFeatures2>(next(*instance, "vkGetPhysicalDeviceFeatures2"));
+        table.getProperties =
+            reinterpret_cast<PFN_vkGetPhysicalDeviceProperties2>(next(*instance, "vkGetPhysicalDeviceProperties2"));
+        table.getMemoryProperties = reinterpret_cast<PFN_vkGetPhysicalDeviceMemoryProperties>(
+            next(*instance, "vkGetPhysicalDeviceMemoryProperties"));
         std::lock_guard lock(mutex);
         instances[keyOf(*instance)] = table;
     }
@@ -823,6 +966,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
             tell("vkCreateDevice: VK_ARM_pipeline_opacity_micromap");
         if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
             tell("vkCreateDevice: VK_KHR_device_address_commands");
+        if (std::strcmp(name, kDisplacement) == 0)
+            tell("vkCreateDevice: VK_NV_displacement_micromap");
     }
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
@@ -879,6 +1024,14 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
         return reinterpret_cast<PFN_vkVoidFunction>(getDeviceProcAddr);
     if (std::strcmp(name, "vkCreateDevice") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(createDevice);
+    if (std::strcmp(name, "vkEnumerateDeviceExtensionProperties") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(enumerateExtensions);
+    if (std::strcmp(name, "vkGetPhysicalDeviceFeatures2") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getFeatures);
+    if (std::strcmp(name, "vkGetPhysicalDeviceProperties2") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getProperties);
+    if (std::strcmp(name, "vkGetPhysicalDeviceMemoryProperties") == 0)
+        return reinterpret_cast<PFN_vkVoidFunction>(getMemoryProperties);
     if (std::strcmp(name, "vkCreateDebugUtilsMessengerEXT") == 0)
         return reinterpret_cast<PFN_vkVoidFunction>(createMessenger);
     if (std::strcmp(name, "vkDestroyDebugUtilsMessengerEXT") == 0)
