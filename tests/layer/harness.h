@@ -1,5 +1,7 @@
 // A small Vulkan for the tests: an application's instance with Vellum's layer on top, the validation layer and a spy
 // below it (nearer to the driver), a device, buffers, command submission, and every message that the layers sent.
+// With the environment variable VELLUM_TEST_VALIDATION=above the validation layer is between the tests and Vellum's
+// layer, and judges the tests instead; that is for validation layers that know the extensions (1.4.360).
 #pragma once
 
 #include "vellum/vulkan_opacity_micromap.h"
@@ -30,9 +32,14 @@ struct Message {
 enum class Api { Ext, Khr };
 Api apiOfTests();
 
+// Where the validation layer is, seen from Vellum's: the environment variable VELLUM_TEST_VALIDATION.
+enum class Validation { Below, Above };
+Validation validationOfTests();
+
 struct Options {
     bool vellum = true;
     bool validation = true;
+    bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
     bool spy = true;           // spy_layer.cpp, below everything
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
@@ -41,7 +48,7 @@ struct Options {
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
-                        // the validation layer of that age complains about
+                        // the validation layer of that age complains about: see oldValidation
     bool micromapFeature = true; // where the extension is enabled, its feature too
     bool declaresMode = true;    // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 };
@@ -184,7 +191,8 @@ public:
 
     // All messages since the last call.
     std::vector<Message> takeMessages();
-    // The messages that no test expects: those not on the short list of false alarms in harness.cpp.
+    // The messages that no test expects: those not on the short list of false alarms in harness.cpp. Where Vellum
+    // complains, the test meant it, and a validation layer above says no more than it should, too.
     std::vector<Message> takeUnexpectedMessages();
     void addMessage(Message message) { messages_.push_back(std::move(message)); }
 

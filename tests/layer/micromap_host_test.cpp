@@ -265,7 +265,7 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
 class MicromapHostNewer : public MicromapHost
 {
 protected:
-    MicromapHostNewer() : MicromapHost(Options{.validation = false, .newer = true}) {}
+    MicromapHostNewer() : MicromapHost(Options{.oldValidation = false, .newer = true}) {}
 };
 
 // A mapping that only the driver can make (VK_EXT_map_memory_placed gives its structure; here it asks for nothing) is

@@ -258,7 +258,7 @@ class PipelineLibraryHandles : public PipelineLibrary
 {
 protected:
     explicit PipelineLibraryHandles(bool vellum = true)
-        : PipelineLibrary({.vellum = vellum, .validation = false, .micromaps = vellum, .newer = true})
+        : PipelineLibrary({.vellum = vellum, .oldValidation = false, .micromaps = vellum, .newer = true})
     {
     }
     void expectSame()

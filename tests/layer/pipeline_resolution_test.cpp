@@ -220,7 +220,7 @@ TEST_F(PipelineResolution, ZeroMissRecord)
 class PipelineResolutionMaintenance5 : public PipelineResolution
 {
 protected:
-    PipelineResolutionMaintenance5() : PipelineResolution({.validation = false, .newer = true}) {}
+    PipelineResolutionMaintenance5() : PipelineResolution({.oldValidation = false, .newer = true}) {}
     void SetUp() override
     {
         PipelineResolution::SetUp();
