@@ -1,4 +1,6 @@
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
+#include <algorithm>
+
 #include "pipeline_scene.h"
 
 namespace

@@ -3,6 +3,7 @@
 #include "copies.h"
 #include "state_scene.h"
 
+#include <algorithm>
 #include <random>
 
 namespace
