@@ -19,7 +19,6 @@ namespace
 using namespace shared;
 
 constexpr std::uint32_t kUnknown = 0xffffffffu;
-constexpr std::uint32_t kPreferFastBuild = 2; // VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT
 
 struct Record {
     std::uint32_t word0 = kKindInline;
@@ -132,18 +131,16 @@ private:
 bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &triangles, std::uint64_t &last)
 {
     last = 0;
-    std::uint64_t parts = 0;
     for (const Triangle &t : triangles) {
         if (t.units() == 0)
             continue;
-        parts += t.units() > kPartUnits ? t.units() / kPartUnits : 0;
         const std::uint64_t end = t.dataOffset / kDataUnitBytes + t.units();
-        if (t.dataOffset % kDataUnitBytes != 0 || end > input.capacityUnits)
+        // The smallest data can be either half of a unit.
+        if (t.dataOffset % std::min(t.bytes(), kDataUnitBytes) != 0 || end > input.capacityUnits)
             return false;
         last = std::max(last, end);
     }
-    // The device has a list of the parts, which is as long as the usage counts say.
-    return (input.buildFlags & kPreferFastBuild) != 0 || parts <= input.capacityUnits / kPartUnits;
+    return true;
 }
 
 Record readRecord(const std::uint8_t *memory, std::uint64_t i)
@@ -171,7 +168,6 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
         triangles.push_back(readTriangle(input, i));
     std::uint64_t last = 0;
     const bool stays = !input.share && staysInPlace(input, triangles, last);
-    const bool lookEverywhere = stays && (input.buildFlags & kPreferFastBuild) != 0;
     if (input.copiedAhead > 0)
         std::memcpy(units, input.data,
                     std::min<std::uint64_t>(input.copiedAhead, std::uint64_t{input.capacityUnits} * kDataUnitBytes));
@@ -180,7 +176,8 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
         Triangle &t = triangles[i];
         if (stays)
             next = t.dataOffset / kDataUnitBytes;
-        if (lookEverywhere && t.level > kCoarseLevel)
+        // On the device, the data is not even read then.
+        if (stays && t.level > kCoarseLevel)
             t.mask = 0xaaaaaaaau;
         const bool fold = t.level > kCoarseLevel && describesAll(t.mask);
         if (input.share && t.units() > 0 && !fold)
@@ -201,20 +198,21 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
             writeRecord(out, i, readRecord(out, t.owner));
             continue;
         }
+        const std::uint32_t half = stays ? t.dataOffset % kDataUnitBytes : 0;
+        const std::uint32_t kind = t.kind() + (half != 0 ? kKindUpperHalf : 0);
         if (own > 0) {
-            std::uint8_t *place = units + next * kDataUnitBytes;
             if (!stays)
-                std::memset(place, 0, own * kDataUnitBytes);
-            std::memcpy(place, input.data + t.dataOffset, t.bytes());
+                std::memset(units + next * kDataUnitBytes, 0, own * kDataUnitBytes);
+            std::memcpy(units + next * kDataUnitBytes + half, input.data + t.dataOffset, t.bytes());
         }
         const bool near = next <= kMaxNearUnit;
         const bool parts = own > kPartUnits;
         if (t.units() == 0 || (fold && (near || input.share || !parts)))
             writeRecord(out, i, {kKindInline, t.mask});
         else if (near)
-            writeRecord(out, i, {(kKindData + t.kind()) | static_cast<std::uint32_t>(next) << kUnitShift, t.mask});
+            writeRecord(out, i, {(kKindData + kind) | static_cast<std::uint32_t>(next) << kUnitShift, t.mask});
         else
-            writeRecord(out, i, {kKindFar | t.kind() << kUnitShift, static_cast<std::uint32_t>(next)});
+            writeRecord(out, i, {kKindFar | kind << kUnitShift, static_cast<std::uint32_t>(next)});
         next += own;
     }
     if (stays)
@@ -251,8 +249,9 @@ void distrustMicromapRecords(std::uint8_t *memory)
         const bool far = kind == kKindFar;
         const std::uint32_t n = far ? record.word0 >> kUnitShift : kind - kKindData;
         const std::uint32_t unit = far ? record.word1 : record.word0 >> kUnitShift;
-        if (n < 2 * (kMaxSubdivisionLevel - kCoarseLevel)) {
-            const std::uint64_t bits = std::uint64_t{1 + (n & 1)} << (2 * (kCoarseLevel + 1 + n / 2));
+        if (n <= 2 * (kMaxSubdivisionLevel - kCoarseLevel)) {
+            const std::uint32_t level = kCoarseLevel + 1 + (n == kKindUpperHalf ? 0 : n / 2);
+            const std::uint64_t bits = std::uint64_t{1 + (n & 1)} << (2 * level);
             if (unit + (bits + 127) / 128 <= header[kMicromapHeaderUnits])
                 continue;
         }

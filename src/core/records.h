@@ -22,10 +22,11 @@ VELLUM_SHARED_BEGIN
 // word 1: kindInline: the 16 states of subdivision level 2, two bits each, and there is no data
 //         kindData + n: for each sub-triangle of level 2: 0 transparent, 1 opaque, 2 look at the data
 //         kindFar: the index of the first data unit; bits 5..9 of word 0 hold the n of kindData
-// n = (level - 3) * 2 + (4-state ? 1 : 0)
+// n = (level - 3) * 2 + (4-state ? 1 : 0), or kKindUpperHalf: level 3, 2-state, in the last 8 bytes of the data unit
 VELLUM_CONST uint kTriangleRecordWords = 2u;
 VELLUM_CONST uint kKindInline = 0u;
 VELLUM_CONST uint kKindData = 1u;
+VELLUM_CONST uint kKindUpperHalf = 20u;
 VELLUM_CONST uint kKindFar = 31u;
 VELLUM_CONST uint kKindMask = 31u;
 VELLUM_CONST uint kUnitShift = 5u;
@@ -52,12 +53,13 @@ VELLUM_CONST uint kSerializedLayoutUuid = 4u;
 VELLUM_CONST uint kSerializedBytes = 8u;
 VELLUM_CONST uint kSerializedMicromapBytes = 10u;
 // To be changed with every change of the layout of micromap, triangle record or data, and of their meaning.
-VELLUM_CONST uint kMicromapLayoutVersion = 1u;
+VELLUM_CONST uint kMicromapLayoutVersion = 2u;
 VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
 VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
 VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 
-// --- scratch memory of a micromap build: 8 words of counters, then tables of words ---
+// --- scratch memory of a micromap build: 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes that
+// follow micromap_stay.comp, at first 0 groups each, and those that it starts if it has to; then tables of words ---
 //   sums        kPlaceBlock triangles each: units of the block, then of all blocks before it
 //   parts       two words each, {triangle, part}: pieces of triangles with more than kPartUnits units
 // and where identical data is to be shared:
@@ -65,6 +67,13 @@ VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 //   slots       one a triangle: its slot of the table, or kNoSlot
 //   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
 VELLUM_CONST uint kScratchCounterWords = 8u;
+VELLUM_CONST uint kScratchArguments = 8u;
+VELLUM_CONST uint kArgumentWords = 12u;
+VELLUM_CONST uint kArgumentsCheck = 0u;
+VELLUM_CONST uint kArgumentsBlocks = 3u;
+VELLUM_CONST uint kArgumentsScan = 6u;
+VELLUM_CONST uint kArgumentsParts = 9u;
+VELLUM_CONST uint kScratchTables = 32u; // words before the tables
 VELLUM_CONST uint kScratchPartCount = 0u;
 VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot stay where it lies
 VELLUM_CONST uint kScratchLastUnit = 2u;   // the end of the data that can
@@ -170,7 +179,7 @@ VELLUM_CONST uint kSerializedHeaderWords = 14u; // two UUIDs, total and deserial
 VELLUM_CONST uint kPlaceNamed = 0xffffffffu;
 VELLUM_CONST uint kMaxBlockAddresses = 0x01000000u;
 VELLUM_CONST uint kBlockMagic = 0x534d4f56u; // "VOMS"
-VELLUM_CONST uint kBlockVersion = 2u;
+VELLUM_CONST uint kBlockVersion = 3u;
 VELLUM_CONST uint kBlockUnits = 4u;
 // words of the block's header
 VELLUM_CONST uint kBlockHeaderMagic = 0u;
@@ -184,7 +193,7 @@ VELLUM_CONST uint kBlockHeaderChecksum = 7u;    // of the driver's data and the 
 VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the cell
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
-VELLUM_CONST uint kCompatibilityWord = 0x564d4f02u; // changes with kBlockVersion
+VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
 // The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that the type is known of a
 // VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR structure that was made for serialized data.
 VELLUM_CONST uint kTopLevelSizeMark = 128u;

@@ -87,6 +87,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer commandBuffer,
         state->forgetBindings();
         state->scratch.reset();
         state->conditionalRendering.reset();
+        state->refusedTransformFeedback = false;
         state->transient.reset();
         state->kept.clear();
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
@@ -168,8 +169,12 @@ VKAPI_ATTR void VKAPI_CALL cmdBeginConditionalRendering(VkCommandBuffer commandB
 
 VKAPI_ATTR void VKAPI_CALL cmdEndConditionalRendering(VkCommandBuffer commandBuffer)
 {
-    if (const auto state = commandState(commandBuffer))
+    if (const auto state = commandState(commandBuffer)) {
+        // It was begun in this command buffer; where it was not, vkCmdBeginConditionalRendering2EXT was refused.
+        if (!state->conditionalRendering)
+            return;
         state->conditionalRendering.reset();
+    }
     deviceOf(commandBuffer).next.CmdEndConditionalRenderingEXT(commandBuffer);
 }
 

@@ -35,7 +35,8 @@ struct CommandState {
     std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
-    TransientMemory transient; // of what has been recorded since the command buffer was begun
+    bool refusedTransformFeedback = false; // by vkCmdBeginTransformFeedback2EXT: its end is to be refused too
+    TransientMemory transient;             // of what has been recorded since the command buffer was begun
 
     ScratchMemory scratch;       // of injected work; lives as long as what is recorded
     std::vector<GpuBuffer> kept; // the layer's own, used by what is recorded

@@ -163,53 +163,6 @@ VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
 
 } // namespace
 
-void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size)
-{
-    if (address == 0)
-        return;
-    std::lock_guard lock(mutex_);
-    if (addresses_.emplace(buffer, address).second)
-        ranges_.insert({address, {buffer, size}});
-    largest_ = std::max(largest_, size);
-}
-
-void AddressMap::remove(VkBuffer buffer)
-{
-    std::lock_guard lock(mutex_);
-    const auto known = addresses_.find(buffer);
-    if (known == addresses_.end())
-        return;
-    const auto [first, last] = ranges_.equal_range(known->second);
-    for (auto it = first; it != last; ++it) {
-        if (it->second.buffer == buffer) {
-            ranges_.erase(it);
-            break;
-        }
-    }
-    addresses_.erase(known);
-}
-
-AddressMap::Place AddressMap::find(VkDeviceAddress address) const
-{
-    std::lock_guard lock(mutex_);
-    Place place;
-    for (auto it = ranges_.upper_bound(address); it != ranges_.begin();) {
-        --it;
-        const VkDeviceSize offset = address - it->first;
-        if (offset >= largest_)
-            break;
-        if (offset < it->second.size && it->second.size - offset > place.bytes)
-            place = {it->second.buffer, offset, it->second.size - offset};
-    }
-    return place;
-}
-
-VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
-{
-    const Place place = find(address);
-    return place.buffer ? place.bytes : UINT64_MAX;
-}
-
 VkDeviceAddress Device::bufferAddress(VkBuffer buffer) const
 {
     const VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
@@ -281,6 +234,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->next.load(*handle, nextDeviceGet);
     if (device->emulated) {
         device->gpu = {*handle, &device->next, {}};
+        device->nullIndexBuffer = enablesNullIndexBuffer(*info);
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->gpu.memory);
         device->anyHitModules.create(device->gpu);
         result = device->root.create(device->gpu);

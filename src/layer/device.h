@@ -3,16 +3,17 @@
 
 #include <array>
 #include <atomic>
-#include <map>
 #include <memory>
 #include <mutex>
 
 #include <vulkan/vulkan.h>
 
+#include "layer/address_map.h"
 #include "layer/blank_structure.h"
 #include "layer/command_state.h"
 #include "layer/complaints.h"
 #include "layer/deferred.h"
+#include "layer/device_address_commands.h"
 #include "layer/dispatch.h"
 #include "layer/gpu_memory.h"
 #include "layer/handle_map.h"
@@ -67,33 +68,6 @@ struct AccelerationStructure {
     std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
 };
 
-// Where addresses come from: the end of the buffer that an address lies in bounds what the GPU may read from there.
-class AddressMap
-{
-public:
-    void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size);
-    void remove(VkBuffer buffer);
-    struct Place {
-        VkBuffer buffer = VK_NULL_HANDLE; // null where no buffer of that address is known
-        VkDeviceSize offset = 0;
-        VkDeviceSize bytes = 0; // to the end of the buffer
-    };
-    // The buffer that an address lies in, of several the one that reaches furthest.
-    [[nodiscard]] Place find(VkDeviceAddress address) const;
-    // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
-    [[nodiscard]] VkDeviceSize bytesFrom(VkDeviceAddress address) const;
-
-private:
-    struct Range {
-        VkBuffer buffer;
-        VkDeviceSize size;
-    };
-    mutable std::mutex mutex_;
-    VkDeviceSize largest_ = 0; // buffer ever added
-    std::multimap<VkDeviceAddress, Range> ranges_;
-    std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
-};
-
 // What the application enabled on an emulated device.
 struct Asked {
     bool ext = false;             // VK_EXT_opacity_micromap
@@ -117,6 +91,7 @@ struct Device {
 
     Asked asked;
     bool ownAddressCommands = false; // VK_KHR_device_address_commands is enabled, and the layer's
+    bool nullIndexBuffer = false;    // VK_NULL_HANDLE may be bound as index buffer
     CarriedRayFlagBits carriesRayFlagBits;
     BlankStructure blank;              // see blank_structure.h
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
@@ -129,6 +104,7 @@ struct Device {
     std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
     HandleMap<VkBuffer, BufferInfo> buffers;
     AddressMap addresses;
+    ZeroIndices zeroIndices;
     PrivateData privateData;
     HandleMap<VkQueryPool, std::shared_ptr<QueryPool>> queryPools;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;

@@ -23,6 +23,10 @@ void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
         name = reinterpret_cast<PFN_vk##name>(next(device, "vk" #alias));
     VELLUM_DEVICE_COMMANDS(VELLUM_LOAD)
 #undef VELLUM_LOAD
+    CmdBindIndexBuffer2 = reinterpret_cast<newer::PFN_CmdBindIndexBuffer2>(next(device, "vkCmdBindIndexBuffer2"));
+    if (!CmdBindIndexBuffer2)
+        CmdBindIndexBuffer2 =
+            reinterpret_cast<newer::PFN_CmdBindIndexBuffer2>(next(device, "vkCmdBindIndexBuffer2KHR"));
     CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2"));
     if (!CmdPushConstants2)
         CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2KHR"));

@@ -96,11 +96,27 @@ namespace vellum::layer
     X(CmdPushConstants, CmdPushConstants)                                                                              \
     X(CmdExecuteCommands, CmdExecuteCommands)                                                                          \
     X(CmdDispatch, CmdDispatch)                                                                                        \
+    X(CmdDispatchIndirect, CmdDispatchIndirect)                                                                        \
     X(CmdPipelineBarrier, CmdPipelineBarrier)                                                                          \
     X(CmdCopyBuffer, CmdCopyBuffer)                                                                                    \
     X(CmdUpdateBuffer, CmdUpdateBuffer)                                                                                \
     X(CmdBeginConditionalRenderingEXT, CmdBeginConditionalRenderingEXT)                                                \
     X(CmdEndConditionalRenderingEXT, CmdEndConditionalRenderingEXT)                                                    \
+    X(CmdCopyBufferToImage2, CmdCopyBufferToImage2KHR)                                                                 \
+    X(CmdCopyImageToBuffer2, CmdCopyImageToBuffer2KHR)                                                                 \
+    X(CmdBindIndexBuffer, CmdBindIndexBuffer)                                                                          \
+    X(CmdBindVertexBuffers, CmdBindVertexBuffers)                                                                      \
+    X(CmdBindVertexBuffers2, CmdBindVertexBuffers2EXT)                                                                 \
+    X(CmdDrawIndirect, CmdDrawIndirect)                                                                                \
+    X(CmdDrawIndexedIndirect, CmdDrawIndexedIndirect)                                                                  \
+    X(CmdDrawIndirectCount, CmdDrawIndirectCountKHR)                                                                   \
+    X(CmdDrawIndexedIndirectCount, CmdDrawIndexedIndirectCountKHR)                                                     \
+    X(CmdDrawMeshTasksIndirectEXT, CmdDrawMeshTasksIndirectEXT)                                                        \
+    X(CmdDrawMeshTasksIndirectCountEXT, CmdDrawMeshTasksIndirectCountEXT)                                              \
+    X(CmdBindTransformFeedbackBuffersEXT, CmdBindTransformFeedbackBuffersEXT)                                          \
+    X(CmdBeginTransformFeedbackEXT, CmdBeginTransformFeedbackEXT)                                                      \
+    X(CmdEndTransformFeedbackEXT, CmdEndTransformFeedbackEXT)                                                          \
+    X(CmdDrawIndirectByteCountEXT, CmdDrawIndirectByteCountEXT)                                                        \
     X(CmdPipelineBarrier2, CmdPipelineBarrier2KHR)                                                                     \
     X(CmdSetEvent2, CmdSetEvent2KHR)                                                                                   \
     X(CmdResetEvent2, CmdResetEvent2KHR)                                                                               \
@@ -122,6 +138,7 @@ struct DeviceTable {
     VELLUM_DEVICE_COMMANDS(VELLUM_MEMBER)
 #undef VELLUM_MEMBER
     // Commands that the oldest headers do not declare.
+    newer::PFN_CmdBindIndexBuffer2 CmdBindIndexBuffer2 = nullptr;
     newer::PFN_CmdPushConstants2 CmdPushConstants2 = nullptr;
     newer::PFN_MapMemory2 MapMemory2 = nullptr;
     newer::PFN_UnmapMemory2 UnmapMemory2 = nullptr;

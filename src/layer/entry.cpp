@@ -10,6 +10,7 @@
 #include "layer/command_state.h"
 #include "layer/complaints.h"
 #include "layer/device.h"
+#include "layer/device_address_commands.h"
 #include "layer/hit_records.h"
 #include "layer/host_memory.h"
 #include "layer/instance.h"
@@ -47,6 +48,7 @@ struct Row {
     const char *name;
     Scope scope;
     PFN_vkVoidFunction function;
+    const char *from = nullptr; // where the command is given only on devices that have another, that one
 };
 
 // No exception crosses the Vulkan ABI. The layer throws nothing itself; the library does when memory runs out.
@@ -70,9 +72,9 @@ struct Guarded<function> {
 };
 
 template <auto function>
-Row row(const char *name, Scope scope)
+Row row(const char *name, Scope scope, const char *from = nullptr)
 {
-    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(&Guarded<function>::call)};
+    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(&Guarded<function>::call), from};
 }
 
 const Row kRows[] = {
@@ -222,6 +224,32 @@ const Row kRows[] = {
     row<copyMicromapToMemory>("vkCopyMicromapToMemoryEXT", Scope::Own),
     row<copyMemoryToMicromap>("vkCopyMemoryToMicromapEXT", Scope::Own),
     row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Own),
+
+    row<cmdCopyMemory>("vkCmdCopyMemoryKHR", Scope::Address),
+    row<cmdCopyMemoryToImage>("vkCmdCopyMemoryToImageKHR", Scope::Address),
+    row<cmdCopyImageToMemory>("vkCmdCopyImageToMemoryKHR", Scope::Address),
+    row<cmdUpdateMemory>("vkCmdUpdateMemoryKHR", Scope::Address),
+    row<cmdFillMemory>("vkCmdFillMemoryKHR", Scope::Address),
+    row<cmdCopyQueryPoolResultsToMemory>("vkCmdCopyQueryPoolResultsToMemoryKHR", Scope::Create2),
+    row<cmdWriteMarkerToMemory>("vkCmdWriteMarkerToMemoryAMD", Scope::Address, "vkCmdWriteBufferMarkerAMD"),
+    row<cmdBindIndexBuffer3>("vkCmdBindIndexBuffer3KHR", Scope::Address),
+    row<cmdBindVertexBuffers3>("vkCmdBindVertexBuffers3KHR", Scope::Address),
+    row<cmdDrawIndirect2>("vkCmdDrawIndirect2KHR", Scope::Address),
+    row<cmdDrawIndexedIndirect2>("vkCmdDrawIndexedIndirect2KHR", Scope::Address),
+    row<cmdDrawIndirectCount2>("vkCmdDrawIndirectCount2KHR", Scope::Address),
+    row<cmdDrawIndexedIndirectCount2>("vkCmdDrawIndexedIndirectCount2KHR", Scope::Address),
+    row<cmdDrawMeshTasksIndirect2>("vkCmdDrawMeshTasksIndirect2EXT", Scope::Address, "vkCmdDrawMeshTasksIndirectEXT"),
+    row<cmdDrawMeshTasksIndirectCount2>("vkCmdDrawMeshTasksIndirectCount2EXT", Scope::Address,
+                                        "vkCmdDrawMeshTasksIndirectCountEXT"),
+    row<cmdDispatchIndirect2>("vkCmdDispatchIndirect2KHR", Scope::Address),
+    row<cmdBeginConditionalRendering2>("vkCmdBeginConditionalRendering2EXT", Scope::Create2,
+                                       "vkCmdBeginConditionalRenderingEXT"),
+    row<cmdBindTransformFeedbackBuffers2>("vkCmdBindTransformFeedbackBuffers2EXT", Scope::Address,
+                                          "vkCmdBindTransformFeedbackBuffersEXT"),
+    row<cmdBeginTransformFeedback2>("vkCmdBeginTransformFeedback2EXT", Scope::Address,
+                                    "vkCmdBeginTransformFeedbackEXT"),
+    row<cmdEndTransformFeedback2>("vkCmdEndTransformFeedback2EXT", Scope::Address, "vkCmdEndTransformFeedbackEXT"),
+    row<cmdDrawIndirectByteCount2>("vkCmdDrawIndirectByteCount2EXT", Scope::Address, "vkCmdDrawIndirectByteCountEXT"),
 };
 
 const Row *find(const char *name)
@@ -258,6 +286,8 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
         return r->function;
     Device *device = deviceOfKey(dispatchKey(handle));
     if (!device)
+        return nullptr;
+    if (device->emulated && r && r->from && !device->next.GetDeviceProcAddr(handle, r->from))
         return nullptr;
     if (device->emulated && r &&
         ((r->scope == Scope::Own && device->asked.ext) || (r->scope == Scope::Address && device->ownAddressCommands) ||

@@ -1,6 +1,7 @@
 #include "layer/host_memory.h"
 
 #include "layer/device.h"
+#include "layer/resources.h"
 
 namespace vellum::layer
 {
@@ -134,8 +135,10 @@ VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice handle, VkBuffer buffer
 {
     Device &device = deviceOf(handle);
     const VkResult result = device.next.BindBufferMemory(handle, buffer, memory, offset);
-    if (result == VK_SUCCESS)
+    if (result == VK_SUCCESS) {
         device.hostMemory.bound(buffer, memory, offset);
+        rememberAddress(device, buffer);
+    }
     return result;
 }
 
@@ -143,8 +146,10 @@ VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, uint32_t count
 {
     Device &device = deviceOf(handle);
     const VkResult result = device.next.BindBufferMemory2(handle, count, infos);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i)
+    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
         device.hostMemory.bound(infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
+        rememberAddress(device, infos[i].buffer);
+    }
     return result;
 }
 

@@ -13,6 +13,7 @@
 #include "shaders/micromap_place.h"
 #include "shaders/micromap_scan.h"
 #include "shaders/micromap_share.h"
+#include "shaders/micromap_stay.h"
 #include "shaders/micromap_sums.h"
 #include "shaders/query_copy.h"
 #include "shaders/query_value.h"
@@ -38,6 +39,7 @@ Code codeOf(InjectedShader shader)
 {
     switch (shader) {
     case InjectedShader::MicromapClear: return {micromap_clear, sizeof micromap_clear};
+    case InjectedShader::MicromapStay: return {micromap_stay, sizeof micromap_stay};
     case InjectedShader::MicromapCheck: return {micromap_check, sizeof micromap_check};
     case InjectedShader::MicromapAnalyse: return {micromap_analyse, sizeof micromap_analyse};
     case InjectedShader::MicromapParts: return {micromap_parts, sizeof micromap_parts};
@@ -132,7 +134,7 @@ bool InjectedWork::refusedIn(const Device &device, VkCommandBuffer commandBuffer
     return true;
 }
 
-bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushBytes, uint64_t groups)
+bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
 {
     const VkPipeline pipeline = device_.injected.get(shader);
     if (!pipeline) {
@@ -148,10 +150,32 @@ bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushByt
     disturbed_ = true;
     next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
     next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes, push);
+    return true;
+}
+
+VkDispatchIndirectCommand InjectedWork::groupsOf(uint64_t invocations, uint32_t groupSize)
+{
     // The shaders number their workgroups through x and y, and skip what is beyond their count.
+    const uint64_t groups = (invocations + groupSize - 1) / groupSize;
     const uint64_t rows = (groups + kMaxGroups - 1) / kMaxGroups;
-    next.CmdDispatch(commandBuffer_, static_cast<uint32_t>(rows > 1 ? kMaxGroups : groups), static_cast<uint32_t>(rows),
-                     1);
+    return {static_cast<uint32_t>(rows > 1 ? kMaxGroups : groups), static_cast<uint32_t>(rows), 1};
+}
+
+bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushBytes,
+                       const VkDispatchIndirectCommand &groups)
+{
+    if (!bind(shader, push, pushBytes))
+        return false;
+    device_.next.CmdDispatch(commandBuffer_, groups.x, groups.y, groups.z);
+    return true;
+}
+
+bool InjectedWork::runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer,
+                               VkDeviceSize offset)
+{
+    if (!bind(shader, push, pushBytes))
+        return false;
+    device_.next.CmdDispatchIndirect(commandBuffer_, buffer, offset);
     return true;
 }
 

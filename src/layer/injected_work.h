@@ -27,6 +27,7 @@ enum class InjectedShader {
     StructureSize,
     TopSave,
     MicromapClear,
+    MicromapStay,
     MicromapCheck,
     MicromapAnalyse,
     MicromapParts,
@@ -47,6 +48,7 @@ struct MicromapPush {
     VkDeviceAddress micromap, triangleArray, data, scratch, log;
     uint64_t object;
     uint32_t triangleArrayStride, triangleCount, readable, dataBytes, capacityUnits, partCapacity, tableMask, flags;
+    uint32_t alike, lastOffset, staysPerInvocation, unused;
 };
 struct MicromapMovePush {
     VkDeviceAddress micromap, serialized, log;
@@ -147,8 +149,23 @@ public:
     bool dispatch(InjectedShader shader, const Push &push, uint64_t invocations, uint32_t groupSize)
     {
         static_assert(sizeof(Push) <= kPushBytes);
-        return run(shader, &push, sizeof(Push), (invocations + groupSize - 1) / groupSize);
+        return run(shader, &push, sizeof(Push), groupsOf(invocations, groupSize));
     }
+    template <typename Push>
+    bool dispatch(InjectedShader shader, const Push &push, const VkDispatchIndirectCommand &groups)
+    {
+        static_assert(sizeof(Push) <= kPushBytes);
+        return run(shader, &push, sizeof(Push), groups);
+    }
+    // The same with a number of groups that a VkDispatchIndirectCommand says.
+    template <typename Push>
+    bool dispatchIndirect(InjectedShader shader, const Push &push, VkBuffer buffer, VkDeviceSize offset)
+    {
+        static_assert(sizeof(Push) <= kPushBytes);
+        return runIndirect(shader, &push, sizeof(Push), buffer, offset);
+    }
+    // How the invocations of a dispatch are laid out, in groups.
+    static VkDispatchIndirectCommand groupsOf(uint64_t invocations, uint32_t groupSize);
     // Orders what came before in the command buffer, ours and the application's, before what comes after; and before
     // what the host reads.
     void barrier(bool forHost = false);
@@ -156,7 +173,10 @@ public:
     void keep(GpuBuffer buffer);
 
 private:
-    bool run(InjectedShader shader, const void *push, uint32_t pushBytes, uint64_t groups);
+    bool run(InjectedShader shader, const void *push, uint32_t pushBytes, const VkDispatchIndirectCommand &groups);
+    bool runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer, VkDeviceSize offset);
+    // Makes ready for a dispatch of the shader.
+    bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
 
     Device &device_;
     VkCommandBuffer commandBuffer_;

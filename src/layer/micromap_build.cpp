@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <vector>
 
 #include "core/curve.h"
@@ -22,6 +23,10 @@ constexpr uint64_t kMostTriangles = UINT32_MAX;
 constexpr uint64_t kMostUnits = UINT32_MAX - (uint64_t{kPlaceBlock} << 18);
 // Above it, tables for sharing would have to be addressed in 64 bits.
 constexpr uint64_t kMostSharing = uint64_t{1} << 26;
+// So that the numbers of the triangles that come after the last one fit 32 bits, too.
+constexpr uint32_t kMostStaying = uint32_t{1} << 31;
+// With so many invocations a device is busy; what more there is to do makes each of them do more.
+constexpr uint32_t kStayingInvocations = 16384;
 
 const VkMicromapUsageEXT &usageAt(const VkMicromapBuildInfoEXT &info, uint32_t i)
 {
@@ -56,6 +61,23 @@ std::optional<Offence> deviceOffenceOf(const Device &device, const VkMicromapBui
     return std::nullopt;
 }
 
+// Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, where the usage counts say that all have
+// the same; 0: they do not, or their states are kept in the records.
+uint32_t alikeOf(const VkMicromapBuildInfoEXT &info)
+{
+    uint32_t alike = 0;
+    for (uint32_t i = 0; i < info.usageCountsCount; ++i) {
+        const VkMicromapUsageEXT &usage = usageAt(info, i);
+        const uint32_t word = usage.subdivisionLevel | usage.format << 16;
+        if (usage.count == 0)
+            continue;
+        if (usage.subdivisionLevel <= kCoarseLevel || (alike != 0 && word != alike))
+            return 0;
+        alike = word;
+    }
+    return alike;
+}
+
 MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
 {
     const MicromapExtent extent = extentOf(info);
@@ -78,6 +100,7 @@ MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
     const VkDeviceSize stride = std::max<VkDeviceSize>(info.triangleArrayStride, 1);
     const VkDeviceSize readable = arrayBytes < size ? 0 : (arrayBytes - size) / stride + 1;
     push.readable = static_cast<uint32_t>(std::min<VkDeviceSize>(readable, UINT32_MAX));
+    push.alike = alikeOf(info);
     push.dataBytes = static_cast<uint32_t>(std::min<VkDeviceSize>(device.addresses.bytesFrom(push.data), UINT32_MAX));
     return push;
 }
@@ -105,6 +128,69 @@ DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
             {source.offset, target.offset + begin, std::min(source.bytes, extent.units * kDataUnitBytes)}};
 }
 
+// One build of a command.
+struct OneBuild {
+    MicromapPush push{};
+    DataCopy copy;
+    DataCopy triangleCopy;
+    // Where the data may stay as it is copied, one pass finds that out and writes all records. The others are
+    // dispatched indirectly, with arguments in the scratch memory, and so only cost time if that pass starts them.
+    bool stays = false;
+    VkBuffer scratch = VK_NULL_HANDLE;
+    VkDeviceSize scratchOffset = 0;
+    VkDeviceSize micromapOffset = 0; // in copy.to
+
+    [[nodiscard]] bool shares() const { return (push.flags & kBuildShare) != 0; }
+    [[nodiscard]] bool verbatim() const { return (push.flags & kBuildVerbatim) != 0; }
+    // More than kPartUnits units is what triangles of level 7 and above have.
+    [[nodiscard]] bool hasParts() const
+    {
+        return (push.flags >> kBuildMaxLevelShift & 15) >= 7 && push.partCapacity > 0;
+    }
+    [[nodiscard]] uint64_t triangles() const { return push.triangleCount; }
+    [[nodiscard]] uint64_t blocks() const { return blocksOf(triangles()) * 64; }
+    [[nodiscard]] uint64_t parts() const { return hasParts() ? push.partCapacity : 0; }
+    [[nodiscard]] uint64_t checks() const
+    {
+        return verbatim() ? (triangles() + kCheckedPerInvocation - 1) / kCheckedPerInvocation : 0;
+    }
+};
+
+// Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
+// buffer.
+void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild &build)
+{
+    MicromapPush &push = build.push;
+    const AddressMap::Place place = device.addresses.find(push.scratch);
+    const VkFlags64 wanted = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+    if (!build.verbatim() || !place.buffer || place.offset % 4 != 0 || push.triangleCount > kMostStaying ||
+        (device.buffers.get(place.buffer).usage & wanted) != wanted)
+        return;
+    const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
+    const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
+    const uint64_t end = std::min({near, uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes}});
+    const Micromap &target = *micromapOf(info.dstMicromap);
+    const AddressMap::Place triangles = device.addresses.find(push.triangleArray);
+    if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
+        end < bytes || !triangles.buffer ||
+        (device.buffers.get(triangles.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
+        push.alike = 0;
+    // Whether counts of several kinds are right is only found by adding up.
+    if (push.alike == 0 && push.log != 0)
+        return;
+    push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
+    push.staysPerInvocation = std::clamp(push.triangleCount / kStayingInvocations, 1u, 64u);
+    if (push.alike != 0)
+        build.triangleCopy = {triangles.buffer,
+                              target.buffer,
+                              {triangles.offset, target.offset + kMicromapHeaderWords * 4,
+                               push.triangleCount * uint64_t{sizeof(VkMicromapTriangleEXT)}}};
+    build.stays = true;
+    build.scratch = place.buffer;
+    build.scratchOffset = place.offset;
+    build.micromapOffset = target.offset;
+}
+
 // One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
 class Build
 {
@@ -116,91 +202,140 @@ public:
 
     void add(const VkMicromapBuildInfoEXT &info)
     {
-        copies_.push_back(dataCopyOf(device_, info));
-        pushes_.push_back(pushOf(device_, info));
-        if (copies_.back().from)
-            pushes_.back().flags |= kBuildVerbatim;
+        OneBuild build;
+        build.copy = dataCopyOf(device_, info);
+        build.push = pushOf(device_, info);
+        if (build.copy.from)
+            build.push.flags |= kBuildVerbatim;
+        letStay(device_, info, build);
+        builds_.push_back(build);
     }
 
     void record()
     {
-        const bool share = any([](const MicromapPush &push) { return shares(push); });
-        const bool parts = any([](const MicromapPush &push) { return hasParts(push); });
+        const bool share = any([](const OneBuild &build) { return build.shares(); });
+        const bool parts = any([](const OneBuild &build) { return build.hasParts(); });
         work_.barrier();
-        for (const DataCopy &copy : copies_) {
-            if (copy.from)
-                device_.next.CmdCopyBuffer(commandBuffer_, copy.from, copy.to, 1, &copy.region);
-        }
-        stage(InjectedShader::MicromapClear, [](const MicromapPush &push) {
-            return push.triangleCount == 0 ? 0 : std::max<uint64_t>(push.tableMask + uint64_t{1}, kScratchCounterWords);
+        for (const OneBuild &build : builds_)
+            prepare(build);
+        stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
+            const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
+            return build.stays || build.triangles() == 0 ? 0 : words;
         });
         if (share)
             analyse(parts);
-        if (any([](const MicromapPush &push) { return (push.flags & kBuildVerbatim) != 0; }))
-            stage(InjectedShader::MicromapCheck, [](const MicromapPush &push) {
-                const uint64_t runs =
-                    (uint64_t{push.triangleCount} + kCheckedPerInvocation - 1) / kCheckedPerInvocation;
-                return (push.flags & kBuildVerbatim) != 0 ? runs : 0;
-            });
-        stage(InjectedShader::MicromapSums, [](const MicromapPush &push) { return blockInvocations(push); });
-        stage(
-            InjectedShader::MicromapScan, [](const MicromapPush &) { return 1; }, 1);
-        stage(InjectedShader::MicromapPlace, [](const MicromapPush &push) { return blockInvocations(push); });
+        stage(InjectedShader::MicromapStay, [](const OneBuild &build) {
+            return build.stays ? (build.triangles() - 1) / build.push.staysPerInvocation + 1 : 0;
+        });
+        stageOrNot(InjectedShader::MicromapCheck, kArgumentsCheck);
+        stageOrNot(InjectedShader::MicromapSums, kArgumentsBlocks);
+        stageOrNot(InjectedShader::MicromapScan, kArgumentsScan);
+        stageOrNot(InjectedShader::MicromapPlace, kArgumentsBlocks);
         if (parts) {
-            stage(InjectedShader::MicromapParts, partInvocations);
-            stage(InjectedShader::MicromapFold,
-                  [](const MicromapPush &push) { return shares(push) ? 0 : partInvocations(push); });
+            stageOrNot(InjectedShader::MicromapParts, kArgumentsParts);
+            stageOrNot(InjectedShader::MicromapFold, kArgumentsParts);
         }
         if (share)
             stage(InjectedShader::MicromapOwners, sharedTriangles);
     }
 
 private:
-    static bool shares(const MicromapPush &push) { return (push.flags & kBuildShare) != 0; }
-    // More than kPartUnits units is what triangles of level 7 and above have.
-    static bool hasParts(const MicromapPush &push)
+    static uint64_t sharedTriangles(const OneBuild &build) { return build.shares() ? build.triangles() : 0; }
+
+    // Invocations of a stage whose dispatch has these arguments.
+    static VkDispatchIndirectCommand groupsOf(const OneBuild &build, uint32_t arguments)
     {
-        return (push.flags >> kBuildMaxLevelShift & 15) >= 7 && push.partCapacity > 0;
+        switch (arguments) {
+        case kArgumentsCheck: return InjectedWork::groupsOf(build.checks(), 64);
+        case kArgumentsBlocks: return InjectedWork::groupsOf(build.blocks(), 64);
+        case kArgumentsScan: return InjectedWork::groupsOf(1, 1);
+        default: return InjectedWork::groupsOf(build.parts(), 64);
+        }
     }
-    static uint64_t blockInvocations(const MicromapPush &push) { return blocksOf(push.triangleCount) * 64; }
-    static uint64_t partInvocations(const MicromapPush &push) { return hasParts(push) ? push.partCapacity : 0; }
-    static uint64_t sharedTriangles(const MicromapPush &push) { return shares(push) ? push.triangleCount : 0; }
+
+    void prepare(const OneBuild &build)
+    {
+        const DeviceTable &next = device_.next;
+        if (build.copy.from)
+            next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.copy.to, 1, &build.copy.region);
+        if (!build.stays)
+            return;
+        if (build.triangleCopy.from)
+            next.CmdCopyBuffer(commandBuffer_, build.triangleCopy.from, build.triangleCopy.to, 1,
+                               &build.triangleCopy.region);
+        uint32_t scratch[kScratchTables] = {};
+        for (uint32_t i = 0; i < kArgumentWords; i += 3) {
+            const VkDispatchIndirectCommand groups = groupsOf(build, i);
+            std::memcpy(scratch + kScratchArguments + kArgumentWords + i, &groups, sizeof groups);
+        }
+        next.CmdUpdateBuffer(commandBuffer_, build.scratch, build.scratchOffset, sizeof scratch, scratch);
+        uint32_t header[kMicromapHeaderWords] = {};
+        header[kMicromapHeaderMagic] = kMicromapMagic;
+        header[kMicromapHeaderTriangles] = build.push.triangleCount;
+        header[kMicromapHeaderFlags] = build.push.flags & kBuildFlagsMask;
+        const VkDeviceSize begin = build.micromapOffset;
+        next.CmdUpdateBuffer(commandBuffer_, build.copy.to, begin, sizeof header, header);
+        if (build.triangles() % 2 != 0) {
+            const uint32_t padding[kTriangleRecordWords] = {};
+            next.CmdUpdateBuffer(commandBuffer_, build.copy.to,
+                                 begin + sizeof header + build.triangles() * sizeof padding, sizeof padding, padding);
+        }
+    }
 
     void analyse(bool parts)
     {
         stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
         if (parts)
             stage(
-                InjectedShader::MicromapParts,
-                [](const MicromapPush &push) { return shares(push) ? partInvocations(push) : 0; }, 64, kBuildAnalysing);
+                InjectedShader::MicromapParts, [](const OneBuild &build) { return build.shares() ? build.parts() : 0; },
+                64, kBuildAnalysing);
         stage(InjectedShader::MicromapShare, sharedTriangles);
     }
 
     template <typename Predicate>
     bool any(Predicate predicate)
     {
-        return std::any_of(pushes_.begin(), pushes_.end(), predicate);
+        return std::any_of(builds_.begin(), builds_.end(), predicate);
     }
 
-    // One shader for every build, then a barrier. `invocations(push)`: 0 where the build does not need the stage.
+    // One shader for every build, then a barrier. `invocations(build)`: 0 where the build does not need the stage.
     template <typename Invocations>
     void stage(InjectedShader shader, Invocations invocations, uint32_t groupSize = 64, uint32_t flags = 0)
     {
-        for (MicromapPush push : pushes_) {
-            const uint64_t count = invocations(push);
+        for (const OneBuild &build : builds_) {
+            const uint64_t count = invocations(build);
             if (count == 0)
                 continue;
+            MicromapPush push = build.push;
             push.flags |= flags;
             work_.dispatch(shader, push, count, groupSize);
         }
         work_.barrier();
     }
 
+    // The same, where builds that let their data stay only need the stage if not all data can.
+    void stageOrNot(InjectedShader shader, uint32_t arguments)
+    {
+        bool some = false;
+        for (const OneBuild &build : builds_) {
+            const VkDispatchIndirectCommand groups = groupsOf(build, arguments);
+            if (groups.x == 0 || (shader == InjectedShader::MicromapFold && build.shares()))
+                continue;
+            some = true;
+            if (build.stays)
+                work_.dispatchIndirect(shader, build.push, build.scratch,
+                                       build.scratchOffset + (kScratchArguments + arguments) * 4);
+            else
+                work_.dispatch(shader, build.push, groups);
+        }
+        if (some)
+            work_.barrier();
+    }
+
     Device &device_;
     VkCommandBuffer commandBuffer_;
     InjectedWork work_;
-    std::vector<MicromapPush> pushes_;
-    std::vector<DataCopy> copies_;
+    std::vector<OneBuild> builds_;
 };
 
 } // namespace
@@ -222,7 +357,7 @@ uint64_t MicromapExtent::tableSlots() const
 
 uint64_t MicromapExtent::scratchBytes() const
 {
-    uint64_t words = kScratchCounterWords + blocksOf(triangles) + 2 * parts();
+    uint64_t words = kScratchTables + blocksOf(triangles) + 2 * parts();
     if (share)
         words += 2 * triangles + tableSlots();
     return (words * 4 + 255) / 256 * 256;

@@ -62,7 +62,12 @@ public:
         const uint64_t used = size_ < kMicromapHeaderWords * 4 ? 0 : micromapMemoryInUse(bytes());
         return used <= size_ ? used : 0;
     }
-    void invalidate() const { std::memset(bytes() + kMicromapHeaderMagic * 4, 0, 4); }
+    // One that is too small for a header holds none, and may end before the magic number does.
+    void invalidate() const
+    {
+        if (size_ >= kMicromapHeaderWords * 4)
+            std::memset(bytes() + kMicromapHeaderMagic * 4, 0, 4);
+    }
 
 private:
     uint64_t size_;

@@ -216,18 +216,19 @@ struct Place {
 // The part of a buffer that an address range is, or null after a message.
 Place placeOf(const Device &device, const VkAccelerationStructureCreateInfo2KHR &info)
 {
-    const AddressMap::Place found = device.addresses.find(info.addressRange.address);
+    const AddressMap::Place found = device.addresses.covering(info.addressRange.address, info.addressRange.size,
+                                                              VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const auto refused = [&](const char *id, const std::string &text) {
         device.report().error(id, "vkCreateAccelerationStructure2KHR: " + text);
         return Place{};
     };
-    if (!found.buffer)
-        return refused("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
+    if (!found.buffer && !device.addresses.find(info.addressRange.address).buffer)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
                        "addressRange.address is not in any buffer");
-    if (found.bytes < info.addressRange.size)
-        return refused("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11364",
-                       "addressRange has " + std::to_string(info.addressRange.size) + " bytes, " +
-                           std::to_string(found.bytes) + " are left in its buffer");
+    if (!found.buffer)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
+                       "addressRange, of " + std::to_string(info.addressRange.size) +
+                           " bytes, is not in one buffer for acceleration structures");
     if (info.addressRange.address % 256 != 0)
         return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange",
                        "addressRange.address is not a multiple of 256");

@@ -28,10 +28,12 @@ VkFlags64 driverUsage(VkFlags64 usage)
     if (usage & (inputs | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
-    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03674 and -geometry-03673).
+    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03674 and -geometry-03673); or that of a
+    // micromap build, which has the arguments of its dispatches there.
     const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     if ((usage & scratch) == scratch)
-        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
+                  VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
     // Micromaps are read in 16-byte units: their memory is aligned like that of acceleration structures.
     if (usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)
         result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
@@ -114,11 +116,19 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     return result;
 }
 
+void rememberAddress(Device &device, VkBuffer buffer)
+{
+    const BufferInfo info = device.buffers.get(buffer);
+    if (device.asked.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
+        device.addresses.add(device.bufferAddress(buffer), buffer, info.size, info.usage);
+}
+
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)
 {
     Device &device = deviceOf(handle);
     const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
-    device.addresses.add(address, info->buffer, device.buffers.get(info->buffer).size);
+    const BufferInfo buffer = device.buffers.get(info->buffer);
+    device.addresses.add(address, info->buffer, buffer.size, buffer.usage);
     return address;
 }
 

@@ -6,6 +6,12 @@
 namespace vellum::layer
 {
 
+struct Device;
+
+// Called when a buffer is bound. A range of device address commands may come from a buffer whose address was not asked
+// for: it is asked for of another one, which shares the memory, or was known from a captured replay.
+void rememberAddress(Device &device, VkBuffer buffer);
+
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *,
                                             VkBuffer *);
 VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice, VkBuffer, const VkAllocationCallbacks *);

@@ -3,6 +3,7 @@
 #include <deque>
 #include <vector>
 
+#include "layer/address_barriers.h"
 #include "layer/device.h"
 #include "layer/pnext.h"
 
@@ -44,38 +45,59 @@ void translate(Barrier &barrier)
     barrier.dstStageMask = driverStages(barrier.dstStageMask);
 }
 
-// Copies of dependency infos with every barrier translated.
-class DriverDependencies
+// A copy of a dependency info with every barrier translated.
+class DriverDependency
 {
 public:
-    DriverDependencies(const VkDependencyInfo *infos, uint32_t count)
+    DriverDependency(const Device &device, const VkDependencyInfo &application)
+        : info_(application), chain_(application.pNext),
+          memory_(application.pMemoryBarriers, application.pMemoryBarriers + application.memoryBarrierCount),
+          buffers_(application.pBufferMemoryBarriers,
+                   application.pBufferMemoryBarriers + application.bufferMemoryBarrierCount),
+          images_(application.pImageMemoryBarriers,
+                  application.pImageMemoryBarriers + application.imageMemoryBarrierCount)
     {
-        infos_.reserve(count);
-        for (uint32_t i = 0; i < count; ++i) {
-            VkDependencyInfo info = infos[i];
-            info.pMemoryBarriers = copy(memory_, info.pMemoryBarriers, info.memoryBarrierCount);
-            info.pBufferMemoryBarriers = copy(buffer_, info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount);
-            info.pImageMemoryBarriers = copy(image_, info.pImageMemoryBarriers, info.imageMemoryBarrierCount);
-            infos_.push_back(info);
-        }
+        addRanges(device);
+        info_.pNext = chain_.head();
+        info_.pMemoryBarriers = translated(memory_, info_.memoryBarrierCount);
+        info_.pBufferMemoryBarriers = translated(buffers_, info_.bufferMemoryBarrierCount);
+        info_.pImageMemoryBarriers = translated(images_, info_.imageMemoryBarrierCount);
     }
-    [[nodiscard]] const VkDependencyInfo *data() const { return infos_.data(); }
+    DriverDependency(const DriverDependency &) = delete;
+    DriverDependency &operator=(const DriverDependency &) = delete;
+    [[nodiscard]] const VkDependencyInfo &info() const { return info_; }
 
 private:
     template <typename Barrier>
-    static const Barrier *copy(std::deque<std::vector<Barrier>> &storage, const Barrier *barriers, uint32_t count)
+    static const Barrier *translated(std::vector<Barrier> &barriers, uint32_t &count)
     {
-        if (count == 0)
-            return nullptr;
-        std::vector<Barrier> &own = storage.emplace_back(barriers, barriers + count);
-        for (Barrier &barrier : own)
+        for (Barrier &barrier : barriers)
             translate(barrier);
-        return own.data();
+        count = static_cast<uint32_t>(barriers.size());
+        return barriers.data();
     }
-    std::vector<VkDependencyInfo> infos_;
-    std::deque<std::vector<VkMemoryBarrier2>> memory_;
-    std::deque<std::vector<VkBufferMemoryBarrier2>> buffer_;
-    std::deque<std::vector<VkImageMemoryBarrier2>> image_;
+    void addRanges(const Device &device)
+    {
+        const auto *ranges =
+            findInChain<VkMemoryRangeBarriersInfoKHR>(info_.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+        if (!ranges)
+            return;
+        if (device.ownAddressCommands) {
+            addRangeBarriers(device, *ranges, memory_, buffers_);
+            chain_.remove(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+        } else if (auto *own =
+                       chain_.edit<VkMemoryRangeBarriersInfoKHR>(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)) {
+            ranges_.assign(own->pMemoryRangeBarriers, own->pMemoryRangeBarriers + own->memoryRangeBarrierCount);
+            own->pMemoryRangeBarriers = translated(ranges_, own->memoryRangeBarrierCount);
+        }
+    }
+
+    VkDependencyInfo info_;
+    Chain chain_;
+    std::vector<VkMemoryBarrier2> memory_;
+    std::vector<VkBufferMemoryBarrier2> buffers_;
+    std::vector<VkImageMemoryBarrier2> images_;
+    std::vector<VkMemoryRangeBarrierKHR> ranges_; // for a driver that knows them
 };
 
 std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo *infos, uint32_t count)
@@ -86,18 +108,26 @@ std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo 
     return own;
 }
 
+// Of commands that take exactly one stage.
+VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
+{
+    return stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT ? VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT : stage;
+}
+
 } // namespace
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
-    const DriverDependencies driver(info, 1);
-    deviceOf(commandBuffer).next.CmdPipelineBarrier2(commandBuffer, driver.data());
+    const Device &device = deviceOf(commandBuffer);
+    const DriverDependency driver(device, *info);
+    device.next.CmdPipelineBarrier2(commandBuffer, &driver.info());
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdSetEvent2(VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
 {
-    const DriverDependencies driver(info, 1);
-    deviceOf(commandBuffer).next.CmdSetEvent2(commandBuffer, event, driver.data());
+    const Device &device = deviceOf(commandBuffer);
+    const DriverDependency driver(device, *info);
+    device.next.CmdSetEvent2(commandBuffer, event, &driver.info());
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags2 stages)
@@ -108,26 +138,26 @@ VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer commandBuffer, VkEvent
 VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
                                           const VkDependencyInfo *infos)
 {
-    const DriverDependencies driver(infos, count);
-    deviceOf(commandBuffer).next.CmdWaitEvents2(commandBuffer, count, events, driver.data());
+    const Device &device = deviceOf(commandBuffer);
+    std::deque<DriverDependency> own;
+    std::vector<VkDependencyInfo> driverInfos;
+    for (uint32_t i = 0; i < count; ++i)
+        driverInfos.push_back(own.emplace_back(device, infos[i]).info());
+    device.next.CmdWaitEvents2(commandBuffer, count, events, driverInfos.data());
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
                                               VkQueryPool pool, uint32_t query)
 {
-    // A timestamp takes exactly one stage (VUID-vkCmdWriteTimestamp2-stage-03859).
-    if (stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT)
-        stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-    deviceOf(commandBuffer).next.CmdWriteTimestamp2(commandBuffer, stage, pool, query);
+    // VUID-vkCmdWriteTimestamp2-stage-03859
+    deviceOf(commandBuffer).next.CmdWriteTimestamp2(commandBuffer, driverStage(stage), pool, query);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
                                                  VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
 {
     // A marker is written when a stage is complete, as a timestamp is.
-    if ((stage & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0)
-        stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-    deviceOf(commandBuffer).next.CmdWriteBufferMarker2AMD(commandBuffer, stage, buffer, offset, marker);
+    deviceOf(commandBuffer).next.CmdWriteBufferMarker2AMD(commandBuffer, driverStage(stage), buffer, offset, marker);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)

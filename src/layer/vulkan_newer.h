@@ -22,7 +22,24 @@ struct PipelineCreateFlags2CreateInfo {
     VkFlags64 flags;
 };
 
+using PFN_CmdBindIndexBuffer2 = void(VKAPI_PTR *)(VkCommandBuffer, VkBuffer, VkDeviceSize, VkDeviceSize, VkIndexType);
+
 // VK_KHR_maintenance6 (core in 1.4)
+inline constexpr auto kMaintenance6Features = static_cast<VkStructureType>(1000545000);
+struct Maintenance6Features {
+    VkStructureType sType;
+    void *pNext;
+    VkBool32 maintenance6;
+};
+inline constexpr auto kVulkan14Features = static_cast<VkStructureType>(55);
+struct Vulkan14Features {
+    VkStructureType sType;
+    void *pNext;
+    VkBool32 before[15]; // globalPriorityQuery to dynamicRenderingLocalRead
+    VkBool32 maintenance5;
+    VkBool32 maintenance6;
+    VkBool32 after[4]; // pipelineProtectedAccess to pushDescriptor
+};
 struct PushConstantsInfo {
     VkStructureType sType;
     const void *pNext;

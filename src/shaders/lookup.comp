@@ -65,7 +65,8 @@ uint vellumState(const in uvec2 geometries, const in uint geometry, const in uin
     const uint kind = record.x & kKindMask;
     const bool far = kind == kKindFar;
     const uint n = far ? (record.x >> kUnitShift) & kKindMask : kind - kKindData;
-    const uint level = kind == kKindInline ? kCoarseLevel : 3u + (n >> 1u);
+    const bool upperHalf = n == kKindUpperHalf;
+    const uint level = kind == kKindInline ? kCoarseLevel : upperHalf ? 3u : 3u + (n >> 1u);
 
     // One curve index serves both: its leading digits are the index at the coarse level.
     const uint index = curveIndex(uv.x, uv.y, level);
@@ -74,7 +75,7 @@ uint vellumState(const in uvec2 geometries, const in uint geometry, const in uin
         return coarse;
 
     const uint bits = 1u + (n & 1u);
-    const uint bit = index * bits;
+    const uint bit = index * bits + (upperHalf ? kDataUnitBytes * 4u : 0u);
     const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
     const uvec2 units = uvec2(Geometries(geometries).at[geometry].units);
     const uint word = Quads(units).at[unit][(bit >> 5u) & 3u];

@@ -3,6 +3,10 @@
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
 
+// Two words that lie together are declared as an address: a driver for the CPU loads and stores each member of a vector
+// lane by lane, and an address in one go.
+layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Words at[]; };
+
 // A data unit of a source at an address that is a multiple of 4; `bytes` is 8 or 16.
 uvec4 loadAlignedUnit(uvec2 address, uint bytes)
 {

@@ -50,8 +50,8 @@ uvec2 trusted(uvec2 record, uint units)
     const bool far = kind == kKindFar;
     const uint n = far ? record.x >> kUnitShift : kind - kKindData;
     const uint unit = far ? record.y : record.x >> kUnitShift;
-    const uint level = kCoarseLevel + 1u + (n >> 1u);
-    if (n < 2u * (kMaxSubdivisionLevel - kCoarseLevel)) {
+    const uint level = kCoarseLevel + 1u + (n == kKindUpperHalf ? 0u : n >> 1u);
+    if (n <= 2u * (kMaxSubdivisionLevel - kCoarseLevel)) {
         const uint bits = (1u + (n & 1u)) << (2u * level);
         const uint needed = (bits + kDataUnitBytes * 8u - 1u) / (kDataUnitBytes * 8u);
         if (needed <= units && unit <= units - needed)
@@ -79,9 +79,14 @@ void main()
     const uint me = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
     const uvec2 header =
         push.mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u) : push.micromap;
-    uvec2 bytes;
+    uvec2 bytes = uvec2(0u);
     uint problem = 0u;
-    if (push.mode == kMoveDeserialize) {
+    // A micromap that is too small for a header holds none, and may end before the magic number does.
+    const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
+    if (push.mode != kMoveDeserialize) {
+        if (tiny)
+            problem = push.mode == kMoveSerialize ? kComplaintNotBuilt : kComplaintTooLarge;
+    } else {
         const uint least = (kSerializedMicromapHeaderWords + kMicromapHeaderWords) * 4u;
         Words words = Words(push.serialized);
         if (less(push.serializedBytes, uvec2(least, 0u)) || words.w[kSerializedLayoutUuid] != kMicromapLayoutUuid0 ||
@@ -106,7 +111,7 @@ void main()
     if (problem != 0u) {
         if (me == 0u) {
             complain(problem, push.object, 0u, bytes.x, bytes.y);
-            if (push.mode != kMoveSerialize)
+            if (push.mode != kMoveSerialize && !tiny)
                 Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
         }
         return;

@@ -26,8 +26,7 @@ void main()
         const uint unit = far ? record.w[1] : word0 >> kUnitShift;
         target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
     }
-    const bool store = !analysing && !verbatim();
-    const Walk walk = walkUnits(s, part * kPartUnits, min((part + 1u) * kPartUnits, units), store, target);
+    const Walk walk = walkUnits(s, part * kPartUnits, min((part + 1u) * kPartUnits, units), !analysing, target);
     if (analysing)
         atomicAdd(Words(hashesAddress()).w[triangle], walk.hash);
     if (analysing || (!far && (push.flags & kBuildShare) == 0u))

@@ -41,21 +41,21 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
     uint mask = share ? record.w[1] : 0u;
     bool fold = false;
     const bool stays = verbatim();
-    if (stays && (push.flags & kPreferFastBuild) != 0u) {
-        mask = kLookEverywhere;
+    if (stays) {
+        mask = kLookEverywhere; // its data need not be read
     } else if (units > kPartUnits) {
         listParts(triangle, units); // without sharing, the mask is gathered there
     } else {
         const uvec2 target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
-        const Walk walk = walkAll(s, !stays, target);
+        const Walk walk = walkAll(s, true, target);
         if (!share) {
             mask = coarseMask(walk.gathered);
             fold = describesAll(mask);
         }
     }
     const bool near = unit <= kMaxNearUnit;
-    record.w[0] = fold ? kKindInline : near ? (kKindData + kindOf(s)) | unit << kUnitShift
-                                            : kKindFar | kindOf(s) << kUnitShift;
+    const uint kind = stays ? kindInPlace(s) : kindOf(s);
+    record.w[0] = fold ? kKindInline : near ? (kKindData + kind) | unit << kUnitShift : kKindFar | kind << kUnitShift;
     record.w[1] = fold || near ? mask : unit;
 }
 

@@ -21,6 +21,10 @@ layout(push_constant, std430) uniform Push
     uint partCapacity;  // entries of the list of parts
     uint tableMask;
     uint flags; // kBuild*
+    uint alike;              // level | format << 16, where all triangles have the same; 0: they do not
+    uint lastOffset;         // of such triangles' data in place
+    uint staysPerInvocation; // triangles, of micromap_stay.comp
+    uint unused;
 } push;
 
 #include "complaints.glsl"
@@ -111,6 +115,26 @@ Words recordOf(uint triangle)
     return micromapRecord(push.micromap, triangle);
 }
 
+// Where data in place may begin: those of level 3 of the 2-state format can be either half of a data unit.
+uint alignmentInPlace(uint level, uint bitsPerState)
+{
+    return level == kCoarseLevel + 1u && bitsPerState == 1u ? kDataUnitBytes / 2u : kDataUnitBytes;
+}
+
+// Whether a triangle can use its data where it was copied to.
+bool fitsInPlace(Source s)
+{
+    const uint units = unitsOf(s);
+    return units == 0u || ((s.dataOffset & (alignmentInPlace(s.level, s.bitsPerState) - 1u)) == 0u &&
+                           (s.dataOffset >> 4u) + units <= push.capacityUnits);
+}
+
+// The same as kindOf(), where the data lie at dataOffset.
+uint kindInPlace(Source s)
+{
+    return kindOf(s) + ((s.dataOffset & 15u) != 0u ? kKindUpperHalf : 0u);
+}
+
 // Whether every triangle uses its data where it lies in the input; known after micromap_check.comp.
 bool verbatim()
 {
@@ -119,12 +143,11 @@ bool verbatim()
 
 // Every sub-triangle of level 2 has to be looked up: data need not be read for it.
 const uint kLookEverywhere = 0xaaaaaaaau;
-const uint kPreferFastBuild = 2u; // VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT
 
 // Tables of the scratch memory.
 uvec2 sumsAddress()
 {
-    return addressPlus(push.scratch, kScratchCounterWords * 4u);
+    return addressPlus(push.scratch, kScratchTables * 4u);
 }
 
 uvec2 partsAddress()

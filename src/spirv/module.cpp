@@ -13,6 +13,24 @@ constexpr std::uint32_t kHeaderWords = 5;
 // Universal limit of ids (SPIR-V specification, 2.17). It also bounds what a hostile header makes us allocate.
 constexpr std::uint32_t kMaxBound = 4'194'303;
 
+struct Shape {
+    bool hasResult = false, hasType = false;
+};
+
+// What the words of an opcode begin with. Of those that we interpret, some are younger than installed headers may be.
+Shape shapeOf(std::uint32_t opcode)
+{
+    switch (opcode) {
+    case kOpHitObjectGetInstanceCustomIndexNV:
+    case kOpHitObjectGetInstanceCustomIndexEXT:
+    case kOpHitObjectGetRayFlagsEXT: return {true, true};
+    default: break;
+    }
+    Shape shape;
+    spv::HasResultAndType(static_cast<spv::Op>(opcode), &shape.hasResult, &shape.hasType);
+    return shape;
+}
+
 // The section an opcode belongs to; nothing for those that can stand in several (OpLine, OpExtInst, OpUndef...) and
 // those we do not know.
 std::optional<Section> sectionOf(std::uint32_t opcode)
@@ -44,9 +62,7 @@ std::optional<Section> sectionOf(std::uint32_t opcode)
     default: break;
     }
     // Types (also those of extensions) and constants. OpExtInst may carry debug information about other sections.
-    bool hasResult = false, hasType = false;
-    spv::HasResultAndType(static_cast<spv::Op>(opcode), &hasResult, &hasType);
-    if (opcode == spv::OpTypeForwardPointer || (hasResult && opcode != spv::OpExtInst))
+    if (opcode == spv::OpTypeForwardPointer || (shapeOf(opcode).hasResult && opcode != spv::OpExtInst))
         return Section::Globals;
     return {};
 }
@@ -188,11 +204,9 @@ bool Module::define(Instruction in, bool global, std::string &error)
 {
     const Id id = result(in);
     if (id == 0) {
-        bool hasResult = false, hasType = false;
-        spv::HasResultAndType(static_cast<spv::Op>(in.opcode), &hasResult, &hasType);
-        if (hasResult)
+        if (shapeOf(in.opcode).hasResult)
             error = "instruction lacks its result id";
-        return !hasResult;
+        return error.empty();
     }
     if (id >= bound_)
         error = "result id is not below the bound";
@@ -244,16 +258,13 @@ std::string Module::string(Instruction in, std::uint32_t i) const
 
 Id Module::result(Instruction in) const
 {
-    bool hasResult = false, hasType = false;
-    spv::HasResultAndType(static_cast<spv::Op>(in.opcode), &hasResult, &hasType);
-    return hasResult ? word(in, hasType ? 2 : 1) : 0;
+    const Shape shape = shapeOf(in.opcode);
+    return shape.hasResult ? word(in, shape.hasType ? 2 : 1) : 0;
 }
 
 Id Module::resultType(Instruction in) const
 {
-    bool hasResult = false, hasType = false;
-    spv::HasResultAndType(static_cast<spv::Op>(in.opcode), &hasResult, &hasType);
-    return hasType ? word(in, 1) : 0;
+    return shapeOf(in.opcode).hasType ? word(in, 1) : 0;
 }
 
 Instruction Module::make(std::uint32_t opcode, Words operands)

@@ -92,6 +92,9 @@ constexpr std::array<NewerExtension, 3> kNewerExtensions{{
     {"VK_EXT_pipeline_library_group_handles", static_cast<VkStructureType>(1000498000)},
 }};
 
+constexpr const char *kMaintenance6 = "VK_KHR_maintenance6";
+constexpr auto kMaintenance6Features = static_cast<VkStructureType>(1000545000);
+
 } // namespace
 
 void check(VkResult result, const char *what)
@@ -243,7 +246,7 @@ void Gpu::createDevice()
     VT_CHECK(vkEnumerateDeviceExtensionProperties(physical_, nullptr, &count, present.data()));
     const auto add = [&](const char *name) {
         for (const VkExtensionProperties &p : present) {
-            if (std::strcmp(p.extensionName, name) == 0)
+            if (std::strcmp(p.extensionName, name) == 0 && !has(name))
                 extensions_.emplace_back(name);
         }
     };
@@ -259,6 +262,13 @@ void Gpu::createDevice()
         add("VK_EXT_shader_object");
     if (options_.maintenance)
         add(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+    if (options_.addressCommands) {
+        for (const char *name : {VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, VK_EXT_MESH_SHADER_EXTENSION_NAME,
+                                 VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME, VK_EXT_ROBUSTNESS_2_EXTENSION_NAME})
+            add(name);
+    }
+    if (options_.nullIndexBuffer)
+        add(kMaintenance6);
     if (options_.newer) {
         for (const NewerExtension &extension : kNewerExtensions)
             add(extension.name);
@@ -285,6 +295,10 @@ void Gpu::createDevice()
     VkPhysicalDeviceOpacityMicromapFeaturesKHR micromapsKhr{};
     VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{};
     VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR maintenance{};
+    VkPhysicalDeviceMeshShaderFeaturesEXT mesh{};
+    VkPhysicalDeviceTransformFeedbackFeaturesEXT feedback{};
+    VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
+    OneFeature maintenance6{kMaintenance6Features};
     OneFeature shaderObjects{kShaderObjectFeatures};
     std::array<OneFeature, kNewerExtensions.size()> newer{};
     chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
@@ -300,10 +314,18 @@ void Gpu::createDevice()
         chain(libraries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_GRAPHICS_PIPELINE_LIBRARY_FEATURES_EXT);
     if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
         chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-    if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME)) {
+    if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
         chain(micromapsKhr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+    if (has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
         chain(addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
-    }
+    if (has(VK_EXT_MESH_SHADER_EXTENSION_NAME))
+        chain(mesh, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MESH_SHADER_FEATURES_EXT);
+    if (has(VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME))
+        chain(feedback, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TRANSFORM_FEEDBACK_FEATURES_EXT);
+    if (has(VK_EXT_ROBUSTNESS_2_EXTENSION_NAME))
+        chain(robustness, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT);
+    if (has(kMaintenance6))
+        chain(maintenance6, maintenance6.sType);
     if (options_.shaderObject)
         chain(shaderObjects, shaderObjects.sType);
     if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
@@ -316,6 +338,8 @@ void Gpu::createDevice()
     if (!options_.micromapFeature)
         micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
+    robustness.robustBufferAccess2 = VK_FALSE;
+    mesh.multiviewMeshShader = mesh.primitiveFragmentShadingRateMeshShader = VK_FALSE; // need features not asked for
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 

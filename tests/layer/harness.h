@@ -49,8 +49,10 @@ struct Options {
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age complains about: see oldValidation
-    bool micromapFeature = true; // where the extension is enabled, its feature too
-    bool declaresMode = true;    // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
+    bool addressCommands = false; // VK_KHR_device_address_commands, and the extensions whose commands it has again
+    bool nullIndexBuffer = false; // VK_KHR_maintenance6
+    bool micromapFeature = true;  // where the extension is enabled, its feature too
+    bool declaresMode = true;     // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
@@ -95,6 +97,33 @@ struct Options {
     X(DeferredOperationJoinKHR)                                                                                        \
     X(GetDeferredOperationResultKHR)                                                                                   \
     X(CmdPushDescriptorSetKHR)                                                                                         \
+    X(CmdCopyMemoryKHR)                                                                                                \
+    X(CmdCopyMemoryToImageKHR)                                                                                         \
+    X(CmdCopyImageToMemoryKHR)                                                                                         \
+    X(CmdUpdateMemoryKHR)                                                                                              \
+    X(CmdFillMemoryKHR)                                                                                                \
+    X(CmdCopyQueryPoolResultsToMemoryKHR)                                                                              \
+    X(CmdWriteMarkerToMemoryAMD)                                                                                       \
+    X(CmdBindIndexBuffer3KHR)                                                                                          \
+    X(CmdBindVertexBuffers3KHR)                                                                                        \
+    X(CmdDrawIndirect2KHR)                                                                                             \
+    X(CmdDrawIndexedIndirect2KHR)                                                                                      \
+    X(CmdDrawIndirectCount2KHR)                                                                                        \
+    X(CmdDrawIndexedIndirectCount2KHR)                                                                                 \
+    X(CmdDrawMeshTasksIndirect2EXT)                                                                                    \
+    X(CmdDrawMeshTasksIndirectCount2EXT)                                                                               \
+    X(CmdDispatchIndirect2KHR)                                                                                         \
+    X(CmdBeginConditionalRendering2EXT)                                                                                \
+    X(CmdBindTransformFeedbackBuffers2EXT)                                                                             \
+    X(CmdBeginTransformFeedback2EXT)                                                                                   \
+    X(CmdEndTransformFeedback2EXT)                                                                                     \
+    X(CmdDrawIndirectByteCount2EXT)                                                                                    \
+    X(CmdDrawMeshTasksIndirectEXT)                                                                                     \
+    X(CmdDrawMeshTasksIndirectCountEXT)                                                                                \
+    X(CmdBindTransformFeedbackBuffersEXT)                                                                              \
+    X(CmdBeginTransformFeedbackEXT)                                                                                    \
+    X(CmdEndTransformFeedbackEXT)                                                                                      \
+    X(CmdDrawIndirectByteCountEXT)                                                                                     \
     X(CmdBeginConditionalRenderingEXT)                                                                                 \
     X(CmdEndConditionalRenderingEXT)
 

@@ -161,6 +161,48 @@ TEST_F(MicromapBuild, SharedOffsets)
     }
 }
 
+// Data that can stay as it lies: all triangles alike or not, some with the same data; and then one triangle that
+// forbids it.
+TEST_F(MicromapBuild, DataThatStays)
+{
+    for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kFast}) {
+        for (const std::uint32_t level : {3u, 4u, 7u, 99u}) { // 99: of all kinds
+            for (const std::uint16_t format : {kTwoState, kFourState}) {
+                SCOPED_TRACE(testing::Message() << "flags " << flags << ", level " << level << ", format " << format);
+                Random random(level * 2 + format);
+                MicromapInput input;
+                const int count = level == 7 ? 40 : 1501;
+                for (int i = 0; i < count; ++i) {
+                    const std::uint32_t own = level == 99 ? random() % 6 : level;
+                    if (level == 99 && own != 3)
+                        input.data.resize((input.data.size() + 15) / 16 * 16);
+                    if (i % 5 == 4)
+                        input.triangles.push_back(input.triangles[random() % input.triangles.size()]);
+                    else
+                        input.add(own, format, randomStates(random, own, format));
+                    if (level == 99 && own == 3)
+                        input.data.resize((input.data.size() + 7) / 8 * 8);
+                }
+                input.declared = input.usage();
+                Micromap micromap(gpu(), input, flags);
+                expectModel(micromap, flags);
+                const std::size_t which = input.triangles.size() / 2;
+                const VkMicromapTriangleEXT good = input.triangles[which];
+                VkMicromapTriangleEXT bad[4] = {good, good, good, good};
+                bad[0].dataOffset += 4;
+                bad[1].dataOffset = 0xfffffff0;
+                bad[2].format = 7;
+                bad[3].subdivisionLevel = 1;
+                for (const VkMicromapTriangleEXT &triangle : bad) {
+                    input.triangles[which] = triangle;
+                    Micromap other(gpu(), input, flags);
+                    expectModel(other, flags);
+                }
+            }
+        }
+    }
+}
+
 // Sizes as the project promises them: packed data plus 16 bytes a triangle plus 1 KiB.
 TEST_F(MicromapBuild, SizesAreTight)
 {

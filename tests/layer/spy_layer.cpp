@@ -3,8 +3,11 @@
 // knows the extension and lets most of its bits pass.)
 // It also checks that stack sizes which the application sets have room for all shaders of the driver's pipeline, and,
 // where VELLUM_TEST_SPY_DEFER is in the environment, is a driver that defers the creation of ray tracing pipelines.
+// Where VELLUM_TEST_SPY_MARKER is there, it is a driver with VK_AMD_buffer_marker; where VELLUM_TEST_SPY_BARRIERS is,
+// it tells of every memory and buffer barrier.
 #include <vulkan/vk_layer.h>
-#include <vulkan/vulkan.h>
+
+#include "vellum/vulkan_opacity_micromap.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -12,6 +15,7 @@
 #include <map>
 #include <mutex>
 #include <span>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -95,22 +99,43 @@ void expectBarrier(const char *where, const Barrier &barrier)
     expectAccess(where, barrier.dstAccessMask);
 }
 
-void expectDependency(const char *where, const VkDependencyInfo &info)
-{
-    for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
-        expectBarrier(where, b);
-    for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
-        expectBarrier(where, b);
-    for (const VkImageMemoryBarrier2 &b : std::span(info.pImageMemoryBarriers, info.imageMemoryBarrierCount))
-        expectBarrier(where, b);
-}
-
 const void *inChain(const void *chain, VkStructureType type)
 {
     const auto *structure = static_cast<const VkBaseInStructure *>(chain);
     while (structure != nullptr && structure->sType != type)
         structure = structure->pNext;
     return structure;
+}
+
+// "MEMORY srcStage srcAccess dstStage dstAccess", and for buffers " srcFamily dstFamily offset size buffer" after it.
+template <class Barrier>
+void tellBarrier(const Barrier &b)
+{
+    if (std::getenv("VELLUM_TEST_SPY_BARRIERS") == nullptr)
+        return;
+    std::ostringstream text;
+    text << std::hex << "MEMORY " << b.srcStageMask << ' ' << b.srcAccessMask << ' ' << b.dstStageMask << ' '
+         << b.dstAccessMask;
+    if constexpr (std::is_same_v<Barrier, VkBufferMemoryBarrier2>)
+        text << ' ' << b.srcQueueFamilyIndex << ' ' << b.dstQueueFamilyIndex << ' ' << b.offset << ' ' << b.size << ' '
+             << reinterpret_cast<std::uint64_t>(b.buffer);
+    tell(text.str());
+}
+
+void expectDependency(const char *where, const VkDependencyInfo &info)
+{
+    if (inChain(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR) != nullptr)
+        tell(std::string(where) + ": VkMemoryRangeBarriersInfoKHR");
+    for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
+        tellBarrier(b);
+    for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
+        tellBarrier(b);
+    for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
+        expectBarrier(where, b);
+    for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
+        expectBarrier(where, b);
+    for (const VkImageMemoryBarrier2 &b : std::span(info.pImageMemoryBarriers, info.imageMemoryBarrierCount))
+        expectBarrier(where, b);
 }
 
 void expectBuild(const char *where, const VkAccelerationStructureBuildGeometryInfoKHR &info)
@@ -166,10 +191,12 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipeline
 }
 
 // Whether the driver has it or not: lavapipe has not.
-VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer, VkPipelineStageFlags2 stage, VkBuffer, VkDeviceSize,
-                                                 std::uint32_t)
+VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkBuffer buffer,
+                                                 VkDeviceSize offset, std::uint32_t marker)
 {
     expectStages("vkCmdWriteBufferMarker2AMD", stage);
+    if (std::getenv("VELLUM_TEST_SPY_MARKER") != nullptr)
+        SPY_NEXT(vkCmdFillBuffer)(handle, buffer, offset, 4, marker);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, std::uint32_t count, const VkSubmitInfo2 *submits,
@@ -631,6 +658,9 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, cons
         std::lock_guard lock(mutex);
         next = devices.at(keyOf(device));
     }
+    // By which the layer knows that the extension is there.
+    if (std::strcmp(name, "vkCmdWriteBufferMarkerAMD") == 0 && std::getenv("VELLUM_TEST_SPY_MARKER") != nullptr)
+        return reinterpret_cast<PFN_vkVoidFunction>(cmdWriteBufferMarker2);
     const PFN_vkVoidFunction below = next(device, name);
     const PFN_vkVoidFunction ours = below != nullptr ? deviceFunction(name) : nullptr;
     return ours != nullptr ? ours : below;
@@ -674,9 +704,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
             tell("vkCreateDevice: VK_EXT_opacity_micromap");
         if (std::strcmp(name, "VK_ARM_pipeline_opacity_micromap") == 0)
             tell("vkCreateDevice: VK_ARM_pipeline_opacity_micromap");
+        if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
+            tell("vkCreateDevice: VK_KHR_device_address_commands");
     }
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+    if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR) != nullptr)
+        tell("vkCreateDevice: VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR");
     // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
     if (inChain(info->pNext, static_cast<VkStructureType>(1000596000)) != nullptr)
         tell("vkCreateDevice: features of pipelines with micromaps");

@@ -94,6 +94,22 @@ TEST(BadModules, OtherByteOrderAndNoSpirv)
     EXPECT_EQ(spirv::rewrite(swapped, {}).status, Status::Unchanged);
 }
 
+// Also by instructions that installed headers do not know: what is put in their place would define it once more.
+TEST(BadModules, ResultIdDefinedTwice)
+{
+    for (const std::uint32_t opcode : {5271u, 5308u, 5326u}) { // of hit objects: custom index (NV), flags, custom index
+        Module words = loadShader("hit.rchit", "v15");
+        std::size_t load = 5;
+        while ((words[load] & 0xffff) != 61 && load < words.size()) // OpLoad
+            load += words[load] >> 16;
+        ASSERT_LT(load, words.size());
+        const std::uint32_t type = words[load + 1], result = words[load + 2];
+        const auto after = words.begin() + static_cast<std::ptrdiff_t>(load + (words[load] >> 16));
+        words.insert(after, {4u << 16 | opcode, type, result, result});
+        EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Failed) << opcode;
+    }
+}
+
 TEST(BadModules, HugeIdBound)
 {
     Module words = loadShader("nested.comp", "v15");

@@ -1,0 +1,32 @@
+// A device for the layer's host commands that consists of memory to map. Everything else of Vulkan is missing.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "layer/device.h"
+
+namespace vellum::fuzz
+{
+
+class FakeDevice
+{
+public:
+    FakeDevice();
+    [[nodiscard]] VkDevice handle() const { return handle_; }
+
+    // A buffer with memory of its own, so that AddressSanitizer sees where it ends.
+    VkBuffer makeBuffer(std::size_t size);
+    static std::vector<std::uint8_t> &bytes(VkBuffer buffer);
+    // Forgets all buffers.
+    void clear();
+
+    // Number of messages since the last call.
+    static std::uint32_t takeMessages();
+
+private:
+    VkDevice handle_ = VK_NULL_HANDLE;
+    layer::Device *state_ = nullptr;
+};
+
+} // namespace vellum::fuzz

@@ -1,0 +1,301 @@
+#include <algorithm>
+#include <vector>
+
+#include "check.h"
+#include "core/records.h"
+#include "fake_device.h"
+#include "layer/micromap.h"
+#include "micromap_fuzz.h"
+#include "micromap_model.h"
+#include "reader.h"
+
+namespace vellum::fuzz
+{
+namespace
+{
+
+constexpr std::uint64_t kMostBytes = 1u << 18; // of a micromap that is built
+constexpr std::uint16_t kMostOtherLevel = 8;   // of triangles that are not of a level that was counted
+constexpr std::uint64_t kHeaderBytes = 64;     // of a micromap, and of a serialized one
+
+// The commands on one device, for one input.
+class Commands
+{
+public:
+    Commands(FakeDevice &device, Reader &input) : device_(device), input_(input) {}
+    ~Commands()
+    {
+        for (const VkMicromapEXT micromap : micromaps_)
+            layer::destroyMicromap(device_.handle(), micromap, nullptr);
+        device_.clear();
+    }
+    Commands(const Commands &) = delete;
+    Commands &operator=(const Commands &) = delete;
+
+    void run();
+
+private:
+    void readUsages();
+    bool readTriangles();
+    // A micromap of that size at the end of a buffer; null where it is refused.
+    VkMicromapEXT make(std::uint64_t size);
+    [[nodiscard]] std::span<std::uint8_t> bytesOf(VkMicromapEXT micromap) const;
+    VkMicromapEXT build(std::uint64_t size);
+    std::uint64_t property(VkMicromapEXT micromap, VkQueryType type);
+    void copy(VkMicromapEXT source, std::uint64_t used);
+    void serialize(VkMicromapEXT source, std::uint64_t used);
+    void deserializeDamaged(std::vector<std::uint8_t> serialized, std::uint64_t used);
+    void deserializeAnything();
+    void checkMicromap(VkMicromapEXT micromap) const;
+    // A command that fails says why.
+    static void checkTold(VkResult result)
+    {
+        FUZZ_CHECK(result == VK_SUCCESS || FakeDevice::takeMessages() > 0);
+        FakeDevice::takeMessages();
+    }
+
+    FakeDevice &device_;
+    Reader &input_;
+    std::vector<VkMicromapEXT> micromaps_;
+    std::vector<VkMicromapUsageEXT> usages_;
+    std::vector<const VkMicromapUsageEXT *> usagePointers_;
+    VkMicromapBuildInfoEXT info_{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
+    BuildModel model_;
+    std::vector<std::uint8_t> array_;
+    std::vector<std::uint8_t> data_;
+};
+
+// Counts that are small enough to build, as a rule.
+void Commands::readUsages()
+{
+    usages_.resize(input_.below(6));
+    for (VkMicromapUsageEXT &usage : usages_) {
+        usage.count = input_.oneIn(16) ? input_.take<std::uint32_t>() : input_.below(12);
+        usage.subdivisionLevel = input_.oneIn(16) ? input_.take<std::uint32_t>() : input_.below(8);
+        usage.format = input_.oneIn(16) ? input_.take<std::uint32_t>() : 1 + input_.below(2);
+    }
+    for (const VkMicromapUsageEXT &usage : usages_)
+        usagePointers_.push_back(&usage);
+    info_.flags = input_.byte();
+    info_.type = input_.oneIn(32) ? static_cast<VkMicromapTypeEXT>(1000396001) : VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    info_.mode = input_.oneIn(32) ? static_cast<VkBuildMicromapModeEXT>(1) : VK_BUILD_MICROMAP_MODE_BUILD_EXT;
+    info_.usageCountsCount = static_cast<std::uint32_t>(usages_.size());
+    const bool direct = input_.flag(), wrong = input_.oneIn(32);
+    info_.pUsageCounts = direct ? usages_.data() : nullptr;
+    info_.ppUsageCounts = direct == wrong ? usagePointers_.data() : nullptr;
+}
+
+// As many triangles as the counts say, mostly of their levels and formats, with data that is there: no size of the data
+// is known to these commands. False where the stride is none that can be read with.
+bool Commands::readTriangles()
+{
+    std::uint64_t count = 0;
+    std::uint64_t most = 0;
+    for (const VkMicromapUsageEXT &usage : usages_) {
+        const SourceTriangle one{0, static_cast<std::uint16_t>(usage.subdivisionLevel),
+                                 static_cast<std::uint16_t>(usage.format)};
+        count += usage.count;
+        model_.capacityUnits += static_cast<std::uint32_t>(usage.count * dataUnits(one));
+        if (usage.count > 0) {
+            model_.maxLevel = std::max(model_.maxLevel, usage.subdivisionLevel);
+            most = std::max(most, dataBytes(one));
+        }
+    }
+    model_.share = (info_.flags &
+                    (VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT)) != 0 &&
+                   (info_.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
+    most = std::max(most, dataBytes({0, kMostOtherLevel, 2}));
+    const std::uint32_t places = 1 + input_.below(1u << 12);
+    data_.resize(most + places);
+    input_.part(input_.byte()).fill(data_);
+    model_.data = data_;
+
+    info_.triangleArrayStride = input_.oneIn(8) ? input_.below(40) : 8;
+    const std::uint64_t stride = info_.triangleArrayStride;
+    model_.triangles.resize(count);
+    array_.resize(count == 0 ? 0 : (count - 1) * std::max<std::uint64_t>(stride, 8) + 8);
+    std::size_t usage = 0;
+    std::uint32_t left = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        while (left == 0)
+            left = usages_[usage++].count;
+        --left;
+        const VkMicromapUsageEXT &counted = usages_[usage - 1];
+        SourceTriangle &t = model_.triangles[i];
+        t.level =
+            static_cast<std::uint16_t>(input_.oneIn(16) ? input_.below(kMostOtherLevel + 1) : counted.subdivisionLevel);
+        t.format = static_cast<std::uint16_t>(input_.oneIn(16) ? input_.byte() : counted.format);
+        t.dataOffset = input_.below(places);
+        if (input_.flag())
+            t.dataOffset = t.dataOffset / 16 * 16;
+        std::memcpy(array_.data() + i * std::max<std::uint64_t>(stride, 8), &t, 8);
+    }
+    return stride >= 8 || count <= 1;
+}
+
+VkMicromapEXT Commands::make(std::uint64_t size)
+{
+    VkMicromapCreateInfoEXT create{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT};
+    create.offset = 256u + input_.below(2) * 256u; // a buffer is never empty, a micromap may be
+    create.size = size;
+    create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    create.buffer = device_.makeBuffer(create.offset + size);
+    VkMicromapEXT micromap = VK_NULL_HANDLE;
+    FUZZ_CHECK(layer::createMicromap(device_.handle(), &create, nullptr, &micromap) == VK_SUCCESS);
+    micromaps_.push_back(micromap);
+    return micromap;
+}
+
+std::span<std::uint8_t> Commands::bytesOf(VkMicromapEXT micromap) const
+{
+    const layer::Micromap &m = *layer::micromapOf(micromap);
+    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, m.size);
+}
+
+VkMicromapEXT Commands::build(std::uint64_t size)
+{
+    const VkMicromapEXT micromap = make(size);
+    std::ranges::fill(bytesOf(micromap), std::uint8_t{0xc5});
+    info_.dstMicromap = micromap;
+    info_.triangleArray.hostAddress = array_.data();
+    info_.data.hostAddress = data_.data();
+    const VkResult result = layer::buildMicromaps(device_.handle(), VK_NULL_HANDLE, 1, &info_);
+    checkTold(result);
+    return result == VK_SUCCESS ? micromap : VK_NULL_HANDLE;
+}
+
+std::uint64_t Commands::property(VkMicromapEXT micromap, VkQueryType type)
+{
+    std::uint64_t value = 0;
+    FUZZ_CHECK(layer::writeMicromapsProperties(device_.handle(), 1, &micromap, type, sizeof value, &value,
+                                               sizeof value) == VK_SUCCESS);
+    return value;
+}
+
+// Either nothing was built there, or all of it lies in the micromap.
+void Commands::checkMicromap(VkMicromapEXT micromap) const
+{
+    const std::span<const std::uint8_t> bytes = bytesOf(micromap);
+    std::uint32_t magic = 0;
+    if (bytes.size() < kHeaderBytes)
+        return;
+    std::memcpy(&magic, bytes.data(), sizeof magic);
+    if (magic == shared::kMicromapMagic)
+        checkStaysInside(bytes);
+}
+
+// Into a micromap of the compacted size it is the same; into one that is smaller, none.
+void Commands::copy(VkMicromapEXT source, std::uint64_t used)
+{
+    const VkMicromapEXT exact = make(used);
+    VkCopyMicromapInfoEXT info{VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT};
+    info.src = source;
+    info.dst = exact;
+    info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+    checkTold(layer::copyMicromap(device_.handle(), VK_NULL_HANDLE, &info));
+    checkBuilt(model_, bytesOf(exact));
+    info.dst = make(input_.below(static_cast<std::uint32_t>(used)));
+    checkTold(layer::copyMicromap(device_.handle(), VK_NULL_HANDLE, &info));
+    checkMicromap(info.dst);
+    // It is no micromap then: what is asked of it, and copied from it, is nothing's.
+    FUZZ_CHECK(property(info.dst, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT) == kHeaderBytes);
+}
+
+void Commands::serialize(VkMicromapEXT source, std::uint64_t used)
+{
+    const std::uint64_t size = property(source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT);
+    FUZZ_CHECK(size == used + kHeaderBytes);
+    std::vector<std::uint8_t> serialized(size);
+    VkCopyMicromapToMemoryInfoEXT out{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
+    out.src = source;
+    out.dst.hostAddress = serialized.data();
+    out.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+    checkTold(layer::copyMicromapToMemory(device_.handle(), VK_NULL_HANDLE, &out));
+
+    const VkMicromapEXT target = make(used);
+    VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    in.src.hostAddress = serialized.data();
+    in.dst = target;
+    in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    checkTold(layer::copyMemoryToMicromap(device_.handle(), VK_NULL_HANDLE, &in));
+    checkBuilt(model_, bytesOf(target));
+
+    const VkMicromapVersionInfoEXT version{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, serialized.data()};
+    VkAccelerationStructureCompatibilityKHR compatibility{};
+    layer::getDeviceMicromapCompatibility(device_.handle(), &version, &compatibility);
+    FUZZ_CHECK(compatibility == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR);
+    deserializeDamaged(std::move(serialized), used);
+}
+
+// The size that the header says is what the application vouches for, so it is the one thing that stays.
+void Commands::deserializeDamaged(std::vector<std::uint8_t> serialized, std::uint64_t used)
+{
+    for (std::uint32_t n = 1 + input_.below(6); n > 0; --n) {
+        const std::uint32_t at = input_.below(static_cast<std::uint32_t>(serialized.size()));
+        if (at < 32 || at >= 40)
+            serialized[at] = input_.byte();
+    }
+    VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    in.src.hostAddress = serialized.data();
+    in.dst = make(input_.flag() ? used : input_.below(static_cast<std::uint32_t>(used) + 64));
+    std::ranges::fill(bytesOf(in.dst), input_.byte());
+    in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    checkTold(layer::copyMemoryToMicromap(device_.handle(), VK_NULL_HANDLE, &in));
+    checkMicromap(in.dst);
+}
+
+// Bytes that never were a micromap, 128 of which a header and the micromap's header take.
+void Commands::deserializeAnything()
+{
+    std::vector<std::uint8_t> serialized(2 * kHeaderBytes + input_.below(512));
+    input_.fill(serialized);
+    const std::uint64_t size = serialized.size();
+    std::memcpy(serialized.data() + 32, &size, sizeof size);
+    const VkMicromapVersionInfoEXT version{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, serialized.data()};
+    VkAccelerationStructureCompatibilityKHR compatibility{};
+    layer::getDeviceMicromapCompatibility(device_.handle(), &version, &compatibility);
+    VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    in.src.hostAddress = serialized.data();
+    in.dst = make(serialized[0]);
+    in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    checkTold(layer::copyMemoryToMicromap(device_.handle(), VK_NULL_HANDLE, &in));
+    checkMicromap(in.dst);
+}
+
+void Commands::run()
+{
+    FakeDevice::takeMessages();
+    if (input_.oneIn(16))
+        return deserializeAnything();
+    model_.maxLevel = 0;
+    readUsages();
+    VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
+    layer::getMicromapBuildSizes(device_.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR, &info_, &sizes);
+    FUZZ_CHECK((sizes.micromapSize == 0) == (FakeDevice::takeMessages() > 0));
+    if (sizes.micromapSize == 0 || sizes.micromapSize > kMostBytes)
+        return;
+    const std::uint64_t missing = input_.oneIn(16) ? 1 + input_.below(600) : 0;
+    const bool hasStride = readTriangles();
+    const std::uint64_t count = model_.triangles.size();
+    const std::uint64_t exact = kHeaderBytes + (count + count % 2) * 8 + std::uint64_t{model_.capacityUnits} * 16;
+    FUZZ_CHECK(sizes.micromapSize >= exact && sizes.micromapSize < exact + 256);
+    const VkMicromapEXT micromap = build(exact - std::min(exact, missing));
+    FUZZ_CHECK((micromap != VK_NULL_HANDLE) == (missing == 0 && hasStride));
+    if (!micromap)
+        return;
+    const std::uint64_t used = property(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+    FUZZ_CHECK(used <= exact);
+    checkBuilt(model_, bytesOf(micromap).first(used));
+    copy(micromap, used);
+    serialize(micromap, used);
+}
+
+} // namespace
+
+void hostCommands(Reader &input)
+{
+    static FakeDevice device;
+    Commands(device, input).run();
+}
+
+} // namespace vellum::fuzz

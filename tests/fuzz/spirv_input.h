@@ -1,0 +1,69 @@
+// An input of the rewriter's fuzz target is a module as it lies in a file. The options to rewrite it with are in its
+// header, in the word that names the generator, which means nothing to the rewriter: so the modules of the other tests
+// are inputs as they are, and what is found can be looked at with the usual tools.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "spirv/rewrite.h"
+
+namespace vellum::fuzz
+{
+
+inline constexpr std::size_t kHeaderWords = 5;
+inline constexpr std::size_t kOptionsWord = 2;
+
+// Bits of the options.
+inline constexpr std::uint32_t kQueriesDoNotCarry = 1;
+inline constexpr std::uint32_t kPipelinesDoNotCarry = 2;
+inline constexpr std::uint32_t kInPipeline = 4;       // for a stage of a pipeline
+inline constexpr std::uint32_t kDecidesShift = 3;     // two bits, Decides
+inline constexpr std::uint32_t kEntryPointShift = 5;  // two bits, which one
+inline constexpr std::uint32_t kOtherStage = 0x80;    // whose entry point has another execution model
+inline constexpr std::uint32_t kNoEntryPoint = 0x100; // of a name that the module does not have
+inline constexpr std::uint32_t kAllOptions = 0x1ff;
+
+struct SpirvInput {
+    spirv::RewriteOptions options;
+    std::string entryPoint; // what the options name
+};
+
+// The options that a module carries. `input` must stay where it is.
+inline void readOptions(std::span<const std::uint32_t> words, SpirvInput &input)
+{
+    const std::uint32_t bits = words.size() > kOptionsWord ? words[kOptionsWord] : 0;
+    input.options = {.rootAddress = 0xfedcba9876543210, .firstSlots = 0x0123456789abcde0};
+    input.options.queriesCarryFlagBits = (bits & kQueriesDoNotCarry) == 0;
+    input.options.pipelinesCarryFlagBits = (bits & kPipelinesDoNotCarry) == 0;
+    if ((bits & kInPipeline) == 0)
+        return;
+    std::uint32_t skip = bits >> kEntryPointShift & 3;
+    std::uint32_t model = 5313;
+    constexpr std::uint32_t kOpEntryPoint = 15;
+    for (std::size_t at = kHeaderWords; at + 3 < words.size(); at += words[at] >> 16) {
+        if (words[at] >> 16 == 0)
+            break;
+        if ((words[at] & 0xffff) != kOpEntryPoint)
+            continue;
+        model = words[at + 1];
+        input.entryPoint.clear();
+        for (std::size_t i = (at + 3) * 4; i < words.size() * 4; ++i) {
+            const char c = static_cast<char>(words[i / 4] >> (i % 4 * 8));
+            if (c == 0)
+                break;
+            input.entryPoint += c;
+        }
+        if (skip-- == 0)
+            break;
+    }
+    if ((bits & kNoEntryPoint) != 0)
+        input.entryPoint += "?";
+    if ((bits & kOtherStage) != 0)
+        ++model;
+    input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Decides>(bits >> kDecidesShift & 3)};
+}
+
+} // namespace vellum::fuzz

@@ -1,0 +1,149 @@
+// The map from addresses to buffers, against one that looks at every buffer.
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "layer/address_map.h"
+
+namespace
+{
+
+using vellum::layer::AddressMap;
+
+VkBuffer handle(std::uint64_t value)
+{
+    return reinterpret_cast<VkBuffer>(value);
+}
+
+struct Known {
+    VkBuffer buffer;
+    VkDeviceAddress begin;
+    VkDeviceSize size;
+    VkFlags64 usage;
+    [[nodiscard]] VkDeviceAddress end() const { return begin + size; }
+};
+
+class Model
+{
+public:
+    void add(const Known &known)
+    {
+        map_.add(known.begin, known.buffer, known.size, known.usage);
+        all_.push_back(known);
+    }
+    void remove(std::size_t i)
+    {
+        map_.remove(all_[i].buffer);
+        all_.erase(all_.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+    [[nodiscard]] std::size_t count() const { return all_.size(); }
+
+    void expectFind(VkDeviceAddress address) const
+    {
+        VkDeviceSize furthest = 0;
+        for (const Known &k : all_) {
+            if (k.begin <= address && address < k.end())
+                furthest = std::max(furthest, k.end() - address);
+        }
+        const AddressMap::Place place = map_.find(address);
+        ASSERT_EQ(place.bytes, furthest);
+        ASSERT_EQ(place.buffer != VK_NULL_HANDLE, furthest != 0);
+        ASSERT_EQ(map_.bytesFrom(address), furthest == 0 ? UINT64_MAX : furthest);
+        if (furthest != 0) {
+            expectIn(place, address);
+        }
+    }
+    void expectCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
+    {
+        const bool any =
+            std::any_of(all_.begin(), all_.end(), [&](const Known &k) { return fits(k, address, size, usage); });
+        const AddressMap::Place place = map_.covering(address, size, usage);
+        ASSERT_EQ(place.buffer != VK_NULL_HANDLE, any);
+        if (any) {
+            const Known &k = expectIn(place, address);
+            ASSERT_TRUE(fits(k, address, size, usage));
+        }
+    }
+    void expectWithin(VkDeviceAddress address, VkDeviceSize size) const
+    {
+        std::vector<AddressMap::Place> places = map_.within(address, size);
+        for (const Known &k : all_) {
+            const VkDeviceAddress begin = std::max(k.begin, address);
+            const VkDeviceAddress end = std::min(k.end(), address + size);
+            const auto it =
+                std::find_if(places.begin(), places.end(), [&](const auto &p) { return p.buffer == k.buffer; });
+            ASSERT_EQ(it != places.end(), begin < end);
+            if (begin >= end)
+                continue;
+            ASSERT_EQ(it->offset, begin - k.begin);
+            ASSERT_EQ(it->bytes, end - begin);
+            places.erase(it);
+        }
+        ASSERT_TRUE(places.empty());
+    }
+
+private:
+    static bool fits(const Known &k, VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage)
+    {
+        return k.begin <= address && address < k.end() && address + size <= k.end() && (k.usage & usage) == usage;
+    }
+    const Known &expectIn(const AddressMap::Place &place, VkDeviceAddress address) const
+    {
+        const auto it =
+            std::find_if(all_.begin(), all_.end(), [&](const Known &k) { return k.buffer == place.buffer; });
+        EXPECT_NE(it, all_.end());
+        EXPECT_EQ(it->begin + place.offset, address);
+        EXPECT_EQ(it->end() - address, place.bytes);
+        return *it;
+    }
+
+    AddressMap map_;
+    std::vector<Known> all_;
+};
+
+// Few addresses and many buffers, so that they overlap, begin and end together, and leave gaps.
+TEST(AddressMap, AgreesWithALookAtEveryBuffer)
+{
+    std::mt19937 random(1);
+    const auto upTo = [&random](std::uint32_t most) { return random() % (most + 1); };
+    for (int run = 0; run < 40; ++run) {
+        Model model;
+        for (std::uint64_t step = 1; step <= 60; ++step) {
+            if (model.count() > 0 && upTo(2) == 0)
+                model.remove(upTo(static_cast<std::uint32_t>(model.count() - 1)));
+            else
+                model.add({handle(step), 1 + upTo(60), 1 + upTo(upTo(1) ? 4 : 40), upTo(7)});
+            for (int look = 0; look < 20; ++look) {
+                model.expectFind(upTo(110));
+                model.expectCovering(upTo(110), upTo(20), upTo(7));
+                model.expectWithin(upTo(110), upTo(30));
+                if (HasFatalFailure())
+                    return;
+            }
+        }
+    }
+}
+
+TEST(AddressMap, RangesThatWouldWrapAreInNoBuffer)
+{
+    AddressMap map;
+    map.add(0x1000, handle(1), 0x100, 0);
+    EXPECT_EQ(map.covering(0x1010, UINT64_MAX, 0).buffer, handle(0));
+    EXPECT_EQ(map.covering(0x1010, UINT64_MAX - 0x100f, 0).buffer, handle(0));
+    EXPECT_EQ(map.covering(0x1000, 0x100, 0).buffer, handle(1));
+    EXPECT_EQ(map.covering(0x1000, 0x101, 0).buffer, handle(0));
+    EXPECT_EQ(map.within(0x10f0, UINT64_MAX).size(), 1u);
+}
+
+TEST(AddressMap, AddressZeroIsNoAddress)
+{
+    AddressMap map;
+    map.add(0, handle(1), 0x100, 0);
+    EXPECT_EQ(map.find(0).buffer, handle(0));
+    map.remove(handle(1));
+    map.remove(handle(2));
+}
+
+} // namespace
