@@ -14,10 +14,18 @@ uint headerUnits(uint named)
     return named == 0u ? kSerializedHeaderUnits : (kBlockAddresses * 4u + named * 8u + 15u) / 16u;
 }
 
-// The name of geometry g's micromap; 0: none.
-uvec4 micromapName(Cell cell, uint g)
+// The geometry records and names in the tail of a cell, for loops over them. Not null where there is no tail, but some
+// address that can be read: lavapipe 26 loads what all invocations load from one address even where none is active, as
+// none is when a loop has ended.
+Units recordsOf(Cell cell, uvec2 readable)
 {
-    return Units(cell.tail).at[cell.count + g];
+    return Units((cell.tail.x | cell.tail.y) == 0u ? readable : cell.tail);
+}
+
+// The name of geometry g's micromap; 0: none.
+uvec4 micromapName(Units records, Cell cell, uint g)
+{
+    return records.at[cell.count + g];
 }
 
 bool isNamed(uvec4 name)
