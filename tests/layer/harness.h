@@ -223,6 +223,11 @@ public:
     // The messages that no test expects: those not on the short list of false alarms in harness.cpp. Where Vellum
     // complains, the test meant it, and a validation layer above says no more than it should, too.
     std::vector<Message> takeUnexpectedMessages();
+    // The test breaks the rule with this VUID: a validation layer above may say so.
+    void breaks(std::string rule) { broken_.push_back(std::move(rule)); }
+    // Usage of buffers for acceleration structures. Below Vellum's layer without
+    // VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT: the rule that demands it (pInfo-09542) is younger than the extension.
+    [[nodiscard]] VkBufferUsageFlags structureUsage() const;
     void addMessage(Message message) { messages_.push_back(std::move(message)); }
 
 private:
@@ -241,6 +246,7 @@ private:
     std::uint32_t scratchAlignment_ = 0;
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
     std::vector<Message> messages_;
+    std::vector<std::string> broken_;
 };
 
 // A test with a device; at its end nobody may have complained.

@@ -287,9 +287,8 @@ void Structure::create(VkDeviceSize size)
         gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
     }
     size_ = size;
-    // On purpose without VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT: an application need not ask for it.
     if (placedBuffer_ == VK_NULL_HANDLE)
-        storage_ = Guarded(gpu_, size_, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+        storage_ = Guarded(gpu_, size_, 256, gpu_.structureUsage());
     VkAccelerationStructureCreateInfoKHR create{};
     create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
     create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_.buffer();

@@ -218,7 +218,7 @@ TEST_F(Top, BlasRebuiltWithAndWithoutMicromap)
 TEST_F(Top, MemoryReused)
 {
     // Structures with and without micromaps, one after the other at the same place: the one built last is meant.
-    const Buffer memory(gpu(), 1 << 20, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const Buffer memory(gpu(), 1 << 20, gpu().structureUsage());
     for (int round = 0; round < 6; ++round) {
         Blas blas(gpu());
         blas.placeIn(memory.handle(), 4096);
@@ -234,7 +234,7 @@ TEST_F(Top, MemoryReused)
 
 TEST_F(Top, AliasesAliveTogether)
 {
-    const Buffer memory(gpu(), 1 << 20, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const Buffer memory(gpu(), 1 << 20, gpu().structureUsage());
     Blas first(gpu()), second(gpu());
     first.placeIn(memory.handle(), 0);
     second.placeIn(memory.handle(), 0);
