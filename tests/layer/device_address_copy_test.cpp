@@ -1,5 +1,7 @@
 // Copies, fills, updates, image copies, query results and markers of VK_KHR_device_address_commands: the same bytes as
 // from the commands that take buffers, and wrong ranges refused.
+#include <algorithm>
+
 #include "address_ranges.h"
 
 namespace

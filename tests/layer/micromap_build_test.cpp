@@ -1,5 +1,7 @@
 // Micromap builds, bit for bit: what the device writes is compared with the host's writeMicromapMemory, for every level
 // and format, all build flags, shared and unaligned data, and input that breaks every rule.
+#include <algorithm>
+
 #include "core/micromap_memory.h"
 #include "states.h"
 

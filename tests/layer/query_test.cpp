@@ -38,6 +38,8 @@ private:
 class Queries : public GpuTest
 {
 protected:
+    Queries() : GpuTest({.maintenance = true}) {} // for VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR
+
     void SetUp() override
     {
         for (std::uint32_t i = 0; i < kCount; ++i) {
