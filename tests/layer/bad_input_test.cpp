@@ -239,6 +239,7 @@ TEST_F(BadInput, DataBeyondTheBuffer)
 
 TEST_F(BadInput, RecordsThatBreakTheRules)
 {
+    gpu().breaks("VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-format-11679");
     MicromapInput input;
     for (int i = 0; i < 6; ++i)
         input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
@@ -314,6 +315,7 @@ TEST_F(BadInput, MicromapThatWasNeverBuilt)
 
 TEST_F(BadInput, GeometryWithBothUsageArrays)
 {
+    gpu().breaks("VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-pUsageCounts-07335");
     micromap_->build();
     Geometry geometry{.vertices = triangleRow(4)};
     geometry.micromap = Attachment{micromap_.get()};

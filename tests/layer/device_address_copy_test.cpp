@@ -53,7 +53,7 @@ TEST_F(AddressCopies, RegionsOfManyBuffers)
         const Buffer &source = from[random() % 3];
         const std::size_t target = random() % 3;
         const VkDeviceSize size = random() % 31; // none too
-        const VkDeviceSize sourceOffset = random() % (source.size() - size);
+        const VkDeviceSize sourceOffset = i * 30 + random() % (31 - size); // sources must not overlap either
         regions.push_back(
             copyRegion(rangeOf(source, sourceOffset, size), rangeOf(to[target], i * 30, size == 0 ? 0 : 30)));
         std::copy_n(source.bytes() + sourceOffset, size,
@@ -490,6 +490,8 @@ TEST_F(AddressMarkers, AreWritten)
 
 TEST_F(AddressCopies, CommandsOfExtensionsThatTheDeviceLacksAreNotThere)
 {
+    if (validationOfTests() == Validation::Above)
+        GTEST_SKIP() << "the validation layer has all commands that it knows";
     EXPECT_EQ(gpu().vk().CmdWriteMarkerToMemoryAMD, nullptr);
     const Gpu without({.validation = false, .api = Api::Ext});
     EXPECT_EQ(without.vk().CmdCopyMemoryKHR, nullptr);

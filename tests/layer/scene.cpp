@@ -146,6 +146,7 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     info_.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
     info_.usageCountsCount = static_cast<std::uint32_t>(usage_.size());
     info_.pUsageCounts = usage_.data();
+    info_.triangleArrayStride = input_.stride;
     VkMicromapBuildSizesInfoEXT sizes{};
     sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
     if (gpu_.khr()) {
@@ -174,7 +175,6 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     info_.dstMicromap = micromap_;
     info_.data.deviceAddress = data_.address();
     info_.triangleArray.deviceAddress = triangles_.address();
-    info_.triangleArrayStride = input_.stride;
     info_.scratchData.deviceAddress = scratch_.address();
 }
 
