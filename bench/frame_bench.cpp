@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "api_bench.h"
 #include "cli/options.h"
 #include "cli/progress.h"
 #include "cli/render_command.h"
@@ -16,11 +17,12 @@ using namespace vellum;
 
 struct Options {
     std::vector<std::filesystem::path> files;
-    std::vector<std::string> parts = {"queries", "pipelines", "creation"};
+    std::vector<std::string> parts = {"queries", "pipelines", "creation", "apis"};
     std::string size = "640x360";
     unsigned repetitions = 5;
     std::vector<std::uint32_t> levels = {3, 5, 7};
     std::vector<std::uint32_t> instances = {1, 9};
+    cli::MicromapApi api = cli::MicromapApi::Khr;
     std::optional<std::string> device;
     std::optional<std::filesystem::path> layerFolder;
 };
@@ -71,6 +73,15 @@ void printCreation(const std::vector<bench::CreationResult> &results)
     fmt::print("\nAim for pipelines: at most 1.3.\n");
 }
 
+void printApis(const std::string &scene, cli::Trace trace, const std::vector<bench::ApiResult> &results)
+{
+    for (const bench::ApiResult &r : results)
+        fmt::print("| {} | {} | {} | {} | {} / {} | {:.3f} / {:.3f} | {:.1f} / {:.1f} | {:.3f} | {} |\n", scene,
+                   nameOf(trace), r.level, r.heavy ? "heavy" : "plain", r.bytes[0], r.bytes[1], r.candidatesPerRay[0],
+                   r.candidatesPerRay[1], r.milliseconds[0], r.milliseconds[1], r.ratio, r.differingPixels);
+    std::fflush(stdout);
+}
+
 std::vector<std::optional<std::filesystem::path>> scenesOf(const Options &options)
 {
     std::vector<std::optional<std::filesystem::path>> scenes(options.files.begin(), options.files.end());
@@ -112,6 +123,30 @@ std::vector<Row> measureFrames(const Options &options, const bench::Devices &dev
     return rows;
 }
 
+void measureApis(const Options &options, const cli::DeviceInfo &info, cli::RenderSettings settings)
+{
+    cli::Device khr(info, {cli::MicromapApi::Khr, info.rayTracingPipelines});
+    cli::Device ext(info, {cli::MicromapApi::Ext, info.rayTracingPipelines});
+    std::vector<cli::Trace> traces = {cli::Trace::Query};
+    if (info.rayTracingPipelines)
+        traces.push_back(cli::Trace::Pipeline);
+    fmt::print("| scene | rays by | level | alpha test | micromap bytes khr / ext | candidates/ray khr / ext "
+               "| ms khr / ext | time khr/ext | differing pixels |\n|---|---|--:|---|--:|--:|--:|--:|--:|\n");
+    for (const auto &file : scenesOf(options)) {
+        const std::string name = file ? file->stem().string() : "grove";
+        const cli::RenderScene scene = cli::prepareScene(cli::loadScene(file), 1);
+        for (const cli::Trace trace : traces) {
+            cli::Progress progress(fmt::format("{}, {}, both extensions", name, nameOf(trace)));
+            settings.trace = trace;
+            const auto results =
+                bench::compareApis({khr, ext}, scene, settings, options.levels, options.repetitions,
+                                   [&](std::size_t done, std::size_t all) { progress.update(done, all); });
+            printApis(name, trace, results);
+        }
+    }
+    fmt::print("\nAim: 0.97 to 1.03, the same candidates, no differing pixel.\n\n");
+}
+
 void run(const Options &options)
 {
     cli::RenderSettings settings;
@@ -121,12 +156,16 @@ void run(const Options &options)
     const cli::Instance without(false);
     const cli::Instance with(true);
     const cli::DeviceInfo info = cli::chooseDevice(with, options.device);
+    cli::requireMicromaps(info, options.api, with.layerEnabled());
+    const bool both = info.khrMicromaps && info.extMicromaps;
     const bool pipelines = info.rayTracingPipelines;
-    cli::Device classic(cli::chooseDevice(without, options.device), {false, pipelines});
-    cli::Device enabled(info, {true, pipelines});
+    cli::Device classic(cli::chooseDevice(without, options.device), {std::nullopt, pipelines});
+    cli::Device enabled(info, {options.api, pipelines});
     const bench::Devices devices{classic, enabled};
-    fmt::print("{}, micromaps: {}. {} x {} pixels, median of {}.{}\n\n", info.name, info.implementation, settings.width,
-               settings.height, options.repetitions, pipelines ? "" : " There are no ray tracing pipelines.");
+    fmt::print("{}, micromaps: {}, {}. {} x {} pixels, median of {}.{}{}\n\n", info.name, cli::nameOf(options.api),
+               info.implementation, settings.width, settings.height, options.repetitions,
+               pipelines ? "" : " There are no ray tracing pipelines.",
+               both ? "" : " There is only one of the extensions.");
     std::fflush(stdout);
 
     std::vector<cli::Trace> traces;
@@ -140,6 +179,8 @@ void run(const Options &options)
         printScenes(rows);
         std::fflush(stdout);
     }
+    if (wants(options, "apis") && both)
+        measureApis(options, info, settings);
     if (wants(options, "creation")) {
         std::vector<cli::Trace> all = {cli::Trace::Query};
         if (pipelines)
@@ -159,9 +200,15 @@ int main(int argc, char **argv)
         CLI::App app("Compares frames with and without opacity micromaps; prints Markdown.", "vellum-bench");
         app.add_option("files", options.files, "GLB files; without: the shared trees, or the grove");
         app.add_option("-p,--parts", options.parts,
-                       "What to measure: frames by queries, frames by pipelines, creation of pipelines; without: all")
+                       "What to measure: frames by queries, frames by pipelines, creation of pipelines, frames with\n"
+                       "either extension; without: all")
             ->check(CLI::IsMember(options.parts).description(""))
-            ->type_name("queries|pipelines|creation ...");
+            ->type_name("queries|pipelines|creation|apis ...");
+        std::string api = "khr";
+        app.add_option("-a,--api", api, "What micromaps are made with, but for the part apis")
+            ->capture_default_str()
+            ->check(CLI::IsMember(cli::micromapApis()).description(""))
+            ->type_name("khr|ext");
         app.add_option("-s,--size", options.size, "Width and height in pixels")->capture_default_str();
         app.add_option("-r,--repetitions", options.repetitions, "Frames of each variant")
             ->capture_default_str()
@@ -175,6 +222,7 @@ int main(int argc, char **argv)
         app.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
         app.add_option("--layer-path", options.layerFolder, "Folder of the layer's manifest");
         CLI11_PARSE(app, argc, argv);
+        options.api = cli::micromapApis().at(api);
         run(options);
         return 0;
     } catch (const std::exception &error) {

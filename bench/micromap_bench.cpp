@@ -198,7 +198,7 @@ int main(int argc, char **argv)
         if (const auto folder = cli::findLayerFolder())
             cli::addLayerFolder(*folder);
         const cli::Instance instance(true);
-        cli::Device device(cli::chooseDevice(instance, std::nullopt), {true, false});
+        cli::Device device(cli::chooseDevice(instance, std::nullopt), {cli::MicromapApi::Ext, false});
         fmt::print("| level | format | flags | triangles | MB | build, GB/s | copy, GB/s | build/copy | fastest |\n"
                    "|--:|---|---|--:|--:|--:|--:|--:|--:|\n");
         for (const Flags &flags : kFlags)

@@ -1,11 +1,12 @@
-# vellum_embed_glsl(TARGET NAME symbol SOURCE file.comp [FLAGS ...])
+# vellum_embed_glsl(TARGET NAME symbol SOURCE file.comp [FLAGS ...] [OPACITY_MICROMAP_MODE])
 # Compiles a GLSL shader at build time and adds to TARGET a header "shaders/<symbol>.h" that defines
 # `inline constexpr std::uint32_t <symbol>[]` (SPIR-V words). The shader is validated with spirv-val.
+# OPACITY_MICROMAP_MODE: its ray queries may consume micromaps (opacity_micromap_mode.cmake).
 find_program(GLSLANG glslangValidator REQUIRED)
 find_program(SPIRV_VAL spirv-val REQUIRED)
 
 function(vellum_embed_glsl TARGET)
-  cmake_parse_arguments(ARG "" "NAME;SOURCE" "FLAGS" ${ARGN})
+  cmake_parse_arguments(ARG "OPACITY_MICROMAP_MODE" "NAME;SOURCE" "FLAGS" ${ARGN})
   cmake_path(ABSOLUTE_PATH ARG_SOURCE BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR})
   set(dir ${CMAKE_CURRENT_BINARY_DIR}/shaders)
   set(spv ${dir}/${ARG_NAME}.spv)
@@ -20,6 +21,16 @@ function(vellum_embed_glsl TARGET)
     DEPFILE ${spv}.d # the files that it includes
     COMMENT "GLSL ${ARG_NAME}"
     VERBATIM)
+  if(ARG_OPACITY_MICROMAP_MODE)
+    set(plain ${spv})
+    set(spv ${dir}/${ARG_NAME}.mode.spv)
+    set(script ${PROJECT_SOURCE_DIR}/cmake/opacity_micromap_mode.cmake)
+    add_custom_command(
+      OUTPUT ${spv}
+      COMMAND ${CMAKE_COMMAND} -DIN=${plain} -DOUT=${spv} -P ${script}
+      DEPENDS ${plain} ${script}
+      VERBATIM)
+  endif()
   add_custom_command(
     OUTPUT ${header}
     COMMAND ${CMAKE_COMMAND} -DIN=${spv} -DOUT=${header} -DSYMBOL=${ARG_NAME}

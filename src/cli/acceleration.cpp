@@ -125,7 +125,7 @@ std::unique_ptr<AccelerationStructure> World::buildBottom(Device &device, std::s
         triangles.indexType = VK_INDEX_TYPE_UINT32;
         triangles.indexData.deviceAddress = meshes.back().indices.address();
         if (i < micromaps.size() && micromaps[i] != nullptr) {
-            m_micromaps.push_back(std::make_unique<GpuMicromap>(device, *micromaps[i]));
+            m_micromaps.push_back(makeMicromap(device, *micromaps[i]));
             triangles.pNext = m_micromaps.back()->attachment();
         }
         infos.push_back(info);

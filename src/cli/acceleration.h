@@ -11,33 +11,34 @@
 namespace vellum::cli
 {
 
-// A micromap in the device's memory.
+// A micromap in the device's memory, made with either extension.
 class GpuMicromap
 {
 public:
-    // Builds it, with vkCmdBuildMicromapsEXT. `micromap` must be valid; where it has nothing but special indices there
-    // is no micromap object.
-    GpuMicromap(Device &device, const Micromap &micromap);
-    ~GpuMicromap();
+    virtual ~GpuMicromap() = default;
     GpuMicromap(const GpuMicromap &) = delete;
     GpuMicromap &operator=(const GpuMicromap &) = delete;
 
     // What to put into the pNext chain of the triangles of its geometry; valid as long as this lives.
-    [[nodiscard]] const VkAccelerationStructureTrianglesOpacityMicromapEXT *attachment() const { return &m_attachment; }
+    [[nodiscard]] virtual const void *attachment() const = 0;
     // Bytes of the micromap and of its index buffer.
-    [[nodiscard]] VkDeviceSize bytes() const { return m_storage.size() + m_indices.size(); }
+    [[nodiscard]] VkDeviceSize bytes() const { return m_micromapBytes + m_indices.size(); }
 
-private:
-    explicit GpuMicromap(Device &device) : m_owner(&device) {}
-    void build(Device &device, const Micromap &micromap);
+protected:
+    // Uploads what both extensions read in the same way.
+    GpuMicromap(Device &device, const Micromap &micromap);
 
-    Device *m_owner = nullptr;
-    Buffer m_storage;
+    Device &m_device;
     Buffer m_indices;
-    VkMicromapEXT m_micromap = VK_NULL_HANDLE;
-    std::vector<VkMicromapUsageEXT> m_usage;
-    VkAccelerationStructureTrianglesOpacityMicromapEXT m_attachment{};
+    VkDeviceSize m_micromapBytes = 0; // of the micromap object, where there is one
 };
+
+// Builds it, on a device that has micromaps enabled. `micromap` must be valid; where it has nothing but special indices
+// there is no micromap object.
+std::unique_ptr<GpuMicromap> makeMicromap(Device &device, const Micromap &micromap);
+// The two that makeMicromap chooses from.
+std::unique_ptr<GpuMicromap> makeKhrMicromap(Device &device, const Micromap &micromap);
+std::unique_ptr<GpuMicromap> makeExtMicromap(Device &device, const Micromap &micromap);
 
 class AccelerationStructure
 {

@@ -9,6 +9,7 @@
 #include <vulkan/vulkan.h>
 
 #include "cli/error.h"
+#include "vellum/vulkan_opacity_micromap.h"
 
 namespace vellum::cli
 {
@@ -33,14 +34,25 @@ private:
     bool m_layerEnabled = false;
 };
 
+// The extension that micromaps are made and used with.
+enum class MicromapApi {
+    Khr, // VK_KHR_opacity_micromap, with VK_KHR_device_address_commands, which it depends on
+    Ext, // VK_EXT_opacity_micromap
+};
+// The extension's name.
+const char *nameOf(MicromapApi api);
+
 struct DeviceInfo {
     VkPhysicalDevice handle = VK_NULL_HANDLE;
     std::string name;
     VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
     bool rayQuery = false; // and what else the renderer needs
     bool rayTracingPipelines = false;
-    bool micromaps = false;     // VK_EXT_opacity_micromap, from whomever
-    std::string implementation; // of the extension, in words
+    bool khrMicromaps = false; // from whomever
+    bool extMicromaps = false;
+    std::string implementation; // of micromaps, in words
+
+    [[nodiscard]] bool has(MicromapApi api) const { return api == MicromapApi::Khr ? khrMicromaps : extMicromaps; }
 };
 
 std::vector<DeviceInfo> listDevices(const Instance &instance);
@@ -49,6 +61,9 @@ std::vector<DeviceInfo> listDevices(const Instance &instance);
 // kind that has ray queries. Throws Error where there is none.
 DeviceInfo chooseDevice(const Instance &instance, const std::optional<std::string> &wish);
 
+// Throws Error where the device lacks the extension. `layer`: the layer was turned on.
+void requireMicromaps(const DeviceInfo &device, MicromapApi api, bool layer);
+
 // Functions of extensions, which the loader does not export.
 struct DeviceFunctions {
     PFN_vkCreateAccelerationStructureKHR createAccelerationStructure;
@@ -56,6 +71,8 @@ struct DeviceFunctions {
     PFN_vkGetAccelerationStructureBuildSizesKHR getAccelerationStructureBuildSizes;
     PFN_vkGetAccelerationStructureDeviceAddressKHR getAccelerationStructureDeviceAddress;
     PFN_vkCmdBuildAccelerationStructuresKHR cmdBuildAccelerationStructures;
+    // Null without VK_KHR_device_address_commands, which is there for VK_KHR_opacity_micromap only.
+    PFN_vkCreateAccelerationStructure2KHR createAccelerationStructure2;
     // Null without VK_EXT_opacity_micromap.
     PFN_vkCreateMicromapEXT createMicromap;
     PFN_vkDestroyMicromapEXT destroyMicromap;
@@ -69,7 +86,7 @@ struct DeviceFunctions {
 
 // What a device is to have enabled besides ray queries.
 struct DeviceNeeds {
-    bool micromaps = false;           // VK_EXT_opacity_micromap
+    std::optional<MicromapApi> micromaps;
     bool rayTracingPipelines = false; // VK_KHR_ray_tracing_pipeline
 };
 
@@ -84,6 +101,8 @@ public:
 
     [[nodiscard]] VkDevice handle() const { return m_device; }
     [[nodiscard]] const DeviceInfo &info() const { return m_info; }
+    // What micromaps are made with, where they are enabled.
+    [[nodiscard]] std::optional<MicromapApi> micromapApi() const { return m_micromapApi; }
     [[nodiscard]] const DeviceFunctions &functions() const { return m_functions; }
     [[nodiscard]] VkDeviceSize scratchAlignment() const { return m_scratchAlignment; }
     [[nodiscard]] const VkPhysicalDeviceLimits &limits() const { return m_limits; }
@@ -100,12 +119,13 @@ public:
     void submitAndWait(VkCommandBuffer commands);
 
 private:
-    explicit Device(const DeviceInfo &info) : m_info(info) {}
+    Device(const DeviceInfo &info, std::optional<MicromapApi> micromaps) : m_info(info), m_micromapApi(micromaps) {}
     void create(const DeviceNeeds &needs);
     void loadFunctions(const DeviceNeeds &needs);
     void readProperties();
 
     DeviceInfo m_info;
+    std::optional<MicromapApi> m_micromapApi;
     VkDevice m_device = VK_NULL_HANDLE;
     VkQueue m_queue = VK_NULL_HANDLE;
     std::uint32_t m_family = 0;

@@ -7,10 +7,10 @@ namespace vellum::cli
 {
 
 // Delegates, so that the destructor also runs where this throws.
-Device::Device(const DeviceInfo &info, const DeviceNeeds &needs) : Device(info)
+Device::Device(const DeviceInfo &info, const DeviceNeeds &needs) : Device(info, needs.micromaps)
 {
-    if (needs.micromaps && !info.micromaps)
-        throw Error(info.name + " has no VK_EXT_opacity_micromap, and the layer that brings it is not turned on");
+    if (needs.micromaps && !info.has(*needs.micromaps))
+        throw Error(info.name + " has no " + nameOf(*needs.micromaps));
     if (needs.rayTracingPipelines && !info.rayTracingPipelines)
         throw Error(info.name + " has no ray tracing pipelines (VK_KHR_ray_tracing_pipeline)");
     readProperties();
@@ -61,8 +61,12 @@ void Device::create(const DeviceNeeds &needs)
     if (supported.shaderSampledImageArrayNonUniformIndexing == VK_FALSE)
         throw Error(m_info.name + " cannot index textures freely (shaderSampledImageArrayNonUniformIndexing)");
 
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT,
-                                                        nullptr, VK_TRUE, VK_FALSE, VK_FALSE};
+    VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR, nullptr, VK_TRUE};
+    VkPhysicalDeviceOpacityMicromapFeaturesKHR khrMicromap{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR, nullptr, VK_TRUE};
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT extMicromap{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT, nullptr, VK_TRUE, VK_FALSE, VK_FALSE};
     VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
     pipelines.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR;
     pipelines.rayTracingPipeline = VK_TRUE;
@@ -97,8 +101,12 @@ void Device::create(const DeviceNeeds &needs)
         feature.pNext = std::exchange(rayQuery.pNext, &feature);
         extensions.push_back(extension);
     };
-    if (needs.micromaps)
-        add(micromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    if (needs.micromaps == MicromapApi::Khr) {
+        add(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+        add(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    } else if (needs.micromaps == MicromapApi::Ext) {
+        add(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    }
     if (needs.rayTracingPipelines)
         add(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
     VkDeviceCreateInfo info{};
@@ -128,7 +136,9 @@ void Device::loadFunctions(const DeviceNeeds &needs)
     load(m_functions.getAccelerationStructureBuildSizes, "vkGetAccelerationStructureBuildSizesKHR");
     load(m_functions.getAccelerationStructureDeviceAddress, "vkGetAccelerationStructureDeviceAddressKHR");
     load(m_functions.cmdBuildAccelerationStructures, "vkCmdBuildAccelerationStructuresKHR");
-    if (needs.micromaps) {
+    if (needs.micromaps == MicromapApi::Khr)
+        load(m_functions.createAccelerationStructure2, "vkCreateAccelerationStructure2KHR");
+    if (needs.micromaps == MicromapApi::Ext) {
         load(m_functions.createMicromap, "vkCreateMicromapEXT");
         load(m_functions.destroyMicromap, "vkDestroyMicromapEXT");
         load(m_functions.getMicromapBuildSizes, "vkGetMicromapBuildSizesEXT");

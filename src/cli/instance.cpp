@@ -50,7 +50,7 @@ std::set<std::string> extensionsOf(VkPhysicalDevice device)
     return names;
 }
 
-// Who implements the extension: the layer reports itself as a tool, with what it does for the device.
+// Who implements the extensions: the layer reports itself as a tool, with what it does for the device.
 std::string describeImplementation(VkPhysicalDevice device, std::uint32_t version)
 {
     std::uint32_t count = 0;
@@ -81,22 +81,32 @@ DeviceInfo describe(VkPhysicalDevice device)
     if (properties.apiVersion < VK_API_VERSION_1_3 || !extensions.contains(VK_KHR_RAY_QUERY_EXTENSION_NAME) ||
         !extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
         return info;
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT,
-                                                        nullptr, VK_FALSE, VK_FALSE, VK_FALSE};
+    VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR, nullptr, VK_FALSE};
+    VkPhysicalDeviceOpacityMicromapFeaturesKHR khrMicromap{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR, nullptr, VK_FALSE};
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT extMicromap{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT, nullptr, VK_FALSE, VK_FALSE, VK_FALSE};
     VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
     pipelines.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR;
     VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR, nullptr,
                                                  VK_FALSE};
-    if (extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
-        micromap.pNext = std::exchange(rayQuery.pNext, &micromap);
-    if (extensions.contains(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
-        pipelines.pNext = std::exchange(rayQuery.pNext, &pipelines);
+    const auto ask = [&](auto &feature, const char *extension) {
+        if (extensions.contains(extension))
+            feature.pNext = std::exchange(rayQuery.pNext, &feature);
+    };
+    ask(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    ask(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    ask(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    ask(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &rayQuery, {}};
     vkGetPhysicalDeviceFeatures2(device, &features);
     info.rayQuery = rayQuery.rayQuery == VK_TRUE;
     info.rayTracingPipelines = pipelines.rayTracingPipeline == VK_TRUE;
-    info.micromaps = micromap.micromap == VK_TRUE;
-    info.implementation = info.micromaps ? describeImplementation(device, properties.apiVersion) : "none";
+    info.khrMicromaps = khrMicromap.micromap == VK_TRUE && addressCommands.deviceAddressCommands == VK_TRUE;
+    info.extMicromaps = extMicromap.micromap == VK_TRUE;
+    info.implementation =
+        info.khrMicromaps || info.extMicromaps ? describeImplementation(device, properties.apiVersion) : "none";
     return info;
 }
 
@@ -131,6 +141,24 @@ void check(VkResult result, const char *what)
     const char *name = nameOf(result);
     throw Error(std::string(what) +
                 " failed: " + (name != nullptr ? std::string(name) : "VkResult " + std::to_string(result)));
+}
+
+const char *nameOf(MicromapApi api)
+{
+    return api == MicromapApi::Khr ? VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME : VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME;
+}
+
+void requireMicromaps(const DeviceInfo &device, MicromapApi api, bool layer)
+{
+    if (device.has(api))
+        return;
+    std::string text = device.name + " has no " + nameOf(api);
+    const MicromapApi other = api == MicromapApi::Khr ? MicromapApi::Ext : MicromapApi::Khr;
+    if (device.has(other))
+        text += std::string(", but ") + nameOf(other) + ": --api " + (other == MicromapApi::Khr ? "khr" : "ext");
+    else if (!layer)
+        text += ", and the layer that brings it is not turned on";
+    throw Error(text);
 }
 
 Instance::Instance(bool wantLayer)

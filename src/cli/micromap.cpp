@@ -2,105 +2,19 @@
 
 namespace vellum::cli
 {
-namespace
+
+GpuMicromap::GpuMicromap(Device &device, const Micromap &micromap)
+    : m_device(device),
+      m_indices(uploadBuffer(device, std::as_bytes(std::span(micromap.indices)),
+                             VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                                 VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR))
 {
-
-// VkMicromapBuildInfoEXT: scratch, data and triangle addresses are multiples of 256
-// (VUID-vkCmdBuildMicromapsEXT-pInfos-07514 and -07515, and the storage offset by
-// VUID-VkMicromapCreateInfoEXT-offset-07437).
-constexpr VkDeviceSize kAlignment = 256;
-
-constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-
-std::vector<VkMicromapUsageEXT> toVulkan(const std::vector<MicromapUsage> &usages)
-{
-    std::vector<VkMicromapUsageEXT> result;
-    for (const MicromapUsage &u : usages)
-        result.push_back({u.count, u.subdivisionLevel, static_cast<std::uint32_t>(u.format)});
-    return result;
 }
 
-// Between the micromap's build and the acceleration structure build that reads it.
-void micromapBarrier(VkCommandBuffer commands)
+std::unique_ptr<GpuMicromap> makeMicromap(Device &device, const Micromap &micromap)
 {
-    const VkMemoryBarrier2 barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2,
-                                   nullptr,
-                                   VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT,
-                                   VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT,
-                                   VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
-                                   VK_ACCESS_2_MICROMAP_READ_BIT_EXT};
-    VkDependencyInfo dependency{};
-    dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-    dependency.memoryBarrierCount = 1;
-    dependency.pMemoryBarriers = &barrier;
-    vkCmdPipelineBarrier2(commands, &dependency);
-}
-
-} // namespace
-
-GpuMicromap::GpuMicromap(Device &device, const Micromap &micromap) : GpuMicromap(device)
-{
-    m_indices = uploadBuffer(device, std::as_bytes(std::span(micromap.indices)),
-                             kAddress | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR);
-    if (!micromap.triangles.empty())
-        build(device, micromap);
-    m_usage = toVulkan(micromap.geometryUsage());
-    m_attachment.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
-    m_attachment.indexType = VK_INDEX_TYPE_UINT32;
-    m_attachment.indexBuffer.deviceAddress = m_indices.address();
-    m_attachment.indexStride = sizeof(std::int32_t);
-    m_attachment.baseTriangle = micromap.baseTriangle;
-    m_attachment.usageCountsCount = static_cast<std::uint32_t>(m_usage.size());
-    m_attachment.pUsageCounts = m_usage.data();
-    m_attachment.micromap = m_micromap;
-}
-
-GpuMicromap::~GpuMicromap()
-{
-    if (m_micromap != VK_NULL_HANDLE)
-        m_owner->functions().destroyMicromap(m_owner->handle(), m_micromap, nullptr);
-}
-
-void GpuMicromap::build(Device &device, const Micromap &micromap)
-{
-    static_assert(sizeof(MicromapTriangle) == sizeof(VkMicromapTriangleEXT));
-    const VkBufferUsageFlags input = kAddress | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
-    const Buffer data = uploadBuffer(device, std::as_bytes(std::span(micromap.data)), input, kAlignment);
-    const Buffer triangles = uploadBuffer(device, std::as_bytes(std::span(micromap.triangles)), input, kAlignment);
-    const std::vector<VkMicromapUsageEXT> usage = toVulkan(micromap.buildUsage());
-
-    VkMicromapBuildInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    info.flags = VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT;
-    info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-    info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
-    info.pUsageCounts = usage.data();
-    info.data.deviceAddress = data.address(kAlignment);
-    info.triangleArray.deviceAddress = triangles.address(kAlignment);
-    info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
-    VkMicromapBuildSizesInfoEXT sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-    const DeviceFunctions &vk = device.functions();
-    vk.getMicromapBuildSizes(device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &sizes);
-
-    m_storage =
-        Buffer(device, sizes.micromapSize, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT, Buffer::Place::Device);
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = m_storage.handle();
-    create.size = sizes.micromapSize;
-    create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    check(vk.createMicromap(device.handle(), &create, nullptr, &m_micromap), "creating a micromap");
-    const VkDeviceSize alignment = std::max(kAlignment, device.scratchAlignment());
-    const Buffer scratch(device, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
-                         Buffer::Place::Device);
-    info.dstMicromap = m_micromap;
-    info.scratchData.deviceAddress = scratch.address(alignment);
-    device.run([&](VkCommandBuffer commands) {
-        vk.cmdBuildMicromaps(commands, 1, &info);
-        micromapBarrier(commands);
-    });
+    return device.micromapApi() == MicromapApi::Khr ? makeKhrMicromap(device, micromap)
+                                                    : makeExtMicromap(device, micromap);
 }
 
 } // namespace vellum::cli

@@ -13,8 +13,9 @@ namespace
 {
 
 constexpr const char *kRenderDetails = R"(
-An ordinary Vulkan program: where the driver lacks VK_EXT_opacity_micromap, the layer VK_LAYER_VELLUM_opacity_micromap,
-which is turned on by default, brings it. Which device and which implementation of the extension were used is printed.
+An ordinary Vulkan program: where the driver lacks VK_KHR_opacity_micromap or VK_EXT_opacity_micromap, the layer
+VK_LAYER_VELLUM_opacity_micromap, which is turned on by default, brings it. Which device, which of the two and whose
+implementation of it were used is printed.
 It needs a Vulkan 1.3 device with ray queries, and with ray tracing pipelines for --trace pipeline; Mesa's lavapipe is
 one that runs on any processor.
 
@@ -51,6 +52,7 @@ const std::map<std::string, Trace> kTraces = {{"query", Trace::Query}, {"pipelin
 struct RawOptions {
     std::string mode = "omm";
     std::string trace = "query";
+    std::string api = "khr";
     std::string size;
     std::string level = "7";
     unsigned format = 4;
@@ -74,6 +76,12 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
                     "pipeline: a ray tracing pipeline, whose any-hit shader samples the texture [query]")
         ->check(CLI::IsMember(kTraces).description(""))
         ->type_name("WAY");
+    command
+        .add_option("-a,--api", raw.api,
+                    "What micromaps are made with: khr, VK_KHR_opacity_micromap, or ext,\n"
+                    "VK_EXT_opacity_micromap [khr]")
+        ->check(CLI::IsMember(micromapApis()).description(""))
+        ->type_name("API");
     command.add_option("-o,--output", options.output,
                        "The PNG to write; compare writes <name>-alpha.png too, and\n"
                        "<name>-difference.png if there is any [vellum.png]");
@@ -109,6 +117,7 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
         options.bake.level = parseLevel(raw.level);
     options.mode = kModes.at(raw.mode);
     options.settings.trace = kTraces.at(raw.trace);
+    options.api = micromapApis().at(raw.api);
     options.layer = !raw.noLayer;
     // NaN passes CLI11's range checks.
     const View &view = options.settings.view;
@@ -125,6 +134,12 @@ std::string oneLine(std::string text)
 }
 
 } // namespace
+
+const std::map<std::string, MicromapApi> &micromapApis()
+{
+    static const std::map<std::string, MicromapApi> apis = {{"khr", MicromapApi::Khr}, {"ext", MicromapApi::Ext}};
+    return apis;
+}
 
 void parseSize(const std::string &text, RenderSettings &settings)
 {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -18,6 +19,7 @@ struct RenderOptions {
     std::optional<std::filesystem::path> input; // the built-in grove without
     std::filesystem::path output = "vellum.png";
     Mode mode = Mode::Micromaps;
+    MicromapApi api = MicromapApi::Khr;
     RenderSettings settings;
     BakeOptions bake;
     std::uint32_t instances = 1;
@@ -26,6 +28,9 @@ struct RenderOptions {
     bool layer = true;
     std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program
 };
+
+// What --api takes.
+const std::map<std::string, MicromapApi> &micromapApis();
 
 // "1280x720". Throws Error.
 void parseSize(const std::string &text, RenderSettings &settings);

@@ -1,6 +1,7 @@
 #include "cli/query_pipeline.h"
 
 #include "shaders/render_comp.h"
+#include "shaders/render_comp_micromaps.h"
 
 namespace vellum::cli
 {
@@ -13,7 +14,12 @@ constexpr std::uint32_t kGroup = 8; // local size of the shader, both ways
 
 QueryPipeline::QueryPipeline(Device &device, const TracePipelineInfo &info) : m_device(device)
 {
-    const ShaderStage shader(device, VK_SHADER_STAGE_COMPUTE_BIT, render_comp, info.constants);
+    // With VK_EXT_opacity_micromap all ray queries consume micromaps, with VK_KHR_opacity_micromap those of shaders
+    // that declare it, which they may with that extension only.
+    const bool declares = info.micromaps && device.micromapApi() == MicromapApi::Khr;
+    const ShaderStage shader(device, VK_SHADER_STAGE_COMPUTE_BIT,
+                             declares ? std::span<const std::uint32_t>(render_comp_micromaps) : render_comp,
+                             info.constants);
     VkComputePipelineCreateInfo create{};
     create.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
     create.stage = shader.info();

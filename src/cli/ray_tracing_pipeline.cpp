@@ -75,6 +75,7 @@ void RayTracingPipeline::create(const TracePipelineInfo &info)
 
     VkRayTracingPipelineCreateInfoKHR create{};
     create.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR;
+    // The same bit with either extension.
     create.flags = info.micromaps ? VkPipelineCreateFlags{VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT} : 0u;
     create.stageCount = static_cast<std::uint32_t>(std::size(stages));
     create.pStages = stages;

@@ -36,7 +36,9 @@ void printScene(const RenderOptions &options, const DeviceInfo &device, const Re
     fmt::print("device      {}\n", device.name);
     fmt::print("rays        by {}\n",
                options.settings.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline");
-    fmt::print("micromaps   {}\n", options.mode == Mode::Alpha ? "not used" : device.implementation);
+    fmt::print("micromaps   {}\n", options.mode == Mode::Alpha
+                                       ? "not used"
+                                       : fmt::format("{}, {}", nameOf(options.api), device.implementation));
     fmt::print("scene       {}: {} masked and {} solid triangles{}\n",
                options.input ? options.input->filename().string() : "the built-in grove",
                grouped(scene.maskedTriangles()), grouped(scene.solidTriangles()),
@@ -69,7 +71,7 @@ void writePicture(const std::filesystem::path &path, const Picture &picture)
 
 DeviceNeeds needsOf(const RenderOptions &options, bool micromaps)
 {
-    return {micromaps, options.settings.trace == Trace::Pipeline};
+    return {micromaps ? std::optional(options.api) : std::nullopt, options.settings.trace == Trace::Pipeline};
 }
 
 struct Timing {
@@ -118,7 +120,7 @@ void printComparison(const RenderOptions &options, const Timing &alpha, const Ti
 
 int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
 {
-    // Two devices: the classic one does not enable the extension and pays nothing for it.
+    // Two devices: the classic one enables no extension for micromaps and pays nothing for it.
     Device plain(info, needsOf(options, false));
     Device enabled(info, needsOf(options, true));
     Timing alpha;
@@ -183,9 +185,8 @@ int renderCommand(const RenderOptions &options)
         offerLayer(options.layerFolder);
     const Instance instance(options.layer);
     const DeviceInfo info = chooseDevice(instance, options.device);
-    if (options.mode != Mode::Alpha && !info.micromaps)
-        throw Error(info.name + " has no VK_EXT_opacity_micromap" +
-                    (instance.layerEnabled() ? "" : ", and the layer that brings it is not turned on"));
+    if (options.mode != Mode::Alpha)
+        requireMicromaps(info, options.api, instance.layerEnabled());
     if (options.settings.trace == Trace::Pipeline && !info.rayTracingPipelines)
         throw Error(info.name +
                     " has no ray tracing pipelines (VK_KHR_ray_tracing_pipeline); --trace query does without");

@@ -79,6 +79,7 @@ VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot
 VELLUM_CONST uint kScratchLastUnit = 2u;   // the end of the data that can
 VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, where input is validated
 VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; where input is validated
+VELLUM_CONST uint kScratchStaged = 5u;     // data units of lossy builds' triangles that have a place
 VELLUM_CONST uint kPlaceBlock = 256u;
 VELLUM_CONST uint kCheckedPerInvocation = 16u;
 VELLUM_CONST uint kPartUnits = 64u;
@@ -94,6 +95,12 @@ VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the
 VELLUM_CONST uint kBuildVerbatim = 0x20000000u;
 VELLUM_CONST uint kBuildShare = 0x40000000u;
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
+
+// --- lossy builds (core/lossy.h); the coarsened micromap lies behind the other tables, see shaders/micromap_lossy.glsl
+// --- A micro-triangle that becomes unknown must save the states of 2^kLossyPriceLog2.
+VELLUM_CONST uint kLossyPriceLog2 = 4u;
+VELLUM_CONST uint kLossyEntryBytes = 12u;
+VELLUM_CONST uint kLossyPartBytes = 16u;
 
 // --- geometry record ---
 // word 0: bit 0: VK_GEOMETRY_OPAQUE_BIT_KHR; the other 31: index of its first triangle record, counted in triangle

@@ -110,7 +110,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
     structure->type = info->type;
     structure->content = info->type;
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-        device.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type",
+        device.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-parameter",
                               "vkCreateAccelerationStructureKHR: a micromap is made by "
                               "vkCreateAccelerationStructure2KHR");
         return VK_ERROR_VALIDATION_FAILED_EXT;

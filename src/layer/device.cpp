@@ -213,7 +213,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->emulated = emulated;
     if (emulated) {
         device->asked = askedFor(*info);
-        if (device->asked.captureReplay) {
+        if (device->asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;
         }

@@ -68,6 +68,7 @@ namespace vellum::layer
     X(GetAccelerationStructureDeviceAddressKHR, GetAccelerationStructureDeviceAddressKHR)                              \
     X(GetDeviceAccelerationStructureCompatibilityKHR, GetDeviceAccelerationStructureCompatibilityKHR)                  \
     X(CmdBuildAccelerationStructuresKHR, CmdBuildAccelerationStructuresKHR)                                            \
+    X(CmdBuildAccelerationStructuresIndirectKHR, CmdBuildAccelerationStructuresIndirectKHR)                            \
     X(CmdCopyAccelerationStructureToMemoryKHR, CmdCopyAccelerationStructureToMemoryKHR)                                \
     X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
     X(CmdCopyMemoryToAccelerationStructureKHR, CmdCopyMemoryToAccelerationStructureKHR)                                \

@@ -7,6 +7,9 @@
 #include "shaders/micromap_check.h"
 #include "shaders/micromap_clear.h"
 #include "shaders/micromap_fold.h"
+#include "shaders/micromap_lossy.h"
+#include "shaders/micromap_lossy_choose.h"
+#include "shaders/micromap_lossy_parts.h"
 #include "shaders/micromap_move.h"
 #include "shaders/micromap_owners.h"
 #include "shaders/micromap_parts.h"
@@ -49,6 +52,9 @@ Code codeOf(InjectedShader shader)
     case InjectedShader::MicromapPlace: return {micromap_place, sizeof micromap_place};
     case InjectedShader::MicromapFold: return {micromap_fold, sizeof micromap_fold};
     case InjectedShader::MicromapOwners: return {micromap_owners, sizeof micromap_owners};
+    case InjectedShader::MicromapLossy: return {micromap_lossy, sizeof micromap_lossy};
+    case InjectedShader::MicromapLossyParts: return {micromap_lossy_parts, sizeof micromap_lossy_parts};
+    case InjectedShader::MicromapLossyChoose: return {micromap_lossy_choose, sizeof micromap_lossy_choose};
     case InjectedShader::MicromapMove: return {micromap_move, sizeof micromap_move};
     case InjectedShader::QueryValue: return {query_value, sizeof query_value};
     case InjectedShader::QueryCopy: return {query_copy, sizeof query_copy};

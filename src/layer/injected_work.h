@@ -37,6 +37,9 @@ enum class InjectedShader {
     MicromapPlace,
     MicromapFold,
     MicromapOwners,
+    MicromapLossy,
+    MicromapLossyParts,
+    MicromapLossyChoose,
     MicromapMove,
     QueryValue,
     QueryCopy,
@@ -66,7 +69,7 @@ struct QueryCopyPush {
     uint32_t count, flags;
 };
 struct BlasRecordsPush {
-    VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord, log;
+    VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord, log, range;
     uint64_t object;
     uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits,
         geometry, named;
@@ -74,6 +77,7 @@ struct BlasRecordsPush {
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {
     VkDeviceAddress source, target, root, tail, cell;
+    VkDeviceAddress range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
     uint32_t count, firstSlot;
     InstancesFrom from;
     uint32_t pass;

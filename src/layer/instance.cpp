@@ -116,6 +116,15 @@ Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
 
 } // namespace
 
+bool replaysAddresses(Instance &instance, VkPhysicalDevice device)
+{
+    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
+    VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
+    instance.next.GetPhysicalDeviceFeatures2(device, &features);
+    return addresses.bufferDeviceAddressCaptureReplay;
+}
+
 Instance *instanceOfKey(void *key)
 {
     std::shared_lock lock(instancesMutex);
@@ -246,7 +255,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
     instance.next.GetPhysicalDeviceFeatures2(device, features);
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>()) {
         own->micromap = VK_TRUE;
-        own->micromapCaptureReplay = VK_FALSE;
+        own->micromapCaptureReplay = replaysAddresses(instance, device);
         own->micromapHostCommands = VK_TRUE;
     }
     if (auto *own = khr.get<VkPhysicalDeviceOpacityMicromapFeaturesKHR>())

@@ -51,6 +51,9 @@ struct Implementations {
 };
 Implementations implementationsOn(Instance &instance, VkPhysicalDevice physicalDevice);
 
+// Whether the driver gives buffers the addresses that they had before: then micromaps have theirs.
+bool replaysAddresses(Instance &instance, VkPhysicalDevice physicalDevice);
+
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance);
 VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance instance, const VkAllocationCallbacks *allocator);

@@ -105,6 +105,27 @@ MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
     return push;
 }
 
+// Of the passes that coarsen a lossy build's input to scratch memory.
+MicromapPush coarseningOf(MicromapPush push, const MicromapExtent &extent)
+{
+    push.micromap = push.scratch + extent.coarsenedOffset();
+    push.flags &= ~kBuildShare;
+    return push;
+}
+
+// Of the ordinary passes after them, which have nothing to tell any more.
+MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
+{
+    push.triangleArray = push.scratch + extent.coarsenedOffset();
+    push.triangleArrayStride = kLossyEntryBytes;
+    push.readable = push.triangleCount;
+    push.data = push.triangleArray;
+    push.dataBytes = static_cast<uint32_t>(extent.coarsenedBytes());
+    push.alike = 0;
+    push.log = 0;
+    return push;
+}
+
 // The data as it lies, as much as there is room for, to be copied to where a micromap's data goes. Nothing where the
 // build shares data, or the driver would not let it be copied.
 struct DataCopy {
@@ -116,7 +137,7 @@ struct DataCopy {
 DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
 {
     const MicromapExtent extent = extentOf(info);
-    if (extent.share || extent.units == 0)
+    if (extent.share || extent.lossy || extent.units == 0)
         return {};
     const AddressMap::Place source = device.addresses.find(info.data.deviceAddress);
     if (!source.buffer || (device.buffers.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
@@ -207,6 +228,11 @@ public:
         build.push = pushOf(device_, info);
         if (build.copy.from)
             build.push.flags |= kBuildVerbatim;
+        const MicromapExtent extent = extentOf(info);
+        if (extent.lossy) {
+            lossy_.emplace_back().push = coarseningOf(build.push, extent);
+            build.push = coarsenedOf(build.push, extent);
+        }
         letStay(device_, info, build);
         builds_.push_back(build);
     }
@@ -216,6 +242,8 @@ public:
         const bool share = any([](const OneBuild &build) { return build.shares(); });
         const bool parts = any([](const OneBuild &build) { return build.hasParts(); });
         work_.barrier();
+        if (!lossy_.empty())
+            coarsen();
         for (const OneBuild &build : builds_)
             prepare(build);
         stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
@@ -282,6 +310,23 @@ private:
         }
     }
 
+    // Lossy builds first: the other stages then read what these leave in scratch memory.
+    void coarsen()
+    {
+        builds_.swap(lossy_);
+        const auto parts = [](const OneBuild &build) { return build.parts(); };
+        const bool anyParts = any([](const OneBuild &build) { return build.hasParts(); });
+        stage(InjectedShader::MicromapClear, [](const OneBuild &) { return kScratchCounterWords; });
+        stage(InjectedShader::MicromapLossy, [](const OneBuild &build) { return build.triangles(); });
+        if (anyParts)
+            stage(InjectedShader::MicromapLossyParts, parts, 64, kBuildAnalysing);
+        stage(InjectedShader::MicromapLossyChoose,
+              [](const OneBuild &build) { return std::max<uint64_t>(build.parts(), 1); });
+        if (anyParts)
+            stage(InjectedShader::MicromapLossyParts, parts);
+        builds_.swap(lossy_);
+    }
+
     void analyse(bool parts)
     {
         stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
@@ -336,6 +381,7 @@ private:
     VkCommandBuffer commandBuffer_;
     InjectedWork work_;
     std::vector<OneBuild> builds_;
+    std::vector<OneBuild> lossy_; // of the passes that coarsen
 };
 
 } // namespace
@@ -355,12 +401,23 @@ uint64_t MicromapExtent::tableSlots() const
     return share ? std::bit_ceil(std::max<uint64_t>(2 * triangles, 2)) : 1;
 }
 
-uint64_t MicromapExtent::scratchBytes() const
+uint64_t MicromapExtent::coarsenedOffset() const
 {
     uint64_t words = kScratchTables + blocksOf(triangles) + 2 * parts();
     if (share)
         words += 2 * triangles + tableSlots();
     return (words * 4 + 255) / 256 * 256;
+}
+
+uint64_t MicromapExtent::coarsenedBytes() const
+{
+    return (triangles * kLossyEntryBytes + 15) / 16 * 16 + units * kDataUnitBytes;
+}
+
+uint64_t MicromapExtent::scratchBytes() const
+{
+    return lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
+                 : coarsenedOffset();
 }
 
 MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
@@ -382,6 +439,9 @@ MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
         VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT;
     extent.share = (info.flags & wanted) != 0 && (info.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 &&
                    extent.triangles > 0 && extent.triangles <= kMostSharing;
+    // Nothing is gained where there is no data. And offsets of triangles' data have 32 bits: a build may be lossy, it
+    // need not.
+    extent.lossy = (info.flags & kLossyBuild) != 0 && extent.units > 0 && extent.coarsenedBytes() <= UINT32_MAX;
     return extent;
 }
 

@@ -10,12 +10,16 @@
 namespace vellum::layer
 {
 
+// Among VkMicromapBuildInfoEXT::flags: the build is lossy. KHR's flag, which is none of EXT's.
+inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
+
 // What a micromap of these usage counts takes.
 struct MicromapExtent {
     uint64_t triangles = 0;
     uint64_t units = 0; // of kDataUnitBytes
     uint32_t maxLevel = 0;
     bool share = false; // identical data is kept once
+    bool lossy = false; // triangles are coarsened first
 
     [[nodiscard]] uint64_t bytes() const;
     // Entries of the list of parts in the scratch memory.
@@ -23,6 +27,9 @@ struct MicromapExtent {
     // Slots of the hash table in the scratch memory, a power of two.
     [[nodiscard]] uint64_t tableSlots() const;
     [[nodiscard]] uint64_t scratchBytes() const;
+    // Where the scratch memory holds the coarsened micromap of a lossy build: behind everything else. Its bytes.
+    [[nodiscard]] uint64_t coarsenedOffset() const;
+    [[nodiscard]] uint64_t coarsenedBytes() const;
 };
 MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info);
 

@@ -54,6 +54,8 @@ VkBuildMicromapFlagsEXT flagsOf(VkBuildAccelerationStructureFlagsKHR flags)
         result |= VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT;
     if (flags & VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR)
         result |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    if (flags & VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR)
+        result |= kLossyBuild;
     return result;
 }
 
@@ -88,7 +90,7 @@ struct Translated {
 std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData &data)
 {
     if (data.usageCountsCount > 0 && (data.pUsageCounts != nullptr) == (data.ppUsageCounts != nullptr))
-        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts",
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts-11642",
                        data.pUsageCounts
                            ? "both pUsageCounts and ppUsageCounts are given"
                            : "usageCountsCount is not 0, but neither pUsageCounts nor ppUsageCounts is given"};
@@ -113,7 +115,7 @@ std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData 
         triangles += usage.count;
     }
     if (triangles > kMaxMicromapTriangles)
-        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-maxMicromapTriangles",
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-count-11643",
                        "the usage counts add up to " + std::to_string(triangles) +
                            " triangles, more than maxMicromapTriangles"};
     return std::nullopt;
@@ -222,6 +224,11 @@ Place placeOf(const Device &device, const VkAccelerationStructureCreateInfo2KHR 
         device.report().error(id, "vkCreateAccelerationStructure2KHR: " + text);
         return Place{};
     };
+    if (info.addressRange.size == 0)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
+    if (info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.asked.khrFeature)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                       "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
     if (!found.buffer && !device.addresses.find(info.addressRange.address).buffer)
         return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
                        "addressRange.address is not in any buffer");
@@ -230,7 +237,7 @@ Place placeOf(const Device &device, const VkAccelerationStructureCreateInfo2KHR 
                        "addressRange, of " + std::to_string(info.addressRange.size) +
                            " bytes, is not in one buffer for acceleration structures");
     if (info.addressRange.address % 256 != 0)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange",
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
                        "addressRange.address is not a multiple of 256");
     return {found.buffer, found.offset};
 }

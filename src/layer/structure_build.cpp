@@ -39,13 +39,28 @@ void setBoxes(uint32_t (&cell)[kCellWords], const DriverBuildInfo &build)
     cell[7] = alike ? (build.opaque(0) ? ~0u : 0) : opaque;
 }
 
-// One vkCmdBuildAccelerationStructuresKHR: the patched copies, and the work around the driver's build.
+// The ranges of one build, direct or indirect.
+struct Ranges {
+    const RangeInfo *direct = nullptr; // of each geometry
+    VkDeviceAddress indirect = 0;      // of the first geometry's; the next ones are `stride` bytes apart
+    uint32_t stride = 0;
+    const uint32_t *most = nullptr; // primitives of each geometry, of an indirect build
+
+    // The most primitives that geometry g may have.
+    [[nodiscard]] uint32_t primitives(uint32_t g) const { return direct ? direct[g].primitiveCount : most[g]; }
+    // Where the device finds geometry g's range; 0 where the host knows it.
+    [[nodiscard]] VkDeviceAddress address(uint32_t g) const { return direct ? 0 : indirect + uint64_t{g} * stride; }
+};
+
+// One vkCmdBuildAccelerationStructuresKHR or ...IndirectKHR: the patched copies, and the work around the driver's
+// build.
 class Build
 {
 public:
-    Build(Device &device, VkCommandBuffer commandBuffer, uint32_t count, const BuildInfo *infos,
-          const RangeInfo *const *ranges)
-        : device_(device), commandBuffer_(commandBuffer), infos_(infos), ranges_(ranges)
+    // `ranges`: of each element of `infos`.
+    Build(Device &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count, const BuildInfo *infos,
+          const std::vector<Ranges> &ranges)
+        : device_(device), commandBuffer_(commandBuffer), command_(command), infos_(infos), ranges_(ranges)
     {
         parts_.reserve(count);
         for (uint32_t i = 0; i < count; ++i) {
@@ -83,8 +98,7 @@ private:
 
     void refuse(Part &part, const char *id, const std::string &text)
     {
-        device_.report().error(id,
-                               "vkCmdBuildAccelerationStructuresKHR: pInfos[" + std::to_string(part.i) + "]: " + text,
+        device_.report().error(id, std::string(command_) + ": pInfos[" + std::to_string(part.i) + "]: " + text,
                                VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
                                reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure));
         part.skipped = true;
@@ -152,7 +166,7 @@ private:
         }
         std::vector<uint32_t> primitives(part.build.geometryCount());
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
-            primitives[g] = ranges_[i][g].primitiveCount;
+            primitives[g] = ranges_[i].primitives(g);
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
         if (part.tailBytes == 0)
             return;
@@ -178,7 +192,7 @@ private:
             if (part.skipped || !part.build.topLevel())
                 continue;
             const uint32_t i = part.i;
-            const uint32_t count = ranges_[i][0].primitiveCount;
+            const uint32_t count = ranges_[i].primitives(0);
             const VkBuildAccelerationStructureFlagsKHR flags = infos_[i].flags;
             if (topLevelBytes(device_, flags, count) > part.target->size) {
                 refuseSmall(part);
@@ -198,7 +212,10 @@ private:
             }
             VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
             TlasInstancesPush &push = part.instances;
-            push.source = instances.data.deviceAddress + ranges_[i][0].primitiveOffset;
+            push.source = instances.data.deviceAddress;
+            if (ranges_[i].direct)
+                push.source += ranges_[i].direct[0].primitiveOffset;
+            push.range = ranges_[i].address(0);
             // Behind what the driver itself needs of the scratch memory.
             push.target = alignUp(infos_[i].scratchData.deviceAddress +
                                       topLevelDriverSizes(device_, flags, count).buildScratchSize,
@@ -227,17 +244,33 @@ private:
 
     void runDriver()
     {
-        std::vector<BuildInfo> infos;
+        std::vector<BuildInfo> infos, indirectInfos;
         std::vector<const RangeInfo *> ranges;
+        std::vector<VkDeviceAddress> addresses;
+        std::vector<uint32_t> strides;
+        std::vector<const uint32_t *> most;
         for (Part &part : parts_) {
             if (part.skipped)
                 continue;
-            infos.push_back(part.build.info());
-            ranges.push_back(part.build.topLevel() ? &part.instanceRange : ranges_[part.i]);
+            const Ranges &given = ranges_[part.i];
+            if (part.build.topLevel() || given.direct) {
+                // A top-level structure is built for as many instances as there may be; the rest are inactive.
+                infos.push_back(part.build.info());
+                ranges.push_back(part.build.topLevel() ? &part.instanceRange : given.direct);
+            } else {
+                indirectInfos.push_back(part.build.info());
+                addresses.push_back(given.indirect);
+                strides.push_back(given.stride);
+                most.push_back(given.most);
+            }
         }
         if (!infos.empty())
             device_.next.CmdBuildAccelerationStructuresKHR(commandBuffer_, static_cast<uint32_t>(infos.size()),
                                                            infos.data(), ranges.data());
+        if (!indirectInfos.empty())
+            device_.next.CmdBuildAccelerationStructuresIndirectKHR(
+                commandBuffer_, static_cast<uint32_t>(indirectInfos.size()), indirectInfos.data(), addresses.data(),
+                strides.data(), most.data());
     }
 
     // Cells of structures without records: what an earlier build put there must not be found any more. Whoever
@@ -285,7 +318,7 @@ private:
         work.barrier();
     }
 
-    void writeRecords(InjectedWork &work, const Part &part, const RangeInfo *ranges)
+    void writeRecords(InjectedWork &work, const Part &part, const Ranges &ranges)
     {
         const uint32_t geometries = part.build.geometryCount();
         VkDeviceAddress triangles = part.tail + geometries * (kGeometryRecordBytes + kMicromapNameWords * 4);
@@ -299,7 +332,8 @@ private:
             push.geometry = g;
             push.tailUnits = unitsOf(part.tailBytes);
             if (const auto *micromap = part.build.micromap(g)) {
-                push.triangleCount = ranges[g].primitiveCount;
+                push.triangleCount = ranges.primitives(g);
+                push.range = ranges.address(g);
                 push.triangleRecords = triangles;
                 push.geometryWord |= static_cast<uint32_t>((triangles - part.tail) / kTriangleRecordBytes)
                                      << kGeometryTrianglesShift;
@@ -334,8 +368,9 @@ private:
 
     Device &device_;
     VkCommandBuffer commandBuffer_;
+    const char *command_;
     const BuildInfo *infos_;
-    const RangeInfo *const *ranges_;
+    const std::vector<Ranges> &ranges_;
     std::vector<Part> parts_;
     std::unordered_set<VkAccelerationStructureKHR> built_; // micromaps, by the same command
 };
@@ -350,14 +385,34 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer comman
     if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR"))
         return;
     cmdBuildMicromapStructures(commandBuffer, count, infos);
-    Build(device, commandBuffer, count, infos, ranges).record();
+    std::vector<Ranges> all(count);
+    for (uint32_t i = 0; i < count; ++i)
+        all[i].direct = ranges[i];
+    Build(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, all).record();
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer commandBuffer, uint32_t,
-                                                                  const BuildInfo *, const VkDeviceAddress *,
-                                                                  const uint32_t *, const uint32_t *const *)
+VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer commandBuffer, uint32_t count,
+                                                                  const BuildInfo *infos,
+                                                                  const VkDeviceAddress *addresses,
+                                                                  const uint32_t *strides, const uint32_t *const *most)
 {
-    deviceOf(commandBuffer).report().notAvailable("vkCmdBuildAccelerationStructuresIndirectKHR");
+    constexpr const char *kCommand = "vkCmdBuildAccelerationStructuresIndirectKHR";
+    Device &device = deviceOf(commandBuffer);
+    reportNotices(device);
+    if (InjectedWork::refusedIn(device, commandBuffer, kCommand))
+        return;
+    std::vector<Ranges> all(count);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (isMicromapBuild(infos[i]))
+            device.report().error("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
+                                  std::string(kCommand) + ": pInfos[" + std::to_string(i) +
+                                      "]: micromaps are not built "
+                                      "indirectly",
+                                  VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                  reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure));
+        all[i] = {nullptr, addresses[i], strides[i], most[i]};
+    }
+    Build(device, commandBuffer, kCommand, count, infos, all).record();
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice handle, VkDeferredOperationKHR, uint32_t,

@@ -19,6 +19,7 @@ layout(push_constant, std430) uniform Push
     uvec2 cell;            // to be written; 0: not with this dispatch
     uvec2 firstGeometryRecord;
     uvec2 log;    // 0: nothing is validated
+    uvec2 range;  // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
     uvec2 object; // the micromap's handle
     uint triangleCount;
     uint indexBytes; // 2 or 4
@@ -79,7 +80,10 @@ void main()
             dataUnits = header.w[kMicromapHeaderUnits];
         }
     }
-    if (triangle < push.triangleCount && any(notEqual(push.triangleRecords, uvec2(0)))) {
+    uint triangles = push.triangleCount;
+    if (any(notEqual(push.range, uvec2(0))))
+        triangles = min(triangles, Words(push.range).w[0]);
+    if (triangle < triangles && any(notEqual(push.triangleRecords, uvec2(0)))) {
         const uvec2 value = recordOf(triangle, micromapTriangles);
         Words record = Words(elementAddress(push.triangleRecords, triangle, kTriangleRecordWords * 4u));
         record.w[0] = value.x;

@@ -17,6 +17,7 @@ layout(push_constant, std430) uniform Push
     uvec2 root;
     uvec2 tail; // where the instances are kept for copies of the structure
     uvec2 cell; // of the structure that is built
+    uvec2 range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
     uint count; // the driver builds so many
     uint firstSlot;
     uint from; // kFrom*
@@ -79,12 +80,19 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
     record.w[3] = records.y;
 }
 
+// The VkAccelerationStructureBuildRangeInfoKHR of an indirect build: primitiveCount, primitiveOffset.
+bool isIndirect()
+{
+    return (push.range.x | push.range.y) != 0u;
+}
+
 // Where instance i is read from.
 uvec2 sourceOf(uint i, Cell copied)
 {
+    const uvec2 array = isIndirect() ? addressPlus(push.source, Words(push.range).w[1]) : push.source;
     if (push.from == kFromPointers)
-        return loadAddress(elementAddress(push.source, i, 8u));
-    return elementAddress(push.from == kFromArray ? push.source : copied.tail, i, kInstanceBytes);
+        return loadAddress(elementAddress(array, i, 8u));
+    return elementAddress(push.from == kFromArray ? array : copied.tail, i, kInstanceBytes);
 }
 
 uvec2 referenceOf(uint i, Words source, Cell copied)
@@ -120,6 +128,9 @@ void main()
         if (copied.kind != kCellTop)
             copied.count = 0u;
     }
+    // More than the application said that there would be at most are left out: VUID-...-ppMaxPrimitiveCounts-03653.
+    if (isIndirect())
+        copied.count = min(Words(push.range).w[0], push.count);
     if (push.pass != 0u) {
         if (i < copied.count)
             keep(i, copied);

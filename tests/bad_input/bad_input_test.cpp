@@ -111,6 +111,11 @@ TEST_F(BadInput, BadOptions)
         {"render", "--trace", "both"},
         {"render", "--trace", ""},
         {"render", "--trace", "1"},
+        {"render", "--api", "vk"},
+        {"render", "--api", "KHR"},
+        {"render", "--api", ""},
+        {"render", "--api", "0"},
+        {"render", "--api"},
         {"render", "--level", "13"},
         {"render", "--level", "-1"},
         {"render", "--level", "seven"},
@@ -152,12 +157,16 @@ TEST_F(BadInput, UnknownDevice)
 
 TEST_F(BadInput, MicromapsWithoutTheLayer)
 {
-    // Where the driver has the extension itself, there is nothing to refuse.
-    const Outcome outcome =
-        runVellum({"render", "--no-layer", "--mode", "omm", "--size", "16x16", "--output", output().string()});
-    if (outcome.exitCode == 0)
-        GTEST_SKIP() << "the driver has VK_EXT_opacity_micromap";
-    expectManners(outcome, "VK_EXT_opacity_micromap");
+    for (const std::string api : {"khr", "ext"}) {
+        SCOPED_TRACE(api);
+        const Outcome outcome = runVellum(
+            {"render", "--no-layer", "--mode", "omm", "--api", api, "--size", "16x16", "--output", output().string()});
+        const std::string name = api == "khr" ? "VK_KHR_opacity_micromap" : "VK_EXT_opacity_micromap";
+        // Where the driver has the extension itself, there is nothing to refuse.
+        if (outcome.exitCode == 0)
+            GTEST_SKIP() << "the driver has " << name;
+        expectManners(outcome, "has no " + name);
+    }
     EXPECT_EQ(files(), 0u);
 }
 

@@ -1,6 +1,7 @@
 // What `vellum render` draws and counts, by ray queries and by a ray tracing pipeline.
 #include <fstream>
 #include <iterator>
+#include <tuple>
 
 #include <gtest/gtest.h>
 
@@ -61,8 +62,40 @@ TEST_P(RenderingBy, MicromapsChangeNoPixel)
     }
 }
 
+// The same pictures, by as many calls of the shader: micromaps that are ignored change no pixel either.
+TEST_P(RenderingBy, EitherExtensionIsTheSame)
+{
+    const std::filesystem::path output = folder / "picture.png";
+    const auto drawn = [&](std::vector<std::string> more) {
+        more.insert(more.end(), {"--level", "4", "--output", output.string()});
+        const Outcome outcome = render(GetParam(), more);
+        return std::tuple(outcome, readFile(output), lineOf(outcome, "candidates"));
+    };
+    const auto [alpha, alphaPicture, alphaCandidates] = drawn({"--mode", "alpha"});
+    const auto [khr, khrPicture, khrCandidates] = drawn({"--api", "khr"});
+    const auto [ext, extPicture, extCandidates] = drawn({"--api", "ext"});
+    EXPECT_NE(lineOf(khr, "micromaps").find("VK_KHR_opacity_micromap"), std::string::npos) << khr.output;
+    EXPECT_NE(lineOf(ext, "micromaps").find("VK_EXT_opacity_micromap"), std::string::npos) << ext.output;
+    EXPECT_FALSE(khrPicture.empty());
+    EXPECT_TRUE(khrPicture == extPicture);
+    EXPECT_TRUE(khrPicture == alphaPicture);
+    EXPECT_NE(khrCandidates, "");
+    EXPECT_EQ(khrCandidates, extCandidates);
+    EXPECT_NE(khrCandidates, alphaCandidates);
+}
+
 INSTANTIATE_TEST_SUITE_P(Traces, RenderingBy, testing::Values("query", "pipeline"),
                          [](const auto &test) { return test.param; });
+
+TEST_F(Rendering, UsesKhrUnlessTold)
+{
+    const Outcome outcome = render("query", {"--level", "2", "--output", (folder / "picture.png").string()});
+    EXPECT_NE(lineOf(outcome, "micromaps").find("VK_KHR_opacity_micromap"), std::string::npos) << outcome.output;
+    const std::string help = runVellum({"render", "--help"}).output;
+    const std::size_t option = help.find("--api");
+    ASSERT_NE(option, std::string::npos) << help;
+    EXPECT_LT(help.find("[khr]", option), help.find("  -", option)) << help;
+}
 
 TEST_F(Rendering, IsTheSameByQueriesAndByPipelines)
 {

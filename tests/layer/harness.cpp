@@ -15,6 +15,7 @@ namespace
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kSpyLayer = "VK_LAYER_VELLUM_test_spy";
+constexpr const char *kCapableLayer = "VK_LAYER_VELLUM_test_capable";
 
 // False alarms: messages that the same program gets from the validation layer without Vellum's layer, with the reason.
 struct FalseAlarm {
@@ -202,6 +203,8 @@ void Gpu::createInstance()
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
     if (options_.spy)
         layers.push_back(kSpyLayer);
+    if (options_.capable)
+        layers.push_back(kCapableLayer);
     const char *extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;

@@ -41,6 +41,7 @@ struct Options {
     bool validation = true;
     bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
     bool spy = true;           // spy_layer.cpp, below everything
+    bool capable = false;      // capable_layer.cpp, below even that
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
     bool hostCommands = true;  // enable micromapHostCommands
@@ -81,6 +82,7 @@ struct Options {
     X(GetAccelerationStructureBuildSizesKHR)                                                                           \
     X(GetAccelerationStructureDeviceAddressKHR)                                                                        \
     X(CmdBuildAccelerationStructuresKHR)                                                                               \
+    X(CmdBuildAccelerationStructuresIndirectKHR)                                                                       \
     X(CmdCopyAccelerationStructureKHR)                                                                                 \
     X(CmdCopyAccelerationStructureToMemoryKHR)                                                                         \
     X(CmdCopyMemoryToAccelerationStructureKHR)                                                                         \

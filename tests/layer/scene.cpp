@@ -130,6 +130,8 @@ StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAcceleration
         info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR;
     if ((ext.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0)
         info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
+    if ((ext.flags & kLossy) != 0)
+        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
     info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
     info.dstAccelerationStructure = target;
     info.geometryCount = 1;

@@ -18,6 +18,9 @@ inline constexpr std::uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_E
 inline constexpr std::uint32_t kFlagTwoState = 0x10; // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT
 inline constexpr std::uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT
 
+// Among a Micromap's VkBuildMicromapFlagsEXT: KHR's VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR.
+inline constexpr VkBuildMicromapFlagsEXT kLossy = 0x400;
+
 // What a micromap build reads.
 struct MicromapInput {
     std::vector<VkMicromapTriangleEXT> triangles;

@@ -1,0 +1,75 @@
+#include "api_bench.h"
+
+#include "cli/baked_scene.h"
+#include "side_by_side.h"
+
+namespace vellum::bench
+{
+namespace
+{
+
+using cli::Renderer;
+
+// Two renderers of the same frames.
+struct Pair {
+    Renderer khr;
+    Renderer ext;
+    ApiResult result;
+    SideBySide times;
+
+    Pair(const ApiDevices &devices, const cli::RenderScene &scene, const cli::BakedScene &baked,
+         const cli::RenderSettings &settings)
+        : khr(devices.khr, scene, baked.micromaps(), settings), ext(devices.ext, scene, baked.micromaps(), settings)
+    {
+    }
+};
+
+} // namespace
+
+std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderScene &scene,
+                                   cli::RenderSettings settings, const std::vector<std::uint32_t> &levels,
+                                   unsigned repetitions,
+                                   const std::function<void(std::size_t done, std::size_t total)> &progress)
+{
+    std::vector<std::unique_ptr<Pair>> pairs;
+    for (const std::uint32_t level : levels) {
+        BakeOptions options;
+        options.level = level;
+        const cli::BakedScene baked = cli::bakeScene(scene.scene, options);
+        for (const bool heavy : {false, true}) {
+            settings.heavy = heavy;
+            Pair &pair = *pairs.emplace_back(std::make_unique<Pair>(devices, scene, baked, settings));
+            pair.result.level = level;
+            pair.result.heavy = heavy;
+        }
+    }
+    for (const auto &pair : pairs) { // warms up, too
+        ApiResult &result = pair->result;
+        Renderer *const renderers[] = {&pair->khr, &pair->ext};
+        cli::Picture pictures[2];
+        for (const std::size_t i : {std::size_t{0}, std::size_t{1}}) {
+            renderers[i]->frame();
+            pictures[i] = renderers[i]->picture();
+            result.candidatesPerRay[i] = renderers[i]->count().perRay();
+            result.bytes[i] = renderers[i]->micromapBytes();
+        }
+        result.differingPixels = cli::compare(pictures[0], pictures[1]).pixels;
+    }
+    std::size_t done = 0;
+    for (unsigned r = 0; r < repetitions; ++r) {
+        for (const auto &pair : pairs) {
+            pair->times.measure([&] { return pair->ext.frame(); }, [&] { return pair->khr.frame(); });
+            progress(++done, repetitions * pairs.size());
+        }
+    }
+    std::vector<ApiResult> results;
+    for (const auto &pair : pairs) {
+        pair->result.milliseconds[0] = pair->times.own();
+        pair->result.milliseconds[1] = pair->times.classic();
+        pair->result.ratio = pair->times.ratio();
+        results.push_back(pair->result);
+    }
+    return results;
+}
+
+} // namespace vellum::bench

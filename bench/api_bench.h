@@ -1,0 +1,35 @@
+// VK_KHR_opacity_micromap against VK_EXT_opacity_micromap: the same frames, by micromaps made with each.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "cli/renderer.h"
+
+namespace vellum::bench
+{
+
+// Both of an instance with the layer, each with its extension enabled.
+struct ApiDevices {
+    cli::Device &khr;
+    cli::Device &ext;
+};
+
+struct ApiResult {
+    std::uint32_t level = 0;
+    bool heavy = false;
+    double candidatesPerRay[2] = {}; // with KHR, with EXT
+    VkDeviceSize bytes[2] = {};
+    double milliseconds[2] = {}; // medians
+    double ratio = 0;            // frame time khr / ext, median
+    std::size_t differingPixels = 0;
+};
+
+// Each frame with KHR lies between two with EXT.
+std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderScene &scene,
+                                   cli::RenderSettings settings, const std::vector<std::uint32_t> &levels,
+                                   unsigned repetitions,
+                                   const std::function<void(std::size_t done, std::size_t total)> &progress);
+
+} // namespace vellum::bench

@@ -1,0 +1,56 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Lossy micromap build, first pass, an invocation a triangle: finds its level and coarsens its data. Triangles with many
+// units are left to micromap_lossy_parts.comp.
+layout(local_size_x = 64) in;
+
+#include "micromap_source.glsl"
+#include "opacity.h"
+#include "micromap_lossy.glsl"
+
+uint levelFor(Source s, uvec2 data)
+{
+    if (s.bitsPerState == 1u)
+        return s.level;
+    const Found found = findOut(data, 0u, sourceBytes(s.level, 2u) >> 2u);
+    uint best = 0u;
+    uint least = ~0u;
+    for (uint k = 0u; k <= s.level - kCoarseLevel; ++k) {
+        const uint cost = costOf(s.level, k, found.known[0], found.known[k]);
+        best = cost <= least ? k : best;
+        least = min(cost, least);
+    }
+    return s.level - best;
+}
+
+void main()
+{
+    const uint triangle = globalInvocation();
+    if (triangle >= push.triangleCount)
+        return;
+    Source s = readSource(triangle);
+    const uint units = unitsOf(s);
+    const uvec2 data = addressPlus(push.data, s.dataOffset);
+    countForLog(units, s.problem != 0u);
+    if (units > kPartUnits) {
+        if (!listParts(triangle, units))
+            s.problem = kComplaintNoRoom;
+        // Those of 4 states get their entry once their parts are known.
+        if (s.problem != 0u || s.bitsPerState == 1u)
+            writeEntry(triangle, s, s.level);
+        else
+            entryOf(triangle).w[1] = s.level | s.bitsPerState << 16u;
+        return;
+    }
+    const uint level = units == 0u ? s.level : levelFor(s, data);
+    if (!writeEntry(triangle, s, level))
+        return;
+    Words entry = entryOf(triangle);
+    if (units == 0u) {
+        entry.w[2] = loadBytes(data, sourceBytes(level, s.bitsPerState));
+        return;
+    }
+    Words target = Words(addressPlus(push.micromap, entry.w[0]));
+    for (uint i = 0u; i < sourceBytes(level, s.bitsPerState) >> 2u; ++i)
+        target.w[i] = coarsenedWord(data, i, s.level - level);
+}
