@@ -52,7 +52,7 @@ TEST_F(AddressCopies, RegionsOfManyBuffers)
     for (std::size_t i = 0; i < 30; ++i) { // in 30 bytes each, of every target
         const Buffer &source = from[random() % 3];
         const std::size_t target = random() % 3;
-        const VkDeviceSize size = random() % 31; // none too
+        const VkDeviceSize size = random() % 31;                           // none too
         const VkDeviceSize sourceOffset = i * 30 + random() % (31 - size); // sources must not overlap either
         regions.push_back(
             copyRegion(rangeOf(source, sourceOffset, size), rangeOf(to[target], i * 30, size == 0 ? 0 : 30)));

@@ -288,8 +288,8 @@ TEST_F(State, CommandBufferSubmittedTwice)
 }
 
 // Builds are no commands that a predicate switches off (vk.xml: conditionalrendering="false").
-// Lavapipe 26 leaves out parts of a build where conditional rendering discards commands, and crashes. So it does without
-// the layer; the specification has no build that conditional rendering affects.
+// Lavapipe 26 leaves out parts of a build where conditional rendering discards commands, and crashes. So it does
+// without the layer; the specification has no build that conditional rendering affects.
 bool buildsUnconditionally(const Gpu &gpu)
 {
     VkPhysicalDeviceDriverProperties driver{};
