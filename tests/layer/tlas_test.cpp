@@ -111,7 +111,7 @@ TEST_F(Top, ArraysOfPointersAndOffsets)
 {
     const std::vector<Shown> shown{{7, 1}, {8, 0}, {9, 2}, {10, kNoMicromap}, {11, 3, 0x10}};
     for (const Arrangement arrangement : {Arrangement::Array, Arrangement::Pointers}) {
-        for (const std::uint32_t skipped : {0u, 1u, 5u}) {
+        for (const std::uint32_t skipped : {0u, 2u, 6u}) { // offsets are multiples of 16, of pointers too
             SCOPED_TRACE(testing::Message()
                          << "pointers " << (arrangement == Arrangement::Pointers) << " skipped " << skipped);
             Tlas tlas(gpu());

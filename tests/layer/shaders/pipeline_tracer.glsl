@@ -12,7 +12,7 @@
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
-#if defined(RAY_FLAGS) || defined(MIXED)
+#if defined(RAY_FLAGS) || defined(SPEC_FLAGS) || defined(MIXED)
 #extension GL_EXT_opacity_micromap : require
 #endif
 #include "pipeline_common.glsl"
@@ -60,6 +60,8 @@ layout(location = 0) rayPayloadEXT Payload payload;
 
 #ifdef SPEC_FLAGS
 layout(constant_id = 0) const uint kFlags = 0u;
+// Its name is enough for newer compilers to declare the capability; newer validators miss it once flags are specialized.
+const uint kForce2State = gl_RayFlagsForceOpacityMicromap2StateEXT;
 #define FLAGS(ray) kFlags
 #elif defined(RAY_FLAGS) && (RAY_FLAGS & 0x400) != 0
 // By its name, for which newer compilers declare the capability; newer validators miss it where the flag is a constant.
