@@ -107,7 +107,7 @@ void run(const Options &options)
     cli::parseSize(options.size, settings);
     cli::offerLayer(std::nullopt);
     const cli::Instance instance(true);
-    cli::Device device(cli::chooseDevice(instance, std::nullopt), {true, false});
+    cli::Device device(cli::chooseDevice(instance, std::nullopt), {cli::MicromapApi::Khr, false});
     fmt::print("| scene | cut | level | price | bytes lossless | bytes lossy | lossy/lossless | calls/ray lossless | "
                "calls/ray lossy | more calls |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n");
     for (const std::filesystem::path &file : options.files) {

@@ -213,6 +213,7 @@ VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStruc
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
 VELLUM_CONST uint kMoveCheck = 2u; // after a copy into a micromap that may be too small
+VELLUM_CONST uint kMoveMarked = 4u; // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 
 // --- values of queries (shaders/query_value.comp) ---

@@ -169,6 +169,13 @@ VKAPI_ATTR void VKAPI_CALL getAccelerationStructureBuildSizes(VkDevice handle, V
     if (isMicromapBuild(*info))
         return getMicromapStructureSizes(device, *info, *sizes);
     DriverBuildInfo build(*info);
+    if (build.hasMicromapGeometry()) {
+        device.report().error("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
+                              "vkGetAccelerationStructureBuildSizesKHR: a geometry of type "
+                              "VK_GEOMETRY_TYPE_MICROMAP_KHR in a build that is none of a micromap");
+        sizes->accelerationStructureSize = sizes->updateScratchSize = sizes->buildScratchSize = 0;
+        return;
+    }
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, &build.info(), maxPrimitives, sizes);
     if (build.topLevel() && build.geometryCount() == 1) {
         const uint32_t count = maxPrimitives ? maxPrimitives[0] : 0;

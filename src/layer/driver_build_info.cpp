@@ -46,6 +46,7 @@ DriverBuildInfo::DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoK
         opaque_.push_back((g.flags & VK_GEOMETRY_OPAQUE_BIT_KHR) != 0);
         // The type of a GENERIC structure is known from what is built into it.
         topLevel_ = topLevel_ || g.geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR;
+        hasMicromapGeometry_ = hasMicromapGeometry_ || g.geometryType == VK_GEOMETRY_TYPE_MICROMAP_KHR;
         hasBoxes_ = hasBoxes_ || g.geometryType == VK_GEOMETRY_TYPE_AABBS_KHR;
         if (g.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR) {
             micromap = attachmentIn(g.geometry.triangles.pNext);

@@ -40,6 +40,8 @@ public:
     [[nodiscard]] bool topLevel() const { return topLevel_; }
     [[nodiscard]] bool hasMicromaps() const { return hasMicromaps_; }
     [[nodiscard]] bool hasBoxes() const { return hasBoxes_; }
+    // One of VK_GEOMETRY_TYPE_MICROMAP_KHR, which only micromaps may have.
+    [[nodiscard]] bool hasMicromapGeometry() const { return hasMicromapGeometry_; }
     [[nodiscard]] uint32_t geometryCount() const { return static_cast<uint32_t>(geometries_.size()); }
     // The driver's copy of geometry i; may be changed.
     VkAccelerationStructureGeometryKHR &geometry(uint32_t i) { return geometries_[i]; }
@@ -59,6 +61,7 @@ private:
     bool topLevel_ = false;
     bool hasMicromaps_ = false;
     bool hasBoxes_ = false;
+    bool hasMicromapGeometry_ = false;
 };
 
 } // namespace vellum::layer

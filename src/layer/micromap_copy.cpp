@@ -73,7 +73,8 @@ void recordMicromapCopy(Device &device, VkCommandBuffer commandBuffer, const cha
 
 void recordMicromapSave(Device &device, VkCommandBuffer commandBuffer, const Micromap &source, VkDeviceAddress target)
 {
-    MicromapMovePush push = movePush(device, source, kMoveSerialize);
+    const bool structure = source.object.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
+    MicromapMovePush push = movePush(device, source, kMoveSerialize | (structure ? kMoveMarked : 0));
     push.serialized = target;
     push.serializedBytes = device.addresses.bytesFrom(target);
     static_assert(sizeof push.driverUuid == VK_UUID_SIZE);

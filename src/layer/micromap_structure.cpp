@@ -110,7 +110,7 @@ std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData 
                                ? "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11565"
                            : usage.format == VK_OPACITY_MICROMAP_FORMAT_4_STATE_KHR
                                ? "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11564"
-                               : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556",
+                               : "VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-subdivisionLevel-11645",
                            where + "subdivision level " + std::to_string(usage.subdivisionLevel) + " is above 12"};
         triangles += usage.count;
     }
@@ -182,6 +182,9 @@ std::optional<Offence> structureOffenceOf(const Device &device, const BuildInfo 
         return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671",
                        "scratchData has " + std::to_string(device.addresses.bytesFrom(scratch)) +
                            " bytes in its buffer, the build needs " + std::to_string(extent.scratchBytes())};
+    if (data.triangleArrayStride < sizeof(VkMicromapTriangleKHR))
+        return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
+                       "triangleArrayStride " + std::to_string(data.triangleArrayStride) + " is less than 8"};
     // What both front ends have in common.
     return buildOffenceOf(build.info);
 }
@@ -378,6 +381,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure2(VkDevice handle,
                                                             VkAccelerationStructureKHR *result)
 {
     Device &device = deviceOf(handle);
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.asked.khrFeature) {
+        device.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                              "vkCreateAccelerationStructure2KHR: the feature "
+                              "VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
     const Place place = placeOf(device, *info);
     if (!place.buffer)
         return VK_ERROR_VALIDATION_FAILED_EXT;

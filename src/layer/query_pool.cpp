@@ -124,7 +124,7 @@ void recordMicromapProperty(InjectedWork &work, const Device &device, const Micr
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
         return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
-        return askMicromap(work, device, micromap, kQueryMicromapSerialized | kQueryMarked, value);
+        return askMicromap(work, device, micromap, kQueryMicromapSerialized, value);
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
         // That of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
         return askMicromap(work, device, micromap, kQueryMicromapSize, value);
@@ -327,6 +327,15 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuf
     if (!ours)
         return device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type,
                                                                        queryPool, first);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (device.accelerationStructures.get(structures[i]))
+            continue;
+        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-"
+                              "parameter",
+                              "vkCmdWriteAccelerationStructuresPropertiesKHR: pAccelerationStructures[" +
+                                  std::to_string(i) + "] is not an acceleration structure of this device");
+        return;
+    }
     // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing.
     InjectedWork work(device, commandBuffer);
     work.barrier();

@@ -113,6 +113,12 @@ private:
                    "dstAccelerationStructure is not an acceleration structure of this device");
             return;
         }
+        // The driver does not know the type.
+        if (part.build.hasMicromapGeometry()) {
+            refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
+                   "a geometry of type VK_GEOMETRY_TYPE_MICROMAP_KHR in a build that is none of a micromap");
+            return;
+        }
         part.cell = cellOf(device_, *part.target, infos_[i].dstAccelerationStructure);
         if (!part.cell.address) {
             refuse(part, "VELLUM-out-of-memory", "no memory for the layer's tables");
@@ -353,11 +359,13 @@ private:
 
     void setIndices(BlasRecordsPush &push, const MicromapAttachment &micromap)
     {
-        // VUID-...-indexType-10719: UINT16, UINT32 or NONE_KHR
+        // VUID-...EXT-indexType-10719: UINT16, UINT32 or NONE_KHR; VUID-...KHR-indexType-11570: UINT8 too.
         if (micromap.indexType == VK_INDEX_TYPE_NONE_KHR || micromap.indexBuffer == 0)
             return;
         push.indices = micromap.indexBuffer;
-        push.indexBytes = micromap.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 4;
+        push.indexBytes = micromap.indexType == VK_INDEX_TYPE_UINT8_EXT ? 1
+                          : micromap.indexType == VK_INDEX_TYPE_UINT16  ? 2
+                                                                        : 4;
         push.indexStride = static_cast<uint32_t>(micromap.indexStride);
         const VkDeviceSize bytes = device_.addresses.bytesFrom(push.indices);
         VkDeviceSize readable = bytes < push.indexBytes ? 0 : UINT32_MAX;

@@ -22,7 +22,7 @@ layout(push_constant, std430) uniform Push
     uvec2 range;  // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
     uvec2 object; // the micromap's handle
     uint triangleCount;
-    uint indexBytes; // 2 or 4
+    uint indexBytes; // 1, 2 or 4
     uint indexStride;
     uint readable; // indices that lie inside their buffer
     uint baseTriangle;
@@ -41,7 +41,8 @@ uint fetchIndex(uint triangle)
 {
     const uint value = loadBytes(elementAddress(push.indices, triangle, push.indexStride), push.indexBytes);
     // Special indices are the unsigned cast of -1..-4 to the index type.
-    return push.indexBytes == 2u && value >= 0xfffcu ? value | 0xffff0000u : value;
+    const uint above = push.indexBytes == 4u ? 0u : ~0u << (push.indexBytes * 8u);
+    return value >= (~above & ~3u) ? value | above : value;
 }
 
 uvec2 recordOf(uint triangle, uint micromapTriangles)

@@ -19,3 +19,10 @@ uvec2 micromapBytes(uint triangles, uint units)
     const uvec2 records = elementAddress(uvec2(kMicromapHeaderWords * 4u, 0u), pairs, 2u * kTriangleRecordWords * 4u);
     return elementAddress(records, units, kDataUnitBytes);
 }
+
+// The least size that is kMicromapSizeMark modulo 256 and not below `bytes`.
+uvec2 marked(uvec2 bytes)
+{
+    const uvec2 above = addressPlus(bytes, 255u - kMicromapSizeMark);
+    return uvec2((above.x & ~255u) + kMicromapSizeMark, above.y);
+}

@@ -18,7 +18,7 @@ layout(push_constant, std430) uniform Push
     uvec2 micromapBytes;
     uvec2 serializedBytes; // that lie inside their buffer
     uvec4 driverUuid;
-    uint mode; // kMove*
+    uint mode; // kMove*, and perhaps kMoveMarked
     uint invocations;
 } push;
 
@@ -60,6 +60,8 @@ uvec2 trusted(uvec2 record, uint units)
     return uvec2(kKindInline, ~0u);
 }
 
+uint mode;
+
 void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
 {
     // The invocations take turns, unit by unit.
@@ -68,7 +70,7 @@ void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
     for (uint i = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x; i < count;
          i += push.invocations) {
         uvec4 v = source.at[i];
-        if (push.mode == kMoveDeserialize && i >= kMicromapHeaderUnits16 && i < kMicromapHeaderUnits16 + records)
+        if (mode == kMoveDeserialize && i >= kMicromapHeaderUnits16 && i < kMicromapHeaderUnits16 + records)
             v = uvec4(trusted(v.xy, units), trusted(v.zw, units));
         target.at[i] = v;
     }
@@ -76,16 +78,17 @@ void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
 
 void main()
 {
+    mode = push.mode & ~kMoveMarked;
     const uint me = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
     const uvec2 header =
-        push.mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u) : push.micromap;
+        mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u) : push.micromap;
     uvec2 bytes = uvec2(0u);
     uint problem = 0u;
     // A micromap that is too small for a header holds none, and may end before the magic number does.
     const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
-    if (push.mode != kMoveDeserialize) {
+    if (mode != kMoveDeserialize) {
         if (tiny)
-            problem = push.mode == kMoveSerialize ? kComplaintNotBuilt : kComplaintTooLarge;
+            problem = mode == kMoveSerialize ? kComplaintNotBuilt : kComplaintTooLarge;
     } else {
         const uint least = (kSerializedMicromapHeaderWords + kMicromapHeaderWords) * 4u;
         Words words = Words(push.serialized);
@@ -97,32 +100,32 @@ void main()
     }
     if (problem == 0u) {
         problem = complaintOfHeader(header, bytes);
-        if (problem != 0u && push.mode == kMoveDeserialize)
+        if (problem != 0u && mode == kMoveDeserialize)
             problem = kComplaintSerialized;
     }
     const uvec2 whole = addressPlus(bytes, kSerializedMicromapHeaderWords * 4u);
     if (problem == 0u) {
         // In the order of the modes: what is read must be there, what is written must fit.
         if (less(push.micromapBytes, bytes))
-            problem = push.mode == kMoveSerialize ? kComplaintNotBuilt : kComplaintTooLarge;
-        else if (push.mode != kMoveCheck && less(push.serializedBytes, whole))
-            problem = push.mode == kMoveSerialize ? kComplaintTooLarge : kComplaintSerialized;
+            problem = mode == kMoveSerialize ? kComplaintNotBuilt : kComplaintTooLarge;
+        else if (mode != kMoveCheck && less(push.serializedBytes, whole))
+            problem = mode == kMoveSerialize ? kComplaintTooLarge : kComplaintSerialized;
     }
     if (problem != 0u) {
         if (me == 0u) {
             complain(problem, push.object, 0u, bytes.x, bytes.y);
-            if (push.mode != kMoveSerialize && !tiny)
+            if (mode != kMoveSerialize && !tiny)
                 Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
         }
         return;
     }
-    if (push.mode == kMoveCheck)
+    if (mode == kMoveCheck)
         return;
     const uint triangles = Words(header).w[kMicromapHeaderTriangles];
     const uint units = Words(header).w[kMicromapHeaderUnits];
     const uint records = (triangles >> 1u) + (triangles & 1u);
     const uint count = bytes.x >> 4u | bytes.y << 28u;
-    if (push.mode == kMoveDeserialize) {
+    if (mode == kMoveDeserialize) {
         copyUnits(header, push.micromap, count, records, units);
         return;
     }
@@ -132,7 +135,10 @@ void main()
         target.at[0] = push.driverUuid;
         target.at[1] =
             uvec4(kMicromapLayoutUuid0, kMicromapLayoutUuid1, kMicromapLayoutUuid2, kMicromapLayoutVersion);
-        target.at[2] = uvec4(whole, bytes);
+        uvec2 deserialized = bytes;
+        if ((push.mode & kMoveMarked) != 0u)
+            deserialized = marked(bytes);
+        target.at[2] = uvec4(whole, deserialized);
         target.at[3] = uvec4(0u);
     }
 }

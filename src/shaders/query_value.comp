@@ -31,10 +31,8 @@ void main()
         value = push.micromapBytes;
     else if (kind == kQueryMicromapSerialized)
         value = addressPlus(bytes, kSerializedMicromapHeaderWords * 4u);
-    if ((push.kind & kQueryMarked) != 0u) {
-        value = addressPlus(value, 255u - kMicromapSizeMark);
-        value.x = (value.x & ~255u) + kMicromapSizeMark;
-    }
+    if ((push.kind & kQueryMarked) != 0u)
+        value = marked(value);
     Words target = Words(push.target);
     target.w[0] = value.x;
     target.w[1] = value.y;

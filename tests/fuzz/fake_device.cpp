@@ -119,7 +119,8 @@ VkBuffer FakeDevice::makeBuffer(std::size_t size)
     memories.emplace_back(size);
     const auto buffer = handleOf<VkBuffer>(i);
     const auto memory = handleOf<VkDeviceMemory>(i);
-    state_->hostMemory.allocated(memory, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
+    state_->hostMemory.allocated(memory, size,
+                                 VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
     state_->hostMemory.bound(buffer, memory, 0);
     layer::BufferInfo info{};
     info.size = size;

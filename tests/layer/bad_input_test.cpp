@@ -13,6 +13,8 @@ constexpr std::uint32_t kHuge = 0x7fffffff;
 class BadInput : public GpuTest
 {
 protected:
+    explicit BadInput(const Options &options = {}) : GpuTest(options) {}
+
     void SetUp() override
     {
         MicromapInput input;
@@ -54,19 +56,17 @@ protected:
 
     void buildWith(const std::function<void(VkMicromapBuildInfoEXT &)> &change)
     {
-        VkMicromapBuildInfoEXT info = micromap_->buildInfo();
-        change(info);
-        gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 1, &info); });
+        MicromapBuild build{micromap_->buildInfo(), micromap_->handle()};
+        change(build.info);
+        record(std::span(&build, 1));
     }
-
-    VkMicromapBuildSizesInfoEXT sizesOf(const VkMicromapBuildInfoEXT &info)
+    void record(std::span<const MicromapBuild> builds)
     {
-        VkMicromapBuildSizesInfoEXT sizes{};
-        sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-        gpu().vk().GetMicromapBuildSizesEXT(gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
-                                            &sizes);
-        return sizes;
+        gpu().submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu(), commands, builds); });
     }
+    VkMicromapBuildSizesInfoEXT sizesOf(const VkMicromapBuildInfoEXT &info) { return micromapSizes(gpu(), info); }
+    // What the rule is called in VK_EXT_opacity_micromap and in VK_KHR_opacity_micromap.
+    const char *id(const char *ext, const char *khr) { return gpu().khr() ? khr : ext; }
 
     // What the shader sees of a row of triangles with that attachment: -1 nothing, 0 a committed hit, 1 a candidate.
     std::vector<int> seen(const Attachment &attachment, std::uint32_t triangles)
@@ -91,11 +91,11 @@ TEST_F(BadInput, BothUsageArrays)
 {
     const VkMicromapUsageEXT *pointer = micromap_->buildInfo().pUsageCounts;
     buildWith([&](VkMicromapBuildInfoEXT &info) { info.ppUsageCounts = &pointer; });
-    expectComplaint("07516");
+    expectComplaint(id("07516", "VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts"));
     VkMicromapBuildInfoEXT info = micromap_->buildInfo();
     info.ppUsageCounts = &pointer;
     sizesOf(info);
-    expectComplaint("07516");
+    expectComplaint(id("07516", "VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts"));
 }
 
 TEST_F(BadInput, LevelsAndFormats)
@@ -108,33 +108,44 @@ TEST_F(BadInput, LevelsAndFormats)
             info.pUsageCounts = &usage;
         };
         buildWith(change);
-        expectComplaint("VUID-VkMicromapBuildInfoEXT");
+        expectComplaint(id("VUID-VkMicromapBuildInfoEXT", "VUID-"));
         VkMicromapBuildInfoEXT info = micromap_->buildInfo();
         change(info);
         sizesOf(info);
-        expectComplaint("VUID-VkMicromapBuildInfoEXT");
+        expectComplaint(id("VUID-VkMicromapBuildInfoEXT", "VUID-"));
     }
 }
 
-TEST_F(BadInput, TypeAndMode)
+// What only VK_EXT_opacity_micromap has.
+class BadInputExt : public BadInput
+{
+protected:
+    BadInputExt() : BadInput(Options{.api = Api::Ext}) {}
+};
+
+TEST_F(BadInputExt, Type)
 {
     buildWith([](VkMicromapBuildInfoEXT &info) { info.type = static_cast<VkMicromapTypeEXT>(7); });
     expectComplaint();
+}
+
+TEST_F(BadInput, Mode)
+{
     buildWith([](VkMicromapBuildInfoEXT &info) { info.mode = static_cast<VkBuildMicromapModeEXT>(3); });
-    expectComplaint();
+    expectComplaint(id("", "mode-11545"));
 }
 
 TEST_F(BadInput, NoDestination)
 {
-    buildWith([](VkMicromapBuildInfoEXT &info) { info.dstMicromap = VK_NULL_HANDLE; });
-    expectComplaint("dstMicromap");
+    record(std::array{MicromapBuild{micromap_->buildInfo(), {}}});
+    expectComplaint(id("dstMicromap", "dstAccelerationStructure-11547"));
 }
 
 TEST_F(BadInput, TriangleArrayStride)
 {
     for (const VkDeviceSize stride : {VkDeviceSize{0}, VkDeviceSize{4}, VkDeviceSize{10}}) {
         buildWith([stride](VkMicromapBuildInfoEXT &info) { info.triangleArrayStride = stride; });
-        // No rule of VK_EXT_opacity_micromap forbids it.
+        // No rule of either extension forbids it.
         gpu().takeMessages();
     }
 }
@@ -146,24 +157,16 @@ TEST_F(BadInput, DestinationTooSmall)
         input.add(6, kFourState, std::vector<std::uint8_t>(4096, state));
     const Micromap large(gpu(), std::move(input));
     const VkMicromapBuildSizesInfoEXT sizes = sizesOf(large.buildInfo());
-    const Guarded storage(gpu(), sizes.micromapSize / 2, 256, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = storage.buffer();
-    create.offset = storage.offset();
-    create.size = storage.size();
-    VkMicromapEXT small = VK_NULL_HANDLE;
-    VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &small));
-    buildWith([&](VkMicromapBuildInfoEXT &info) {
-        info = large.buildInfo();
-        info.dstMicromap = small;
-    });
+    const Guarded storage(gpu(), sizes.micromapSize / 2, 256, micromapStorageUsage(gpu()));
+    const MicromapHandle small =
+        createMicromap(gpu(), storage.buffer(), storage.address() - storage.offset(), storage.offset(), storage.size());
+    record(std::array{MicromapBuild{large.buildInfo(), small}});
     expectComplaint();
     EXPECT_TRUE(storage.intact());
-    gpu().vk().DestroyMicromapEXT(gpu().device(), small, nullptr);
+    destroyMicromap(gpu(), small);
 }
 
-TEST_F(BadInput, CreateBeyondTheBuffer)
+TEST_F(BadInputExt, CreateBeyondTheBuffer)
 {
     const Buffer buffer(gpu(), 4096, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
     for (const auto &[offset, size] : std::initializer_list<std::pair<VkDeviceSize, VkDeviceSize>>{
@@ -216,9 +219,10 @@ TEST_F(BadInput, RefusedBesideGood)
     MicromapInput input;
     input.add(2, kFourState, std::vector<std::uint8_t>(16, 1));
     Micromap other(gpu(), std::move(input));
-    std::array<VkMicromapBuildInfoEXT, 2> infos{micromap_->buildInfo(), other.buildInfo()};
-    infos[1].type = static_cast<VkMicromapTypeEXT>(9);
-    gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 2, infos.data()); });
+    std::array builds{MicromapBuild{micromap_->buildInfo(), micromap_->handle()},
+                      MicromapBuild{other.buildInfo(), other.handle()}};
+    builds[1].info.mode = static_cast<VkBuildMicromapModeEXT>(3);
+    record(builds);
     expectComplaint();
 }
 
@@ -313,7 +317,7 @@ TEST_F(BadInput, MicromapThatWasNeverBuilt)
     EXPECT_EQ(seen({micromap_.get()}, 4), (std::vector{1, 1, 1, 1}));
 }
 
-TEST_F(BadInput, GeometryWithBothUsageArrays)
+TEST_F(BadInputExt, GeometryWithBothUsageArrays)
 {
     gpu().breaks("VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-pUsageCounts-07335");
     micromap_->build();

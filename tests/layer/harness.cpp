@@ -255,9 +255,9 @@ void Gpu::createDevice()
     };
     for (const char *name : kWantedExtensions)
         add(name);
-    if (options_.micromaps && options_.api == Api::Ext) {
+    if (options_.micromaps && (options_.api == Api::Ext || options_.bothApis))
         extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    } else if (options_.micromaps) {
+    if (options_.micromaps && (options_.api == Api::Khr || options_.bothApis)) {
         extensions_.emplace_back(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
         extensions_.emplace_back(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
     }
@@ -448,8 +448,10 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
 
 std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
-    return khr() && options_.declaresMode ? withModeWhereNeeded(words)
-                                          : std::vector<std::uint32_t>(words.begin(), words.end());
+    // A driver without the extension knows nothing of the mode.
+    return khr() && options_.vellum && options_.micromaps && options_.declaresMode
+               ? withModeWhereNeeded(words)
+               : std::vector<std::uint32_t>(words.begin(), words.end());
 }
 
 VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const

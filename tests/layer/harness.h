@@ -44,6 +44,7 @@ struct Options {
     bool capable = false;      // capable_layer.cpp, below even that
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
+    bool bothApis = false;     // enable the other one, too
     bool hostCommands = true;  // enable micromapHostCommands
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
@@ -185,6 +186,8 @@ public:
 
     [[nodiscard]] const Options &options() const { return options_; }
     [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
+    // What is made from now on goes through that API; of a device with both.
+    void use(Api api) { options_.api = api; }
     // A module as shader() makes it.
     [[nodiscard]] std::vector<std::uint32_t> code(std::span<const std::uint32_t> words) const;
     [[nodiscard]] VkInstance instance() const { return instance_; }

@@ -229,20 +229,16 @@ TEST_F(Index, UsageCountsBehindPointers)
     std::vector<const VkMicromapUsageEXT *> pointers;
     for (std::uint32_t i = 0; i < info.usageCountsCount; ++i)
         pointers.push_back(info.pUsageCounts + i);
-    VkMicromapBuildSizesInfoEXT one{}, two{};
-    one.sType = two.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-    const auto sizes = [&](VkMicromapBuildSizesInfoEXT &out) {
-        gpu().vk().GetMicromapBuildSizesEXT(gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
-                                            &out);
-    };
-    sizes(one);
+    const VkMicromapBuildSizesInfoEXT one = micromapSizes(gpu(), info);
     info.pUsageCounts = nullptr;
     info.ppUsageCounts = pointers.data();
-    sizes(two);
+    const VkMicromapBuildSizesInfoEXT two = micromapSizes(gpu(), info);
     EXPECT_EQ(one.micromapSize, two.micromapSize);
     EXPECT_EQ(one.buildScratchSize, two.buildScratchSize);
     EXPECT_GT(one.buildScratchSize, 0u) << "a buffer of this size must be possible";
-    gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 1, &info); });
+    gpu().submit([&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu(), commands, std::array{MicromapBuild{info, micromap.handle()}});
+    });
     Geometry geometry = rowOf(4);
     geometry.micromap = Attachment{&micromap};
     expectRows(Blas(gpu(), {geometry}), {{0, 0, {0, 1, 2, 3}}});
@@ -251,17 +247,15 @@ TEST_F(Index, UsageCountsBehindPointers)
 TEST_F(Index, SeveralMicromapsInOneCommand)
 {
     std::vector<std::unique_ptr<Micromap>> micromaps;
-    std::vector<VkMicromapBuildInfoEXT> infos;
+    std::vector<MicromapBuild> builds;
     for (std::uint8_t k = 0; k < 5; ++k) {
         MicromapInput input;
         for (std::uint8_t i = 0; i < 4; ++i)
             input.add(k, kFourState, States(1u << (2 * k), static_cast<std::uint8_t>((i + k) % 4)));
         micromaps.push_back(std::make_unique<Micromap>(gpu(), std::move(input)));
-        infos.push_back(micromaps.back()->buildInfo());
+        builds.push_back({micromaps.back()->buildInfo(), micromaps.back()->handle()});
     }
-    gpu().submit([&](VkCommandBuffer commands) {
-        gpu().vk().CmdBuildMicromapsEXT(commands, static_cast<std::uint32_t>(infos.size()), infos.data());
-    });
+    gpu().submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu(), commands, builds); });
     std::vector<Geometry> geometries;
     std::vector<Row> rows;
     for (std::uint32_t k = 0; k < micromaps.size(); ++k) {
@@ -310,7 +304,7 @@ TEST_F(Index, RebuildInPlaceAndBlasUpdate)
 
 TEST_F(Index, DestroyingNothingIsAllowed)
 {
-    gpu().vk().DestroyMicromapEXT(gpu().device(), VK_NULL_HANDLE, nullptr);
+    destroyMicromap(gpu(), {});
 }
 
 TEST_F(Index, EmptyGeometryAndEmptyMicromap)

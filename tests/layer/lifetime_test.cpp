@@ -113,16 +113,17 @@ TEST_F(Lifetime, APlainBuildExecutedLateLeavesOthersAlone)
 TEST_F(Lifetime, PrivateDataOfMicromapsIsKeptPerSlotAndObject)
 {
     const auto micromap = transparentMicromap();
-    const auto object = reinterpret_cast<std::uint64_t>(micromap->handle());
+    const std::uint64_t object = micromap->handle().object();
+    const VkObjectType type = micromap->handle().objectType();
     VkPrivateDataSlotCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
     VkPrivateDataSlot slots[2] = {};
     for (VkPrivateDataSlot &slot : slots)
         ASSERT_EQ(vkCreatePrivateDataSlot(gpu().device(), &info, nullptr, &slot), VK_SUCCESS);
-    ASSERT_EQ(vkSetPrivateData(gpu().device(), VK_OBJECT_TYPE_MICROMAP_EXT, object, slots[0], 42), VK_SUCCESS);
+    ASSERT_EQ(vkSetPrivateData(gpu().device(), type, object, slots[0], 42), VK_SUCCESS);
     std::uint64_t values[2] = {1, 1};
     for (int i = 0; i < 2; ++i)
-        vkGetPrivateData(gpu().device(), VK_OBJECT_TYPE_MICROMAP_EXT, object, slots[i], &values[i]);
+        vkGetPrivateData(gpu().device(), type, object, slots[i], &values[i]);
     EXPECT_EQ(values[0], 42u);
     EXPECT_EQ(values[1], 0u);
     for (VkPrivateDataSlot slot : slots)

@@ -114,7 +114,7 @@ protected:
         info.queryCount = 1;
         VkQueryPool pool = VK_NULL_HANDLE;
         VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
-        const VkAccelerationStructureKHR structure = micromap.structure();
+        const VkAccelerationStructureKHR structure = micromap.handle().khr;
         gpu().submit([&](VkCommandBuffer commands) {
             vkCmdResetQueryPool(commands, pool, 0, 1);
             gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &structure, info.queryType, pool, 0);
@@ -263,8 +263,8 @@ TEST_F(Lossy, CompactionSaves)
     const Micromap compacted(gpu(), lossy, bytes);
     VkCopyAccelerationStructureInfoKHR copy{};
     copy.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-    copy.src = lossy.structure();
-    copy.dst = compacted.structure();
+    copy.src = lossy.handle().khr;
+    copy.dst = compacted.handle().khr;
     copy.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
     gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyAccelerationStructureKHR(commands, &copy); });
     EXPECT_EQ(inUse(compacted), inUse(lossy));

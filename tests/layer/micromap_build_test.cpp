@@ -217,10 +217,7 @@ TEST_F(MicromapBuild, SizesAreTight)
                 info.usageCountsCount = 1;
                 info.pUsageCounts = &usage;
                 info.flags = kAllow;
-                VkMicromapBuildSizesInfoEXT sizes{};
-                sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-                gpu().vk().GetMicromapBuildSizesEXT(gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                    &info, &sizes);
+                const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu(), info);
                 const VkDeviceSize bits = VkDeviceSize{format == kTwoState ? 1u : 2u} << (2 * level);
                 const VkDeviceSize packed = (bits + 7) / 8;
                 EXPECT_LE(sizes.micromapSize, count * (packed + 16) + 1024) << "level " << level;

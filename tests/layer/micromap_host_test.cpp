@@ -16,7 +16,8 @@ constexpr std::size_t kHeader = 64;
 class MicromapHost : public GpuTest
 {
 protected:
-    explicit MicromapHost(const Options &options = {}) : GpuTest(options) {}
+    // Host commands are VK_EXT_opacity_micromap's only.
+    explicit MicromapHost(const Options &options = {.api = Api::Ext}) : GpuTest(options) {}
 
     static MicromapInput mixed()
     {
@@ -47,14 +48,14 @@ protected:
     {
         VkCopyMicromapInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-        info.src = from.handle();
-        info.dst = to.handle();
+        info.src = from.handle().ext;
+        info.dst = to.handle().ext;
         info.mode = mode;
         return gpu().vk().CopyMicromapEXT(gpu().device(), operation, &info);
     }
     VkDeviceSize hostSize(const Micromap &micromap, VkQueryType type)
     {
-        const VkMicromapEXT handle = micromap.handle();
+        const VkMicromapEXT handle = micromap.handle().ext;
         VkDeviceSize size = 0;
         VT_CHECK(gpu().vk().WriteMicromapsPropertiesEXT(gpu().device(), 1, &handle, type, 8, &size, 8));
         return size;
@@ -64,7 +65,7 @@ protected:
         std::vector<std::uint8_t> bytes(hostSize(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT));
         VkCopyMicromapToMemoryInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
-        info.src = micromap.handle();
+        info.src = micromap.handle().ext;
         info.dst.hostAddress = bytes.data();
         info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
         VT_CHECK(gpu().vk().CopyMicromapToMemoryEXT(gpu().device(), VK_NULL_HANDLE, &info));
@@ -75,7 +76,7 @@ protected:
         VkCopyMemoryToMicromapInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
         info.src.hostAddress = bytes.data();
-        info.dst = to.handle();
+        info.dst = to.handle().ext;
         info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
         VT_CHECK(gpu().vk().CopyMemoryToMicromapEXT(gpu().device(), VK_NULL_HANDLE, &info));
     }
@@ -84,7 +85,7 @@ protected:
         Buffer out(gpu(), size, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
         VkCopyMicromapToMemoryInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
-        info.src = micromap.handle();
+        info.src = micromap.handle().ext;
         info.dst.deviceAddress = out.address();
         info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
         gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMicromapToMemoryEXT(commands, &info); });
@@ -175,7 +176,7 @@ TEST_F(MicromapHost, SerializedByOneReadByTheOther)
         VkCopyMemoryToMicromapInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
         info.src.deviceAddress = device.address();
-        info.dst = onDevice.handle();
+        info.dst = onDevice.handle().ext;
         info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
         gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMemoryToMicromapEXT(commands, &info); });
         EXPECT_EQ(used(onDevice), used(source));
@@ -214,8 +215,8 @@ TEST_F(MicromapHost, TargetsSmallerThanAHeader)
             const Micromap tiny(gpu(), source, size);
             VkCopyMicromapInfoEXT info{};
             info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-            info.src = source.handle();
-            info.dst = tiny.handle();
+            info.src = source.handle().ext;
+            info.dst = tiny.handle().ext;
             info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
             gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMicromapEXT(commands, &info); });
         }
@@ -225,7 +226,7 @@ TEST_F(MicromapHost, TargetsSmallerThanAHeader)
             VkCopyMemoryToMicromapInfoEXT info{};
             info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
             info.src.deviceAddress = device.address();
-            info.dst = tiny.handle();
+            info.dst = tiny.handle().ext;
             info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
             gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMemoryToMicromapEXT(commands, &info); });
         }
@@ -307,7 +308,7 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
 class MicromapHostNewer : public MicromapHost
 {
 protected:
-    MicromapHostNewer() : MicromapHost(Options{.oldValidation = false, .newer = true}) {}
+    MicromapHostNewer() : MicromapHost(Options{.oldValidation = false, .api = Api::Ext, .newer = true}) {}
 };
 
 // A mapping that only the driver can make (VK_EXT_map_memory_placed gives its structure; here it asks for nothing) is
@@ -351,7 +352,7 @@ TEST_F(MicromapHostNewer, MappedByTheDriver)
 class MicromapHostDisabled : public MicromapHost
 {
 protected:
-    MicromapHostDisabled() : MicromapHost(Options{.hostCommands = false}) {}
+    MicromapHostDisabled() : MicromapHost(Options{.api = Api::Ext, .hostCommands = false}) {}
 };
 
 TEST_F(MicromapHostDisabled, IsRefused)
@@ -365,7 +366,7 @@ TEST_F(MicromapHostDisabled, IsRefused)
 class MicromapHostValidated : public MicromapHost
 {
 protected:
-    MicromapHostValidated() : MicromapHost(Options{.validate = true}) {}
+    MicromapHostValidated() : MicromapHost(Options{.api = Api::Ext, .validate = true}) {}
 };
 
 TEST_F(MicromapHostValidated, WrongInputIsToldOf)

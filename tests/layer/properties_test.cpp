@@ -55,8 +55,11 @@ VkResult createDevice(VkPhysicalDevice physical, std::span<const char *const> ex
     return vkCreateDevice(physical, &info, nullptr, device);
 }
 
+// Of VK_EXT_opacity_micromap; those of VK_KHR_opacity_micromap are in micromap_structure_test.cpp.
 class Properties : public vt::GpuTest
 {
+protected:
+    Properties() : GpuTest({.api = vt::Api::Ext}) {}
 };
 
 class WithoutLayer : public vt::GpuTest

@@ -21,7 +21,7 @@ public:
     {
         VkQueryPoolCreateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-        info.queryType = type;
+        info.queryType = micromapQueryType(gpu, type);
         info.queryCount = count;
         VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &handle_));
     }
@@ -57,20 +57,26 @@ protected:
         }
     }
     // What the size of micromap i is.
-    static VkDeviceSize sizeOf(VkQueryType type, std::uint32_t i)
+    VkDeviceSize sizeOf(VkQueryType type, std::uint32_t i)
     {
         const VkDeviceSize compacted = 64 + (i + 3) / 2 * 16 + (i + 1) * 64;
-        return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? compacted : compacted + 64;
+        return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? toldSize(gpu(), compacted) : compacted + 64;
     }
     void write(VkCommandBuffer commands, VkQueryType type, VkQueryPool pool, std::uint32_t first,
                std::uint32_t count = kCount)
     {
-        gpu().vk().CmdWriteMicromapsPropertiesEXT(commands, count, handles_.data(), type, pool, first);
+        recordMicromapProperties(gpu(), commands, std::span(handles_).first(count), micromapQueryType(gpu(), type),
+                                 pool, first);
     }
     VkResult read(VkQueryPool pool, std::uint32_t first, std::uint32_t count, void *data, std::size_t size,
                   VkDeviceSize stride, VkQueryResultFlags flags)
     {
         return vkGetQueryPoolResults(gpu().device(), pool, first, count, size, data, stride, flags);
+    }
+    VkPipelineStageFlags2 buildStage()
+    {
+        return gpu().khr() ? VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR
+                           : VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT;
     }
     void expectMessage(const char *part)
     {
@@ -83,7 +89,7 @@ protected:
     }
 
     std::vector<std::unique_ptr<Micromap>> micromaps_;
-    std::vector<VkMicromapEXT> handles_;
+    std::vector<MicromapHandle> handles_;
 };
 
 TEST_F(Queries, BothTypesInBothWidths)
@@ -195,7 +201,7 @@ TEST_F(Queries, WaitForTheDevice)
     wait.sType = VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO;
     wait.semaphore = semaphore;
     wait.value = 1;
-    wait.stageMask = VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT;
+    wait.stageMask = buildStage();
     VkCommandBufferSubmitInfo buffer{};
     buffer.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO;
     buffer.commandBuffer = commands;
@@ -300,12 +306,12 @@ TEST_F(Queries, WrongUseIsRefused)
         gpu().submit([&](VkCommandBuffer commands) { write(commands, type, pool, first, count); });
         expectMessage(id);
     };
-    refused("07525", kTypes[1], compacted, 0, 1);
-    refused("07503", VK_QUERY_TYPE_OCCLUSION, compacted, 0, 1);
+    refused(gpu().khr() ? "02493" : "07525", kTypes[1], compacted, 0, 1);
+    refused(gpu().khr() ? "02493" : "07503", VK_QUERY_TYPE_OCCLUSION, compacted, 0, 1);
     refused("query-range", kTypes[0], compacted, 1, 2);
     refused("query-range", kTypes[0], compacted, 0xffffffff, 1);
-    handles_[1] = VK_NULL_HANDLE;
-    refused("pMicromaps-parameter", kTypes[0], compacted, 0, 2);
+    handles_[1] = {};
+    refused(gpu().khr() ? "pAccelerationStructures-parameter" : "pMicromaps-parameter", kTypes[0], compacted, 0, 2);
     std::uint64_t value = 0;
     EXPECT_EQ(read(compacted, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
 }
@@ -319,7 +325,7 @@ TEST_F(Queries, WrongUseStaysInTheLayer)
     const Blas blas(gpu(), {Geometry{.vertices = triangleRow(2)}},
                     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
     const VkAccelerationStructureKHR structure = blas.handle();
-    const Pool micromaps(gpu(), kTypes[0], 2);
+    const Pool micromaps(gpu(), kTypes[1], 2);
     const Pool sizes(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR, 2);
     for (const VkQueryPool pool : {VkQueryPool{micromaps}, VkQueryPool{sizes}}) {
         vkResetQueryPool(gpu().device(), pool, 0, 2);
@@ -411,7 +417,7 @@ TEST_F(Queries, OtherPoolsAreTheDrivers)
     const Buffer out(gpu(), 64, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     gpu().submit([&](VkCommandBuffer commands) {
         vkCmdResetQueryPool(commands, pool, 0, 2);
-        vkCmdWriteTimestamp2(commands, VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, pool, 0);
+        vkCmdWriteTimestamp2(commands, buildStage(), pool, 0);
         vkCmdCopyQueryPoolResults(commands, pool, 0, 1, out.handle(), 0, 8,
                                   VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
     });

@@ -29,15 +29,19 @@ std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<std::uint32_t, 
     return usage;
 }
 
+std::uint32_t bytesOf(VkIndexType type)
+{
+    return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT8_EXT ? 1 : 2;
+}
+
 // Packs indices the way an application would, with the gaps of the stride left as garbage.
 std::vector<std::uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
 {
-    const bool wide = attachment.indexType == VK_INDEX_TYPE_UINT32;
-    const VkDeviceSize last = wide ? 4 : 2;
+    const VkDeviceSize last = bytesOf(attachment.indexType);
     std::vector<std::uint8_t> packed(attachment.indexOffset + stride * (attachment.indices.size() - 1) + last, 0x5a);
     for (std::size_t i = 0; i < (stride == 0 ? 1 : attachment.indices.size()); ++i) {
         const auto value = static_cast<std::uint32_t>(attachment.indices[i]);
-        std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, wide ? 4 : 2);
+        std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, last);
     }
     return packed;
 }
@@ -107,38 +111,6 @@ Guarded uploadAligned(Gpu &gpu, const void *content, VkDeviceSize size, VkBuffer
     return buffer;
 }
 
-StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAccelerationStructureKHR target)
-{
-    for (std::uint32_t i = 0; i < ext.usageCountsCount; ++i) {
-        const VkMicromapUsageEXT &usage = ext.pUsageCounts != nullptr ? ext.pUsageCounts[i] : *ext.ppUsageCounts[i];
-        usages.push_back({usage.count, usage.subdivisionLevel, static_cast<VkOpacityMicromapFormatKHR>(usage.format)});
-    }
-    data.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR;
-    data.usageCountsCount = static_cast<std::uint32_t>(usages.size());
-    data.pUsageCounts = usages.data();
-    data.data = ext.data.deviceAddress;
-    data.triangleArray = ext.triangleArray.deviceAddress;
-    data.triangleArrayStride = ext.triangleArrayStride;
-    geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-    geometry.pNext = &data;
-    geometry.geometryType = VK_GEOMETRY_TYPE_MICROMAP_KHR;
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    if ((ext.flags & VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT) != 0)
-        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR;
-    if ((ext.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) != 0)
-        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR;
-    if ((ext.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0)
-        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
-    if ((ext.flags & kLossy) != 0)
-        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
-    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
-    info.dstAccelerationStructure = target;
-    info.geometryCount = 1;
-    info.pGeometries = &geometry;
-    info.scratchData = ext.scratchData;
-}
-
 Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags) : gpu_(gpu), input_(std::move(input))
 {
     usage_ = input_.usage();
@@ -149,32 +121,17 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     info_.usageCountsCount = static_cast<std::uint32_t>(usage_.size());
     info_.pUsageCounts = usage_.data();
     info_.triangleArrayStride = input_.stride;
-    VkMicromapBuildSizesInfoEXT sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-    if (gpu_.khr()) {
-        const StructureBuild build(info_, VK_NULL_HANDLE);
-        VkAccelerationStructureBuildSizesInfoKHR khr{};
-        khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
-        gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                        &build.info, nullptr, &khr);
-        sizes.micromapSize = khr.accelerationStructureSize;
-        sizes.buildScratchSize = khr.buildScratchSize;
-    } else {
-        gpu_.vk().GetMicromapBuildSizesEXT(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_,
-                                           &sizes);
-    }
-
+    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
     create(sizes.micromapSize);
 
     std::vector<std::uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
     for (std::size_t i = 0; i < input_.triangles.size(); ++i)
         std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
-    const VkBufferUsageFlags usage = gpu_.khr() ? VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR
-                                                : VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
+    const VkBufferUsageFlags usage = micromapInputUsage(gpu_);
     data_ = uploadAligned(gpu_, input_.data.data(), input_.data.size(), usage);
     triangles_ = uploadAligned(gpu_, strided.data(), strided.size(), usage);
     scratch_ = Guarded(gpu_, sizes.buildScratchSize, gpu_.scratchAlignment(), kScratch);
-    info_.dstMicromap = micromap_;
+    info_.dstMicromap = handle_.ext;
     info_.data.deviceAddress = data_.address();
     info_.triangleArray.deviceAddress = triangles_.address();
     info_.scratchData.deviceAddress = scratch_.address();
@@ -187,25 +144,8 @@ Micromap::Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size) : gpu_(gpu
 
 void Micromap::create(VkDeviceSize size)
 {
-    if (gpu_.khr()) {
-        storage_ =
-            Guarded(gpu_, size, 256,
-                    VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-        VkAccelerationStructureCreateInfo2KHR khr{};
-        khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-        khr.addressRange = {storage_.address(), size};
-        khr.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-        VT_CHECK(gpu_.vk().CreateAccelerationStructure2KHR(gpu_.device(), &khr, nullptr, &structure_));
-        return;
-    }
-    storage_ = Guarded(gpu_, size, 256, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
-    VkMicromapCreateInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    info.buffer = storage_.buffer();
-    info.offset = storage_.offset();
-    info.size = size;
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &micromap_));
+    storage_ = Guarded(gpu_, size, 256, micromapStorageUsage(gpu_));
+    handle_ = createMicromap(gpu_, storage_.buffer(), storage_.address() - storage_.offset(), storage_.offset(), size);
 }
 
 Micromap::~Micromap()
@@ -215,21 +155,12 @@ Micromap::~Micromap()
         EXPECT_TRUE(scratch_.intact()) << "a micromap build wrote beyond its scratch memory";
         EXPECT_TRUE(data_.intact() && triangles_.intact()) << "a micromap build wrote to its input";
     }
-    if (gpu_.khr())
-        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
-    else
-        gpu_.vk().DestroyMicromapEXT(gpu_.device(), micromap_, nullptr);
+    destroyMicromap(gpu_, handle_);
 }
 
 void Micromap::record(VkCommandBuffer commands)
 {
-    if (gpu_.khr()) {
-        const StructureBuild build(info_, structure_);
-        const VkAccelerationStructureBuildRangeInfoKHR *range = nullptr;
-        gpu_.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &build.info, &range);
-        return;
-    }
-    gpu_.vk().CmdBuildMicromapsEXT(commands, 1, &info_);
+    recordMicromapBuilds(gpu_, commands, std::array{MicromapBuild{info_, handle_}});
 }
 
 void Micromap::build()
@@ -395,7 +326,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
                 for (std::uint32_t p = 0; p < input.primitives(); ++p)
                     used.push_back(static_cast<std::int32_t>(p));
             } else {
-                const std::uint32_t size = attachment.indexType == VK_INDEX_TYPE_UINT32 ? 4 : 2;
+                const std::uint32_t size = bytesOf(attachment.indexType);
                 out.indexStride = attachment.stride.value_or(size);
                 if (out.indexStride == 0)
                     used.assign(used.size(), used.at(0));
@@ -404,20 +335,22 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             }
             if (attachment.micromap != nullptr) {
                 usages_[i] = attachment.micromap->input().usage(used, attachment.base);
-                out.micromap = attachment.micromap->handle();
+                out.micromap = attachment.micromap->handle().ext;
             }
             out.usageCountsCount = static_cast<std::uint32_t>(usages_[i].size());
             out.pUsageCounts = usages_[i].data();
             geometry.geometry.triangles.pNext = &out;
-            if (gpu().khr()) {
-                VkAccelerationStructureTrianglesOpacityMicromapKHR &khr = attachmentsKhr_[i];
-                khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
-                khr.indexType = out.indexType;
-                khr.indexBuffer = out.indexBuffer.deviceAddress;
-                khr.indexStride = out.indexStride;
-                khr.baseTriangle = out.baseTriangle;
-                khr.micromap = attachment.micromap != nullptr ? attachment.micromap->structure() : VK_NULL_HANDLE;
-                geometry.geometry.triangles.pNext = &khr;
+            const bool khr =
+                attachment.micromap != nullptr ? attachment.micromap->handle().khr != VK_NULL_HANDLE : gpu().khr();
+            if (khr) {
+                VkAccelerationStructureTrianglesOpacityMicromapKHR &own = attachmentsKhr_[i];
+                own.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+                own.indexType = out.indexType;
+                own.indexBuffer = out.indexBuffer.deviceAddress;
+                own.indexStride = out.indexStride;
+                own.baseTriangle = out.baseTriangle;
+                own.micromap = attachment.micromap != nullptr ? attachment.micromap->handle().khr : VK_NULL_HANDLE;
+                geometry.geometry.triangles.pNext = &own;
             }
         }
         geometries_.push_back(geometry);

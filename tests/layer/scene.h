@@ -2,7 +2,7 @@
 // test can check: nothing may be written beyond the sizes that Vulkan reported.
 #pragma once
 
-#include "harness.h"
+#include "micromap_commands.h"
 
 #include <array>
 #include <cstdint>
@@ -17,9 +17,6 @@ inline constexpr std::uint16_t kTwoState = VK_OPACITY_MICROMAP_FORMAT_2_STATE_EX
 inline constexpr std::uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
 inline constexpr std::uint32_t kFlagTwoState = 0x10; // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT
 inline constexpr std::uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT
-
-// Among a Micromap's VkBuildMicromapFlagsEXT: KHR's VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR.
-inline constexpr VkBuildMicromapFlagsEXT kLossy = 0x400;
 
 // What a micromap build reads.
 struct MicromapInput {
@@ -69,10 +66,9 @@ public:
     Micromap &operator=(const Micromap &) = delete;
     ~Micromap();
 
-    // The one that it is, by the API of the device.
-    [[nodiscard]] VkMicromapEXT handle() const { return micromap_; }
-    [[nodiscard]] VkAccelerationStructureKHR structure() const { return structure_; }
+    [[nodiscard]] const MicromapHandle &handle() const { return handle_; }
     [[nodiscard]] const MicromapInput &input() const { return input_; }
+    // What a build of it reads; dstMicromap where the API is VK_EXT_opacity_micromap.
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
     // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
     [[nodiscard]] const std::uint8_t *memory() const { return storage_.bytes(); }
@@ -94,19 +90,7 @@ private:
     std::vector<VkMicromapUsageEXT> usage_;
     Guarded data_, triangles_, scratch_, storage_;
     VkMicromapBuildInfoEXT info_{};
-    VkMicromapEXT micromap_ = VK_NULL_HANDLE;
-    VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
-};
-
-// A build of EXT's as VK_KHR_opacity_micromap puts it. Points into itself.
-struct StructureBuild {
-    StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAccelerationStructureKHR target);
-    StructureBuild(const StructureBuild &) = delete;
-    StructureBuild &operator=(const StructureBuild &) = delete;
-    std::vector<VkMicromapUsageKHR> usages;
-    VkAccelerationStructureGeometryMicromapDataKHR data{};
-    VkAccelerationStructureGeometryKHR geometry{};
-    VkAccelerationStructureBuildGeometryInfoKHR info{};
+    MicromapHandle handle_;
 };
 
 // VkAccelerationStructureTrianglesOpacityMicromapEXT of a geometry.

@@ -14,6 +14,7 @@
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <set>
 #include <span>
 #include <sstream>
 #include <string>
@@ -142,12 +143,21 @@ void expectBuild(const char *where, const VkAccelerationStructureBuildGeometryIn
 {
     constexpr VkFlags ours = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
                              VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
-                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
+                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT |
+                             0x400; // VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR
+    if (info.type > VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        tell(std::string(where) + ": a type that the driver does not know");
     if ((info.flags & ours) != 0)
         tell(std::string(where) + ": micromap build flags");
     for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
         const VkAccelerationStructureGeometryKHR &geometry =
             info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
+        if (geometry.geometryType > VK_GEOMETRY_TYPE_INSTANCES_KHR)
+            tell(std::string(where) + ": a type of geometry that the driver does not know");
+        // VkAccelerationStructureTrianglesOpacityMicromapKHR
+        if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
+            inChain(geometry.geometry.triangles.pNext, static_cast<VkStructureType>(1000623003)) != nullptr)
+            tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapKHR");
         if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
             inChain(geometry.geometry.triangles.pNext,
                     VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT) != nullptr)
@@ -156,6 +166,102 @@ void expectBuild(const char *where, const VkAccelerationStructureBuildGeometryIn
 }
 
 #define SPY_NEXT(function) nextOfDevice<PFN_##function>(keyOf(handle), #function)
+
+// Acceleration structures that are the driver's: others, which the layer has by itself, must not come here.
+std::set<VkAccelerationStructureKHR> structures;
+std::mutex structuresMutex;
+
+void expectStructure(const char *where, VkAccelerationStructureKHR structure)
+{
+    bool known = structure == VK_NULL_HANDLE;
+    {
+        std::lock_guard lock(structuresMutex);
+        known = known || structures.contains(structure);
+    }
+    if (!known)
+        tell(std::string(where) + ": an acceleration structure that is not the driver's");
+}
+
+void expectObject(const char *where, VkObjectType type, std::uint64_t object)
+{
+    if (type == VK_OBJECT_TYPE_MICROMAP_EXT)
+        tell(std::string(where) + ": an object of type VK_OBJECT_TYPE_MICROMAP_EXT");
+    if (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
+        expectStructure(where, reinterpret_cast<VkAccelerationStructureKHR>(object));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelerationStructureCreateInfoKHR *info,
+                                               const VkAllocationCallbacks *allocator,
+                                               VkAccelerationStructureKHR *structure)
+{
+    if (info->type > VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        tell("vkCreateAccelerationStructureKHR: a type that the driver does not know");
+    const VkResult result = SPY_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
+    std::lock_guard lock(structuresMutex);
+    if (result == VK_SUCCESS)
+        structures.insert(*structure);
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
+                                            const VkAllocationCallbacks *allocator)
+{
+    expectStructure("vkDestroyAccelerationStructureKHR", structure);
+    {
+        std::lock_guard lock(structuresMutex);
+        structures.erase(structure);
+    }
+    SPY_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
+}
+
+VKAPI_ATTR void VKAPI_CALL copyStructure(VkCommandBuffer handle, const VkCopyAccelerationStructureInfoKHR *info)
+{
+    expectStructure("vkCmdCopyAccelerationStructureKHR", info->src);
+    expectStructure("vkCmdCopyAccelerationStructureKHR", info->dst);
+    SPY_NEXT(vkCmdCopyAccelerationStructureKHR)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL writeProperties(VkCommandBuffer handle, std::uint32_t count,
+                                           const VkAccelerationStructureKHR *list, VkQueryType type, VkQueryPool pool,
+                                           std::uint32_t first)
+{
+    for (const VkAccelerationStructureKHR structure : std::span(list, count))
+        expectStructure("vkCmdWriteAccelerationStructuresPropertiesKHR", structure);
+    SPY_NEXT(vkCmdWriteAccelerationStructuresPropertiesKHR)(handle, count, list, type, pool, first);
+}
+
+VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
+                                                       const VkAccelerationStructureDeviceAddressInfoKHR *info)
+{
+    expectStructure("vkGetAccelerationStructureDeviceAddressKHR", info->accelerationStructure);
+    return SPY_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, info);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
+                                              VkPrivateDataSlot slot, std::uint64_t data)
+{
+    expectObject("vkSetPrivateData", type, object);
+    return SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data);
+}
+
+VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
+                                          VkPrivateDataSlot slot, std::uint64_t *data)
+{
+    expectObject("vkGetPrivateData", type, object);
+    SPY_NEXT(vkGetPrivateData)(handle, type, object, slot, data);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
+{
+    expectObject("vkSetDebugUtilsObjectNameEXT", info->objectType, info->objectHandle);
+    return SPY_NEXT(vkSetDebugUtilsObjectNameEXT)(handle, info);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
+{
+    expectObject("vkSetDebugUtilsObjectTagEXT", info->objectType, info->objectHandle);
+    return SPY_NEXT(vkSetDebugUtilsObjectTagEXT)(handle, info);
+}
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
 {
@@ -630,6 +736,15 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         {"vkFreeMemory", reinterpret_cast<PFN_vkVoidFunction>(freeMemory)},
         {"vkCreateGraphicsPipelines", reinterpret_cast<PFN_vkVoidFunction>(createGraphicsPipelines)},
         {"vkCreateShadersEXT", reinterpret_cast<PFN_vkVoidFunction>(createShaders)},
+        {"vkCreateAccelerationStructureKHR", reinterpret_cast<PFN_vkVoidFunction>(createStructure)},
+        {"vkDestroyAccelerationStructureKHR", reinterpret_cast<PFN_vkVoidFunction>(destroyStructure)},
+        {"vkCmdCopyAccelerationStructureKHR", reinterpret_cast<PFN_vkVoidFunction>(copyStructure)},
+        {"vkCmdWriteAccelerationStructuresPropertiesKHR", reinterpret_cast<PFN_vkVoidFunction>(writeProperties)},
+        {"vkGetAccelerationStructureDeviceAddressKHR", reinterpret_cast<PFN_vkVoidFunction>(structureAddress)},
+        {"vkSetPrivateData", reinterpret_cast<PFN_vkVoidFunction>(setPrivateData)},
+        {"vkGetPrivateData", reinterpret_cast<PFN_vkVoidFunction>(getPrivateData)},
+        {"vkSetDebugUtilsObjectNameEXT", reinterpret_cast<PFN_vkVoidFunction>(setName)},
+        {"vkSetDebugUtilsObjectTagEXT", reinterpret_cast<PFN_vkVoidFunction>(setTag)},
         {"vkCreateBuffer", reinterpret_cast<PFN_vkVoidFunction>(createBuffer)},
         {"vkGetAccelerationStructureBuildSizesKHR", reinterpret_cast<PFN_vkVoidFunction>(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", reinterpret_cast<PFN_vkVoidFunction>(cmdBuild)},
@@ -702,6 +817,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
     for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount)) {
         if (std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0)
             tell("vkCreateDevice: VK_EXT_opacity_micromap");
+        if (std::strcmp(name, "VK_KHR_opacity_micromap") == 0)
+            tell("vkCreateDevice: VK_KHR_opacity_micromap");
         if (std::strcmp(name, "VK_ARM_pipeline_opacity_micromap") == 0)
             tell("vkCreateDevice: VK_ARM_pipeline_opacity_micromap");
         if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
@@ -709,6 +826,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
     }
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+    if (inChain(info->pNext, static_cast<VkStructureType>(1000623000)) != nullptr)
+        tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesKHR");
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR");
     // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM

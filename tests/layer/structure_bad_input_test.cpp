@@ -276,6 +276,8 @@ TEST_F(BadCopies, TruncatedData)
             // The memory goes on, but the data does not.
             Serialized cut({data.bytes().begin(), data.bytes().begin() + static_cast<std::ptrdiff_t>(size)});
             cut.bytes().resize(data.bytes().size());
+            if (cut.bytes() == data.bytes()) // only padding was cut off
+                continue;
             deserialize(gpu(), cut, *target);
             gpu().submit([](VkCommandBuffer) {});
             EXPECT_FALSE(gpu().takeMessages().empty());

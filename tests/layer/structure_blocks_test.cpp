@@ -41,7 +41,7 @@ protected:
     {
         VkAccelerationStructureDeviceAddressInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        info.accelerationStructure = micromap.structure();
+        info.accelerationStructure = micromap.handle().khr;
         return gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &info);
     }
     // A micromap made like another, with its content once `copyTo` has executed.
@@ -51,7 +51,8 @@ protected:
     }
     void copyTo(const Micromap &from, const Micromap &to)
     {
-        gpu().submit([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, from.structure(), to.structure()); });
+        gpu().submit(
+            [&](VkCommandBuffer commands) { recordCopy(gpu(), commands, from.handle().khr, to.handle().khr); });
     }
     // What the messages that came are about; none other may have come.
     std::vector<std::string> ids()

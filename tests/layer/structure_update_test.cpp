@@ -130,10 +130,8 @@ TEST_F(Updates, DataOfTheMicromap)
         EXPECT_EQ(seenOf(gpu(), blas), before);
         EXPECT_NE(before, expected);
         // Into the same object: the other's input, this one's destination.
-        VkMicromapBuildInfoEXT info = second.buildInfo();
-        info.dstMicromap = micromap.handle();
         gpu().submit([&](VkCommandBuffer commands) {
-            gpu().vk().CmdBuildMicromapsEXT(commands, 1, &info);
+            recordMicromapBuilds(gpu(), commands, std::array{MicromapBuild{second.buildInfo(), micromap.handle()}});
             barrier(commands);
         });
         blas.build({geometry}, kDataUpdate, kUpdate);
@@ -219,9 +217,8 @@ TEST_F(Updates, RecordedOnce)
     for (int round = 0; round < 4; ++round) {
         const Patchwork &now = round % 2 == 0 ? second : first;
         for (std::size_t m = 0; m < 2; ++m) {
-            VkMicromapBuildInfoEXT info = now.micromap(m).buildInfo();
-            info.dstMicromap = first.micromap(m).handle();
-            gpu().submit([&](VkCommandBuffer c) { gpu().vk().CmdBuildMicromapsEXT(c, 1, &info); });
+            const MicromapBuild build{now.micromap(m).buildInfo(), first.micromap(m).handle()};
+            gpu().submit([&](VkCommandBuffer c) { recordMicromapBuilds(gpu(), c, std::span(&build, 1)); });
         }
         gpu().execute(commands);
         const Patchwork built(gpu(), round % 2 == 0 ? 2 : 1);

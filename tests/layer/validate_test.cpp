@@ -82,12 +82,14 @@ TEST_F(Validate, EveryKindOfWrongTriangle)
     input.triangles[257].dataOffset = 1 << 28;
     input.triangles[599].subdivisionLevel = 9;
     const std::vector<std::pair<std::uint32_t, std::string>> expected{
-        {1, "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660"},
+        {1, gpu().khr() ? "VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
+                        : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660"},
         {2, "level 65535"},
-        {3, "VUID-VkMicromapBuildInfoEXT-format-11657"},
+        {3, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11555"
+                        : "VUID-VkMicromapBuildInfoEXT-format-11657"},
         {4, "format 3"},
         {5, "offset 4294967280"},
-        {257, "VELLUM-micromap-data"},
+        {257, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "VELLUM-micromap-data"},
         {599, "VELLUM-micromap-usage-counts"},
     };
     for (const VkBuildMicromapFlagsEXT flags : kFlags)
@@ -151,8 +153,8 @@ TEST_F(Validate, MessagesNameTheMicromap)
         vkGetInstanceProcAddr(gpu().instance(), "vkSetDebugUtilsObjectNameEXT"));
     VkDebugUtilsObjectNameInfoEXT info{};
     info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
-    info.objectType = VK_OBJECT_TYPE_MICROMAP_EXT;
-    info.objectHandle = reinterpret_cast<std::uint64_t>(micromap.handle());
+    info.objectType = micromap.handle().objectType();
+    info.objectHandle = micromap.handle().object();
     info.pObjectName = "the leaves";
     VT_CHECK(name(gpu().device(), &info));
     micromap.build();

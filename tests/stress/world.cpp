@@ -18,7 +18,6 @@ constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
 constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | kAddress;
-constexpr VkBufferUsageFlags kMicromapInput = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | kAddress;
 
 VkDeviceSize up(VkDeviceSize value)
 {
@@ -80,6 +79,7 @@ struct World::Description {
         const Extent &extent = world.extent_;
         geometries.resize(extent.geometries);
         attachments.resize(extent.geometries);
+        attachmentsKhr.resize(extent.geometries);
         usages.resize(extent.geometries);
         counts.assign(extent.geometries, extent.triangles);
         ranges.assign(extent.geometries, {extent.triangles, 0, 0, 0});
@@ -121,14 +121,20 @@ struct World::Description {
         }
         attachment.usageCountsCount = static_cast<std::uint32_t>(usages[g].size());
         attachment.pUsageCounts = usages[g].data();
-        attachment.micromap = world.micromaps_[map].handle;
+        attachment.micromap = world.micromaps_[map].handle.ext;
+        VkAccelerationStructureTrianglesOpacityMicromapKHR &khr = attachmentsKhr[g];
+        khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+        khr.indexType = attachment.indexType;
+        khr.indexBuffer = attachment.indexBuffer.deviceAddress;
+        khr.indexStride = attachment.indexStride;
+        khr.micromap = world.micromaps_[map].handle.khr;
         VkAccelerationStructureGeometryKHR &geometry = geometries[g];
         geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
         geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
         geometry.flags = opaque(g) ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
         VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
         triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
-        triangles.pNext = &attachment;
+        triangles.pNext = world.gpu_.khr() ? static_cast<const void *>(&khr) : &attachment;
         triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
         triangles.vertexStride = sizeof(Vec3);
         triangles.maxVertex = 3 * extent.triangles - 1;
@@ -139,6 +145,7 @@ struct World::Description {
 
     std::vector<VkAccelerationStructureGeometryKHR> geometries;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments;
+    std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr;
     std::vector<std::vector<VkMicromapUsageEXT>> usages;
     std::vector<std::uint32_t> counts;
     std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
@@ -181,15 +188,11 @@ World::World(Gpu &gpu, const Extent &extent)
     VkDeviceSize scratch = 0;
     for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
         const MicromapDescription description(m, extent_.triangles);
-        VkMicromapBuildSizesInfoEXT sizes{};
-        sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-        gpu_.vk().GetMicromapBuildSizesEXT(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                           &description.info, &sizes);
+        const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, description.info);
         micromapBytes_ = std::max(micromapBytes_, up(sizes.micromapSize));
         scratch = std::max(scratch, sizes.buildScratchSize);
     }
-    micromapRoom_ =
-        Buffer(gpu_, 2 * micromapBytes_ * extent_.micromaps(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | kAddress);
+    micromapRoom_ = Buffer(gpu_, 2 * micromapBytes_ * extent_.micromaps(), micromapStorageUsage(gpu_));
     {
         const Description description(*this, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
         VkAccelerationStructureBuildSizesInfoKHR sizes{};
@@ -207,7 +210,7 @@ World::World(Gpu &gpu, const Extent &extent)
     serialized_ = Buffer(gpu_, blasRoomBytes_ + 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
     VkQueryPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-    pool.queryType = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT;
+    pool.queryType = micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
     pool.queryCount = 1;
     VT_CHECK(vkCreateQueryPool(gpu_.device(), &pool, nullptr, &sizes_));
     for (std::uint32_t m = 0; m < extent_.micromaps(); ++m)
@@ -224,7 +227,7 @@ World::~World()
     for (const Bottom &blas : blases_)
         gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
     for (const Map &micromap : micromaps_)
-        gpu_.vk().DestroyMicromapEXT(gpu_.device(), micromap.handle, nullptr);
+        destroyMicromap(gpu_, micromap.handle);
 }
 
 void World::makeGeometry()
@@ -239,8 +242,10 @@ void World::makeGeometry()
     }
     vertices_ = gpu_.upload(std::span<const Vec3>(vertices), kInput);
     indices_ = gpu_.upload(std::span<const std::int32_t>(indices), kInput);
-    data_ = Buffer(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState) + 512, kMicromapInput);
-    triangles_ = Buffer(gpu_, VkDeviceSize{extent_.triangles} * sizeof(VkMicromapTriangleEXT) + 512, kMicromapInput);
+    data_ =
+        Buffer(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState) + 512, micromapInputUsage(gpu_));
+    triangles_ =
+        Buffer(gpu_, VkDeviceSize{extent_.triangles} * sizeof(VkMicromapTriangleEXT) + 512, micromapInputUsage(gpu_));
 }
 
 void World::fillInput(std::uint32_t micromap, std::uint32_t version)
@@ -263,17 +268,12 @@ void World::fillInput(std::uint32_t micromap, std::uint32_t version)
     }
 }
 
-VkMicromapEXT World::replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes)
+MicromapHandle World::replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes)
 {
     Map &map = micromaps_[micromap];
-    VkMicromapCreateInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    info.buffer = micromapRoom_.handle();
-    info.offset = (2 * VkDeviceSize{micromap} + half) * micromapBytes_;
-    info.size = bytes;
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    const VkMicromapEXT old = map.handle;
-    VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &map.handle));
+    const MicromapHandle old = map.handle;
+    map.handle = createMicromap(gpu_, micromapRoom_.handle(), micromapRoom_.address(),
+                                (2 * VkDeviceSize{micromap} + half) * micromapBytes_, bytes);
     map.half = half;
     map.bytes = bytes;
     return old;
@@ -283,23 +283,23 @@ void World::buildMicromap(std::uint32_t micromap)
 {
     Map &map = micromaps_[micromap];
     if (map.bytes < micromapBytes_)
-        gpu_.vk().DestroyMicromapEXT(gpu_.device(), replaceMicromap(micromap, map.half, micromapBytes_), nullptr);
+        destroyMicromap(gpu_, replaceMicromap(micromap, map.half, micromapBytes_));
     fillInput(micromap, map.version);
     MicromapDescription description(micromap, extent_.triangles);
-    description.info.dstMicromap = map.handle;
     description.info.data.deviceAddress = up(data_);
     description.info.triangleArray.deviceAddress = up(triangles_);
     description.info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
     description.info.scratchData.deviceAddress = up(scratch_);
-    gpu_.submit([&](VkCommandBuffer commands) { gpu_.vk().CmdBuildMicromapsEXT(commands, 1, &description.info); });
+    const MicromapBuild build{description.info, map.handle};
+    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, std::span(&build, 1)); });
 }
 
 VkDeviceSize World::compactedBytes(std::uint32_t micromap)
 {
     gpu_.submit([&](VkCommandBuffer commands) {
         vkCmdResetQueryPool(commands, sizes_, 0, 1);
-        gpu_.vk().CmdWriteMicromapsPropertiesEXT(commands, 1, &micromaps_[micromap].handle,
-                                                 VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, sizes_, 0);
+        recordMicromapProperties(gpu_, commands, std::span(&micromaps_[micromap].handle, 1),
+                                 micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT), sizes_, 0);
     });
     VkDeviceSize bytes = 0;
     VT_CHECK(vkGetQueryPoolResults(gpu_.device(), sizes_, 0, 1, sizeof bytes, &bytes, sizeof bytes,
@@ -311,42 +311,20 @@ void World::copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode)
 {
     Map &map = micromaps_[micromap];
     const bool compact = mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-    const VkMicromapEXT old = replaceMicromap(micromap, map.half ^ 1, compact ? compactedBytes(micromap) : map.bytes);
-    gpu_.submit([&](VkCommandBuffer commands) {
-        VkCopyMicromapInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-        info.src = old;
-        info.dst = map.handle;
-        info.mode = mode;
-        gpu_.vk().CmdCopyMicromapEXT(commands, &info);
-    });
-    gpu_.vk().DestroyMicromapEXT(gpu_.device(), old, nullptr);
+    const MicromapHandle old = replaceMicromap(micromap, map.half ^ 1, compact ? compactedBytes(micromap) : map.bytes);
+    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapCopy(gpu_, commands, old, map.handle, mode); });
+    destroyMicromap(gpu_, old);
 }
 
 void World::reloadMicromap(std::uint32_t micromap)
 {
     Map &map = micromaps_[micromap];
     const VkDeviceAddress memory = up(serialized_);
-    gpu_.submit([&](VkCommandBuffer commands) {
-        VkCopyMicromapToMemoryInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
-        info.src = map.handle;
-        info.dst.deviceAddress = memory;
-        info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-        gpu_.vk().CmdCopyMicromapToMemoryEXT(commands, &info);
-    });
+    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, map.handle, memory); });
     std::uint64_t size = 0;
     std::memcpy(&size, serialized_.bytes() + (memory - serialized_.address()) + 40, 8);
-    const VkMicromapEXT old = replaceMicromap(micromap, map.half ^ 1, size);
-    gpu_.vk().DestroyMicromapEXT(gpu_.device(), old, nullptr);
-    gpu_.submit([&](VkCommandBuffer commands) {
-        VkCopyMemoryToMicromapInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
-        info.src.deviceAddress = memory;
-        info.dst = map.handle;
-        info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-        gpu_.vk().CmdCopyMemoryToMicromapEXT(commands, &info);
-    });
+    destroyMicromap(gpu_, replaceMicromap(micromap, map.half ^ 1, size));
+    gpu_.submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, memory, map.handle); });
 }
 
 VkAccelerationStructureKHR World::createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size)

@@ -57,7 +57,7 @@ public:
 
 private:
     struct Map {
-        VkMicromapEXT handle = VK_NULL_HANDLE;
+        vt::MicromapHandle handle;
         std::uint32_t version = 0;
         std::uint32_t half = 0; // of its room
         VkDeviceSize bytes = 0; // of a compacted or loaded one too few for a build
@@ -76,7 +76,7 @@ private:
     void reloadMicromap(std::uint32_t micromap);
     VkDeviceSize compactedBytes(std::uint32_t micromap);
     // Puts a new micromap of that size into half of the room; the handle of the old one is returned.
-    VkMicromapEXT replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes);
+    vt::MicromapHandle replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes);
     VkAccelerationStructureKHR createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size);
     void build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode);
     void replace(std::uint32_t blas, VkAccelerationStructureKHR handle);
