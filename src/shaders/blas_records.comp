@@ -74,7 +74,7 @@ void main()
     uint micromapTriangles = 0u;
     uint dataUnits = 0u;
     if (any(notEqual(push.micromap, uvec2(0)))) {
-        Words header = Words(push.micromap);
+        Words header = Words(readable(push.micromap, push.geometryRecord));
         // A micromap that was never built holds whatever its memory holds.
         if (header.w[kMicromapHeaderMagic] == kMicromapMagic) {
             micromapTriangles = header.w[kMicromapHeaderTriangles];
@@ -83,7 +83,7 @@ void main()
     }
     uint triangles = push.triangleCount;
     if (any(notEqual(push.range, uvec2(0))))
-        triangles = min(triangles, Words(push.range).w[0]);
+        triangles = min(triangles, Words(readable(push.range, push.geometryRecord)).w[0]);
     if (triangle < triangles && any(notEqual(push.triangleRecords, uvec2(0)))) {
         const uvec2 value = recordOf(triangle, micromapTriangles);
         Words record = Words(elementAddress(push.triangleRecords, triangle, kTriangleRecordWords * 4u));

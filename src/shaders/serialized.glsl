@@ -14,12 +14,10 @@ uint headerUnits(uint named)
     return named == 0u ? kSerializedHeaderUnits : (kBlockAddresses * 4u + named * 8u + 15u) / 16u;
 }
 
-// The geometry records and names in the tail of a cell, for loops over them. Not null where there is no tail, but some
-// address that can be read: lavapipe 26 loads what all invocations load from one address even where none is active, as
-// none is when a loop has ended.
-Units recordsOf(Cell cell, uvec2 readable)
+// The geometry records and names in the tail of a cell, for loops over them.
+Units recordsOf(Cell cell, uvec2 other)
 {
-    return Units((cell.tail.x | cell.tail.y) == 0u ? readable : cell.tail);
+    return Units(readable(cell.tail, other));
 }
 
 // The name of geometry g's micromap; 0: none.
