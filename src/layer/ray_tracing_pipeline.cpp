@@ -98,6 +98,9 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
+        // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
+        own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
+        flagsChanged_ = flagsChanged_ || own.flags != info.flags;
         own.pNext = driverChain(own.pNext, chains_);
         return stages_.rewrite(own.pStages, own.stageCount) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
     }
@@ -105,7 +108,7 @@ public:
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
     [[nodiscard]] bool changed() const
     {
-        return stages_.changed() || !chains_.empty() ||
+        return stages_.changed() || flagsChanged_ || !chains_.empty() ||
                std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
     }
 
@@ -370,6 +373,7 @@ private:
     std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
     std::vector<std::vector<uint32_t>> groupsOfOurs_; // per pipeline, those whose any-hit shader is the layer's
     std::deque<Chain> chains_;
+    bool flagsChanged_ = false;
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stageArrays_;
     std::deque<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groupArrays_;
     std::deque<VkRayTracingPipelineInterfaceCreateInfoKHR> interfaces_;

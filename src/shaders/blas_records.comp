@@ -74,14 +74,15 @@ void main()
 
     uint micromapTriangles = 0u;
     uint dataUnits = 0u;
-    if (any(notEqual(push.micromap, uvec2(0))) && holdsMicromap(push.micromap, push.micromapSize)) {
-        Words header = Words(push.micromap);
+    const uvec2 micromap = readable(push.micromap, push.geometryRecord);
+    if (any(notEqual(push.micromap, uvec2(0))) && holdsMicromap(micromap, push.micromapSize)) {
+        Words header = Words(micromap);
         micromapTriangles = header.w[kMicromapHeaderTriangles];
         dataUnits = header.w[kMicromapHeaderUnits];
     }
     uint triangles = push.triangleCount;
     if (any(notEqual(push.range, uvec2(0))))
-        triangles = min(triangles, Words(push.range).w[0]);
+        triangles = min(triangles, Words(readable(push.range, push.geometryRecord)).w[0]);
     if (triangle < triangles && any(notEqual(push.triangleRecords, uvec2(0)))) {
         const uvec2 value = recordOf(triangle, micromapTriangles);
         Words record = Words(elementAddress(push.triangleRecords, triangle, kTriangleRecordWords * 4u));

@@ -43,7 +43,7 @@ void main()
     uint size = push.size;
     uint stride = push.stride;
     if (any(notEqual(push.command, uvec2(0)))) {
-        Words command = Words(push.command);
+        Words command = Words(readable(push.command, push.target));
         source = uvec2(command.w[kHitWord], command.w[kHitWord + 1u]);
         size = command.w[kHitWord + 2u];
         stride = command.w[kHitWord + 4u];

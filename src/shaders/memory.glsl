@@ -4,6 +4,14 @@
 
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Words { uint w[]; };
 
+// An address to load from that may be null where nothing is loaded, with one that can be read to stand in for it.
+// Lavapipe 26 loads what is at the same address for all invocations even if none is active: in a branch that is not
+// taken, and once more when a loop has ended.
+uvec2 readable(uvec2 address, uvec2 other)
+{
+    return (address.x | address.y) == 0u ? other : address;
+}
+
 uvec2 addressPlus(uvec2 address, uint bytes)
 {
     uint carry;

@@ -14,10 +14,16 @@ uint headerUnits(uint named)
     return named == 0u ? kSerializedHeaderUnits : (kBlockAddresses * 4u + named * 8u + 15u) / 16u;
 }
 
-// The name of geometry g's micromap; 0: none.
-uvec4 micromapName(Cell cell, uint g)
+// The geometry records and names in the tail of a cell, for loops over them.
+Units recordsOf(Cell cell, uvec2 other)
 {
-    return Units(cell.tail).at[cell.count + g];
+    return Units(readable(cell.tail, other));
+}
+
+// The name of geometry g's micromap; 0: none.
+uvec4 micromapName(Units records, Cell cell, uint g)
+{
+    return records.at[cell.count + g];
 }
 
 bool isNamed(uvec4 name)

@@ -32,9 +32,10 @@ layout(push_constant, std430) uniform Push
 // Writes the addresses of the named micromaps where `target` is not 0; returns how many there are.
 uint placeNames(Cell cell, uvec2 target)
 {
+    Units records = recordsOf(cell, push.cell);
     uint named = 0u;
     for (uint g = 0u; g < cell.count; ++g) {
-        const uvec4 name = micromapName(cell, g);
+        const uvec4 name = micromapName(records, cell, g);
         if (!isNamed(name))
             continue;
         if (any(notEqual(target, uvec2(0)))) {
@@ -50,14 +51,14 @@ uint placeNames(Cell cell, uvec2 target)
 // Units of the geometries' data; where `target` is not 0, writes their records there.
 uint placeData(Cell cell, uvec2 target)
 {
-    Units records = Units(cell.tail);
+    Units records = recordsOf(cell, push.cell);
     uint units = 0u;
     uvec4 before = uvec4(0);
     uint beforePlace = 0u;
     uint named = 0u;
     for (uint g = 0u; g < cell.count; ++g) {
         const uvec4 record = records.at[g];
-        if (isNamed(micromapName(cell, g))) {
+        if (isNamed(micromapName(records, cell, g))) {
             if (any(notEqual(target, uvec2(0))))
                 Units(target).at[g] = uvec4(record.xy, kPlaceNamed, named);
             ++named;
@@ -184,7 +185,7 @@ void copy(uint me, uint all)
         const uvec4 saved = Units(tail).at[g];
         if (saved.z != next)
             continue; // the data of the geometry before
-        const uvec4 record = Units(cell.tail).at[g];
+        const uvec4 record = recordsOf(cell, push.cell).at[g];
         for (uint i = me; i < record.y; i += all) {
             const uvec4 value = Units(record.zw).at[i];
             Units(tail).at[next + i] = value;

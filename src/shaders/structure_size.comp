@@ -53,12 +53,13 @@ void main()
                 units = min(units, saturatingAdd(offset, kSerializedHeaderUnits));
             tail = cell.recordUnits;
             uvec4 before = uvec4(0);
+            Units records = recordsOf(cell, push.cell);
             for (uint g = 0u; g < cell.count; ++g) {
-                if (isNamed(micromapName(cell, g))) {
+                if (isNamed(micromapName(records, cell, g))) {
                     ++named;
                     continue;
                 }
-                const uvec4 record = Units(cell.tail).at[g];
+                const uvec4 record = records.at[g];
                 if (g == 0u || record.yzw != before.yzw)
                     tail = saturatingAdd(tail, record.y);
                 before = record;

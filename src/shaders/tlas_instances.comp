@@ -89,7 +89,7 @@ bool isIndirect()
 // Where instance i is read from.
 uvec2 sourceOf(uint i, Cell copied)
 {
-    const uvec2 array = isIndirect() ? addressPlus(push.source, Words(push.range).w[1]) : push.source;
+    const uvec2 array = isIndirect() ? addressPlus(push.source, Words(readable(push.range, push.root)).w[1]) : push.source;
     if (push.from == kFromPointers)
         return loadAddress(elementAddress(array, i, 8u));
     return elementAddress(push.from == kFromArray ? array : copied.tail, i, kInstanceBytes);
@@ -130,7 +130,7 @@ void main()
     }
     // More than the application said that there would be at most are left out: VUID-...-ppMaxPrimitiveCounts-03653.
     if (isIndirect())
-        copied.count = min(Words(push.range).w[0], push.count);
+        copied.count = min(Words(readable(push.range, push.root)).w[0], push.count);
     if (push.pass != 0u) {
         if (i < copied.count)
             keep(i, copied);

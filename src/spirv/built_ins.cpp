@@ -52,15 +52,14 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
     out.put(spv::OpBitcast, {type, result, out.value(spv::OpFunctionCall, uint, {function, asUint})});
 }
 
-BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, bool rayFlags)
-    : module_(module), types_(types), linker_(linker), rayFlags_(rayFlags)
+BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker) : module_(module), types_(types), linker_(linker)
 {
     for (const Instruction in : module.section(Section::Decorations)) {
         if (in.opcode != spv::OpDecorate || module.word(in, 2) != spv::DecorationBuiltIn)
             continue;
         if (module.word(in, 3) == spv::BuiltInInstanceCustomIndexKHR)
             customIndex_.insert(module.word(in, 1));
-        else if (module.word(in, 3) == spv::BuiltInIncomingRayFlagsKHR && rayFlags)
+        else if (module.word(in, 3) == spv::BuiltInIncomingRayFlagsKHR)
             incomingFlags_.insert(module.word(in, 1));
     }
 }
@@ -94,7 +93,7 @@ bool BuiltIns::replace(Instruction in, Code &out)
         return function != nullptr;
     case kOpHitObjectGetInstanceCustomIndexNV:
     case kOpHitObjectGetInstanceCustomIndexEXT: function = kCustomIndex; break;
-    case kOpHitObjectGetRayFlagsEXT: function = rayFlags_ ? kRayFlags : nullptr; break;
+    case kOpHitObjectGetRayFlagsEXT: function = kRayFlags; break;
     default: break;
     }
     if (function)

@@ -15,12 +15,12 @@ Id restoreValue(Types &types, Id function, Id type, Id value, Code &out);
 // An instruction whose result, a 32-bit integer, goes through `function`, which takes and returns a uint.
 void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out);
 
-// Reads of built-in variables: InstanceCustomIndex, which is a slot, and with `rayFlags` IncomingRayFlags, which carry
-// hidden bits. Also the same of hit objects.
+// Reads of built-in variables: InstanceCustomIndex, which is a slot, and IncomingRayFlags, which carry hidden bits.
+// Also the same of hit objects.
 class BuiltIns
 {
 public:
-    BuiltIns(Module &module, Types &types, Linker &linker, bool rayFlags);
+    BuiltIns(Module &module, Types &types, Linker &linker);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
 
@@ -32,7 +32,6 @@ private:
     Module &module_;
     Types &types_;
     Linker &linker_;
-    bool rayFlags_;
     std::set<Id> customIndex_;
     std::set<Id> incomingFlags_;
 };

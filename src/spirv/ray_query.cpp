@@ -161,15 +161,7 @@ Id RayQueries::consumingFlags(Id flags, Code &out)
 // if the driver carries it.
 Id RayQueries::idleFlags(Id flags, Code &out)
 {
-    const auto value = types_.valueOf(flags);
-    if (!options_.force2State || (value && (*value & shared::kRayForce2State) == 0))
-        return flags;
-    const Id type = module_.resultType(module_.definition(flags));
-    if (value)
-        return types_.get(spv::OpConstant, {type, shared::idleRayFlags(*value)});
-    const Id uint = types_.uint32();
-    const Id asUint = type == uint ? flags : out.value(spv::OpBitcast, uint, {flags});
-    return out.value(spv::OpFunctionCall, uint, {linker_.function("vellumIdleFlags"), asUint});
+    return options_.force2State ? hideUnknownFlag(module_, types_, linker_, flags, out) : flags;
 }
 
 bool RayQueries::initialize(Instruction in, Code &out)

@@ -35,7 +35,7 @@ bool removeDeclarations(Module &module)
     return removed != 0;
 }
 
-// What the driver returns to a module is restored, and in a pipeline that uses micromaps ray flags are hidden from it.
+// What the driver returns to a module is restored, and ray flags of pipelines are hidden from it.
 // Returns whether anything changed.
 bool replaceInstructions(Module &module, BuiltIns &builtIns, TraceRays *traces)
 {
@@ -135,9 +135,12 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
         return failed(consumption.error());
 
     const bool inPipeline = options.pipelineStage.has_value();
-    BuiltIns builtIns(*module, types, linker, inPipeline);
-    TraceRays traces(*module, types, linker, options.pipelinesCarryFlagBits);
-    changed = replaceInstructions(*module, builtIns, inPipeline ? &traces : nullptr) || changed;
+    BuiltIns builtIns(*module, types, linker);
+    // Of a pipeline without micromaps only the ray flag that the driver does not know is hidden. It needs the
+    // capability.
+    TraceRays traces(*module, types, linker, inPipeline ? TraceRays::Hides::Everything : TraceRays::Hides::UnknownFlag,
+                     options.pipelinesCarryFlagBits);
+    changed = replaceInstructions(*module, builtIns, inPipeline || force2State ? &traces : nullptr) || changed;
     if (!traces.error().empty())
         return failed(traces.error());
     if (inPipeline) {

@@ -37,12 +37,31 @@ Id hideRayFlags(Module &module, Types &types, Linker &linker, Id flags, Code &ou
     return out.value(spv::OpFunctionCall, uint, {linker.function("vellumDriverFlags"), asUint});
 }
 
+Id hideUnknownFlag(Module &module, Types &types, Linker &linker, Id flags, Code &out)
+{
+    const auto value = types.valueOf(flags);
+    if (value && (*value & shared::kRayForce2State) == 0)
+        return flags;
+    const Id type = module.resultType(module.definition(flags));
+    if (value)
+        return types.get(spv::OpConstant, {type, shared::idleRayFlags(*value)});
+    const Id uint = types.uint32();
+    const Id asUint = type == uint ? flags : out.value(spv::OpBitcast, uint, {flags});
+    return out.value(spv::OpFunctionCall, uint, {linker.function("vellumIdleFlags"), asUint});
+}
+
 bool TraceRays::replace(Instruction in, Code &out)
 {
     const std::uint32_t word = rayFlagsWord(in.opcode);
     if (word == 0)
         return false;
     const Id flags = module_.word(in, word);
+    if (hides_ == Hides::UnknownFlag) {
+        const Id hidden = hideUnknownFlag(module_, types_, linker_, flags, out);
+        if (hidden != flags)
+            out.out.push_back(module_.with(in, word, hidden));
+        return hidden != flags;
+    }
     const auto value = types_.valueOf(flags);
     if (value && (*value & shared::kHiddenRayFlags) == 0)
         return false;

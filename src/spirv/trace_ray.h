@@ -12,11 +12,19 @@ namespace vellum::spirv
 // The flags as the driver gets them. Constants stay constants.
 Id hideRayFlags(Module &module, Types &types, Linker &linker, Id flags, Code &out);
 
+// The same where rays do not consume micromaps: only ForceOpacityMicromap2State is hidden, which the driver does not
+// know. It does nothing there, and comes back to the application if the driver carries flag bits.
+Id hideUnknownFlag(Module &module, Types &types, Linker &linker, Id flags, Code &out);
+
 class TraceRays
 {
 public:
-    TraceRays(Module &module, Types &types, Linker &linker, bool carriesFlagBits)
-        : module_(module), types_(types), linker_(linker), carriesFlagBits_(carriesFlagBits)
+    enum class Hides {
+        Everything, // in a pipeline that uses micromaps
+        UnknownFlag // in one that does not
+    };
+    TraceRays(Module &module, Types &types, Linker &linker, Hides hides, bool carriesFlagBits)
+        : module_(module), types_(types), linker_(linker), hides_(hides), carriesFlagBits_(carriesFlagBits)
     {
     }
     // Writes what replaces an instruction to `out`. False if it stays as it is.
@@ -28,6 +36,7 @@ private:
     Module &module_;
     Types &types_;
     Linker &linker_;
+    Hides hides_;
     bool carriesFlagBits_;
     std::string error_;
 };

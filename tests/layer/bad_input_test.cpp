@@ -243,6 +243,7 @@ TEST_F(BadInput, DataBeyondTheBuffer)
 
 TEST_F(BadInput, RecordsThatBreakTheRules)
 {
+    gpu().breaks("VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-format-11679");
     MicromapInput input;
     for (int i = 0; i < 6; ++i)
         input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
@@ -274,6 +275,7 @@ TEST_F(BadInput, RecordsLargerThanDeclared)
 
 TEST_F(BadInput, FewerTrianglesThanDeclared)
 {
+    gpu().breaks("VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554");
     MicromapInput input;
     input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
     input.declared = {{100000, 3, kFourState}};
@@ -297,6 +299,7 @@ TEST_F(BadInput, IndicesBeyondTheMicromap)
 
 TEST_F(BadInput, IndexBufferTooShort)
 {
+    gpu().breaks("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577");
     micromap_->build();
     Attachment attachment{micromap_.get(), VK_INDEX_TYPE_UINT32, {-2, -2}};
     Geometry geometry{.vertices = triangleRow(100000)};
@@ -318,6 +321,7 @@ TEST_F(BadInput, MicromapThatWasNeverBuilt)
 
 TEST_F(BadInputExt, GeometryWithBothUsageArrays)
 {
+    gpu().breaks("VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-pUsageCounts-07335");
     micromap_->build();
     Geometry geometry{.vertices = triangleRow(4)};
     geometry.micromap = Attachment{micromap_.get()};

@@ -36,6 +36,8 @@ protected:
 
 TEST_F(CapableDriver, IndirectBottomLevel)
 {
+    if (validationOfTests() == Validation::Above)
+        GTEST_SKIP() << "validation 1.4.363 passes its own handle of the micromap on";
     const Patchwork patchwork(gpu());
     const Blas direct(gpu(), patchwork.geometries());
     Blas indirect(gpu());
@@ -53,6 +55,8 @@ TEST_F(CapableDriver, IndirectBottomLevel)
 // Fewer primitives than the host says that there are at most.
 TEST_F(CapableDriver, IndirectBottomLevelWithFewerPrimitives)
 {
+    if (validationOfTests() == Validation::Above)
+        GTEST_SKIP() << "validation 1.4.363 passes its own handle of the micromap on";
     const Patchwork patchwork(gpu());
     Blas direct(gpu()), indirect(gpu());
     direct.prepare(patchwork.geometries());

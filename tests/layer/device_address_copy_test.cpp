@@ -1,5 +1,7 @@
 // Copies, fills, updates, image copies, query results and markers of VK_KHR_device_address_commands: the same bytes as
 // from the commands that take buffers, and wrong ranges refused.
+#include <algorithm>
+
 #include "address_ranges.h"
 
 namespace
@@ -50,8 +52,8 @@ TEST_F(AddressCopies, RegionsOfManyBuffers)
     for (std::size_t i = 0; i < 30; ++i) { // in 30 bytes each, of every target
         const Buffer &source = from[random() % 3];
         const std::size_t target = random() % 3;
-        const VkDeviceSize size = random() % 31; // none too
-        const VkDeviceSize sourceOffset = random() % (source.size() - size);
+        const VkDeviceSize size = random() % 31;                           // none too
+        const VkDeviceSize sourceOffset = i * 30 + random() % (31 - size); // sources must not overlap either
         regions.push_back(
             copyRegion(rangeOf(source, sourceOffset, size), rangeOf(to[target], i * 30, size == 0 ? 0 : 30)));
         std::copy_n(source.bytes() + sourceOffset, size,
@@ -488,6 +490,8 @@ TEST_F(AddressMarkers, AreWritten)
 
 TEST_F(AddressCopies, CommandsOfExtensionsThatTheDeviceLacksAreNotThere)
 {
+    if (validationOfTests() == Validation::Above)
+        GTEST_SKIP() << "the validation layer has all commands that it knows";
     EXPECT_EQ(gpu().vk().CmdWriteMarkerToMemoryAMD, nullptr);
     const Gpu without({.validation = false, .api = Api::Ext});
     EXPECT_EQ(without.vk().CmdCopyMemoryKHR, nullptr);

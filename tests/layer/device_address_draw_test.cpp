@@ -273,7 +273,7 @@ class AddressIndicesMaintenance6 : public AddressIndices
 {
 protected:
     AddressIndicesMaintenance6()
-        : AddressIndices({.validation = false, .addressCommands = true, .nullIndexBuffer = true})
+        : AddressIndices({.oldValidation = false, .addressCommands = true, .nullIndexBuffer = true})
     {
     }
 };
@@ -285,7 +285,7 @@ TEST_F(AddressIndicesMaintenance6, Bound)
 class AddressIndicesMaintenance5 : public AddressIndices
 {
 protected:
-    AddressIndicesMaintenance5() : AddressIndices({.validation = false, .newer = true, .addressCommands = true}) {}
+    AddressIndicesMaintenance5() : AddressIndices({.oldValidation = false, .newer = true, .addressCommands = true}) {}
 };
 TEST_F(AddressIndicesMaintenance5, Bound)
 {

@@ -99,9 +99,9 @@ TEST_F(AddressFeedback, CapturesCountsAndGoesOn)
     const VkPipeline plain = graphics().pipeline(AddressGraphics::Kind::StaticStrides);
     const auto byCount = info(rangeOf(counters, kCounterOffset, 4));
     expectSame(
-        plain, [&](VkCommandBuffer commands) { vk.CmdDrawIndirectByteCount2EXT(commands, 2, 1, &byCount, 4, 5); },
+        plain, [&](VkCommandBuffer commands) { vk.CmdDrawIndirectByteCount2EXT(commands, 2, 1, &byCount, 4, 8); },
         [&](VkCommandBuffer commands) {
-            vk.CmdDrawIndirectByteCountEXT(commands, 2, 1, twinCounters.handle(), kCounterOffset, 4, 5);
+            vk.CmdDrawIndirectByteCountEXT(commands, 2, 1, twinCounters.handle(), kCounterOffset, 4, 8);
         });
 }
 

@@ -1,5 +1,6 @@
 #include "execution_mode.h"
 
+#include <cstring>
 #include <stdexcept>
 
 namespace vt
@@ -20,8 +21,17 @@ std::vector<std::uint32_t> withMode(std::span<const std::uint32_t> words, Mode m
         out.insert(out.end(), operands);
     };
     put(kCapability, {6032});
+    bool named = false;
     for (std::size_t at = 5; at < words.size(); at += words[at] >> 16) {
         const std::uint32_t opcode = words[at] & 0xffff;
+        if (opcode != kCapability && !named) {
+            // OpExtension "SPV_KHR_opacity_micromap"
+            constexpr char kExtension[24 + 4] = "SPV_KHR_opacity_micromap";
+            out.push_back((1 + sizeof(kExtension) / 4) << 16 | 10);
+            out.resize(out.size() + sizeof(kExtension) / 4);
+            std::memcpy(&out[out.size() - sizeof(kExtension) / 4], kExtension, sizeof(kExtension));
+            named = true;
+        }
         if (opcode == kEntryPoint)
             function = words[at + 2];
         if (opcode == kSource && !begun) {

@@ -1,5 +1,7 @@
 // A small Vulkan for the tests: an application's instance with Vellum's layer on top, the validation layer and a spy
 // below it (nearer to the driver), a device, buffers, command submission, and every message that the layers sent.
+// With the environment variable VELLUM_TEST_VALIDATION=above the validation layer is between the tests and Vellum's
+// layer, and judges the tests instead; that is for validation layers that know the extensions (1.4.360).
 #pragma once
 
 #include "vellum/vulkan_opacity_micromap.h"
@@ -30,9 +32,14 @@ struct Message {
 enum class Api { Ext, Khr };
 Api apiOfTests();
 
+// Where the validation layer is, seen from Vellum's: the environment variable VELLUM_TEST_VALIDATION.
+enum class Validation { Below, Above };
+Validation validationOfTests();
+
 struct Options {
     bool vellum = true;
     bool validation = true;
+    bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
     bool spy = true;           // spy_layer.cpp, below everything
     bool capable = false;      // capable_layer.cpp, below even that
     bool micromaps = true;     // enable opacity micromaps on the device
@@ -43,7 +50,7 @@ struct Options {
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
-                        // the validation layer of that age complains about
+                        // the validation layer of that age complains about: see oldValidation
     bool addressCommands = false; // VK_KHR_device_address_commands, and the extensions whose commands it has again
     bool nullIndexBuffer = false; // VK_KHR_maintenance6
     bool micromapFeature = true;  // where the extension is enabled, its feature too
@@ -218,8 +225,14 @@ public:
 
     // All messages since the last call.
     std::vector<Message> takeMessages();
-    // The messages that no test expects: those not on the short list of false alarms in harness.cpp.
+    // The messages that no test expects: those not on the short list of false alarms in harness.cpp. Where Vellum
+    // complains, the test meant it, and a validation layer above says no more than it should, too.
     std::vector<Message> takeUnexpectedMessages();
+    // The test breaks the rule with this VUID: a validation layer above may say so.
+    void breaks(std::string rule) { broken_.push_back(std::move(rule)); }
+    // Usage of buffers for acceleration structures. Below Vellum's layer without
+    // VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT: the rule that demands it (pInfo-09542) is younger than the extension.
+    [[nodiscard]] VkBufferUsageFlags structureUsage() const;
     void addMessage(Message message) { messages_.push_back(std::move(message)); }
 
 private:
@@ -238,6 +251,7 @@ private:
     std::uint32_t scratchAlignment_ = 0;
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
     std::vector<Message> messages_;
+    std::vector<std::string> broken_;
 };
 
 // A test with a device; at its end nobody may have complained.

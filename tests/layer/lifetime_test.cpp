@@ -90,7 +90,7 @@ TEST_F(Lifetime, BoxesAreSerializedByTheDriver)
 
 TEST_F(Lifetime, APlainBuildExecutedLateLeavesOthersAlone)
 {
-    const Buffer memory(gpu(), 1 << 20, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const Buffer memory(gpu(), 1 << 20, gpu().structureUsage());
     const auto micromap = transparentMicromap();
     auto first = std::make_unique<Blas>(gpu());
     first->placeIn(memory.handle(), 0);

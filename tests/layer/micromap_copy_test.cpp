@@ -1,5 +1,7 @@
 // Copies of micromaps: clone, compact, serialize, deserialize, compatibility; sizes by queries. What a copy is good for
 // is looked at by tracing it.
+#include <algorithm>
+
 #include "core/micromap.h"
 #include "core/micromap_memory.h"
 #include "expected.h"

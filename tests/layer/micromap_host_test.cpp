@@ -311,7 +311,7 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
 class MicromapHostNewer : public MicromapHost
 {
 protected:
-    MicromapHostNewer() : MicromapHost(Options{.validation = false, .api = Api::Ext, .newer = true}) {}
+    MicromapHostNewer() : MicromapHost(Options{.oldValidation = false, .api = Api::Ext, .newer = true}) {}
 };
 
 // A mapping that only the driver can make (VK_EXT_map_memory_placed gives its structure; here it asks for nothing) is

@@ -105,7 +105,7 @@ protected:
 class PipelineCreationDeferred : public PipelineCreation
 {
 protected:
-    PipelineCreationDeferred() : PipelineCreation({.validation = false}) {}
+    PipelineCreationDeferred() : PipelineCreation({.oldValidation = false}) {}
 };
 
 TEST_F(PipelineCreationDeferred, ByTheDriver)
@@ -127,7 +127,7 @@ TEST_F(PipelineCreationDeferred, NotByTheDriver)
 class PipelineCreationDeferredInline : public PipelineCreation
 {
 protected:
-    PipelineCreationDeferredInline() : PipelineCreation({.validation = false, .newer = true}) {}
+    PipelineCreationDeferredInline() : PipelineCreation({.oldValidation = false, .newer = true}) {}
 };
 
 TEST_F(PipelineCreationDeferredInline, ByTheDriver)

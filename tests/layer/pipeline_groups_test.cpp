@@ -1,4 +1,6 @@
 // Modules, stages and groups in the combinations that applications make of them, and binding tables.
+#include <algorithm>
+
 #include "pipeline_scene.h"
 
 #include "shaders/pipeline_linked.h"

@@ -1,4 +1,6 @@
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
+#include <algorithm>
+
 #include "pipeline_scene.h"
 
 namespace
@@ -258,7 +260,7 @@ class PipelineLibraryHandles : public PipelineLibrary
 {
 protected:
     explicit PipelineLibraryHandles(bool vellum = true)
-        : PipelineLibrary({.vellum = vellum, .validation = false, .micromaps = vellum, .newer = true})
+        : PipelineLibrary({.vellum = vellum, .oldValidation = false, .micromaps = vellum, .newer = true})
     {
     }
     void expectSame()

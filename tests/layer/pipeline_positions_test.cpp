@@ -26,7 +26,7 @@ class PipelinePositions : public PipelineTest
 {
 protected:
     explicit PipelinePositions(bool vellum = true)
-        : PipelineTest({.vellum = vellum, .validation = false, .micromaps = vellum, .newer = true})
+        : PipelineTest({.vellum = vellum, .oldValidation = false, .micromaps = vellum, .newer = true})
     {
     }
     void SetUp() override

@@ -38,6 +38,8 @@ private:
 class Queries : public GpuTest
 {
 protected:
+    Queries() : GpuTest({.maintenance = true}) {} // for VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR
+
     void SetUp() override
     {
         for (std::uint32_t i = 0; i < kCount; ++i) {
@@ -144,6 +146,7 @@ TEST_F(Queries, AvailabilityAndPartialResults)
     EXPECT_EQ(entries[1].value, sizeOf(type, 0));
     EXPECT_EQ(entries[1].available, kSentinel) << "between the results";
     // Less data than queries: no more is written than there is room for.
+    gpu().breaks("VUID-vkGetQueryPoolResults-dataSize-00817");
     fill();
     read(pool, 1, kCount, entries.data(), 8, 8, VK_QUERY_RESULT_64_BIT);
     EXPECT_EQ(entries[0].available, kSentinel);
@@ -294,6 +297,8 @@ TEST_F(Queries, CopiesSeeTheStateOfTheirTime)
 
 TEST_F(Queries, WrongUseIsRefused)
 {
+    if (validationOfTests() == Validation::Above)
+        GTEST_SKIP() << "validation 1.4.363 reads behind the pool's queries";
     const Pool compacted(gpu(), kTypes[0], 2);
     vkResetQueryPool(gpu().device(), compacted, 0, 2);
     const auto refused = [&](const char *id, VkQueryType type, VkQueryPool pool, std::uint32_t first,
@@ -314,6 +319,8 @@ TEST_F(Queries, WrongUseIsRefused)
 // The driver, whose pool behind the layer's is another one, must see nothing of it either.
 TEST_F(Queries, WrongUseStaysInTheLayer)
 {
+    if (validationOfTests() == Validation::Above)
+        GTEST_SKIP() << "validation 1.4.363 reads behind the pool's queries";
     const VkQueryType type = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
     const Blas blas(gpu(), {Geometry{.vertices = triangleRow(2)}},
                     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);

@@ -120,6 +120,7 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     info_.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
     info_.usageCountsCount = static_cast<std::uint32_t>(usage_.size());
     info_.pUsageCounts = usage_.data();
+    info_.triangleArrayStride = input_.stride;
     const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
     create(sizes.micromapSize);
 
@@ -133,7 +134,6 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     info_.dstMicromap = handle_.ext;
     info_.data.deviceAddress = data_.address();
     info_.triangleArray.deviceAddress = triangles_.address();
-    info_.triangleArrayStride = input_.stride;
     info_.scratchData.deviceAddress = scratch_.address();
 }
 
@@ -220,9 +220,8 @@ void Structure::create(VkDeviceSize size)
         gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
     }
     size_ = size;
-    // On purpose without VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT: an application need not ask for it.
     if (placedBuffer_ == VK_NULL_HANDLE)
-        storage_ = Guarded(gpu_, size_, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+        storage_ = Guarded(gpu_, size_, 256, gpu_.structureUsage());
     VkAccelerationStructureCreateInfoKHR create{};
     create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
     create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_.buffer();

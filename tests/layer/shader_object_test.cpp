@@ -1,6 +1,5 @@
 // VK_EXT_shader_object: ray queries in a shader object, and a bound one that survives builds. The types are written out
-// here because the oldest headers this project builds with lack them; the validation layer of that age, too, so it is
-// off.
+// here because the oldest headers this project builds with lack them, and so does the validation layer of that age.
 #include <cstddef>
 #include <vector>
 
@@ -62,7 +61,7 @@ struct TracerShader {
 class ShaderObject : public GpuTest
 {
 protected:
-    ShaderObject() : GpuTest({.validation = false, .shaderObject = true}) {}
+    ShaderObject() : GpuTest({.oldValidation = false, .shaderObject = true}) {}
 };
 
 TEST_F(ShaderObject, TracesAndSurvivesBuilds)

@@ -3,6 +3,7 @@
 #include "copies.h"
 #include "state_scene.h"
 
+#include <algorithm>
 #include <random>
 
 namespace
@@ -151,7 +152,11 @@ TEST_F(BadCopies, TargetsThatAreTooSmall)
     const auto half = made(kBottom, source_->size() / 2 / 256 * 256);
     copyWith(source_->handle(), half->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
     expectComplaint("mode-12418");
-    const auto tiny = made(kBottom, 256);
+    // In a buffer that has the rest: lavapipe 26 writes all of a compacted copy, whatever there is room for.
+    const Buffer room(gpu(), source_->size(), gpu().structureUsage());
+    const auto tiny = std::make_unique<Structure>(gpu(), kBottom);
+    tiny->placeIn(room.handle(), 0);
+    tiny->create(256);
     copyWith(source_->handle(), tiny->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
     expectComplaint("mode-12419");
     expectNothing(*tiny, false);

@@ -29,7 +29,7 @@ TEST_F(Churn, AliasesOfCopies)
     const Patchwork first(gpu()), second(gpu(), 2);
     const Blas one(gpu(), first.geometries()), two(gpu(), second.geometries()), none(gpu(), plain());
     const Serialized data = serialize(gpu(), two), plainData = serialize(gpu(), none);
-    const Buffer memory(gpu(), 1 << 20, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const Buffer memory(gpu(), 1 << 20, gpu().structureUsage());
     Blas a(gpu()), b(gpu());
     for (Blas *alias : {&a, &b}) {
         alias->placeIn(memory.handle(), 0);
@@ -64,7 +64,7 @@ TEST_F(Churn, TopAndBottomInTheSameMemory)
     const Blas source(gpu(), patchwork.geometries());
     const auto expected = seenOf(gpu(), source);
     const Tlas scene(gpu(), {instance(source, {}, 77)});
-    const Buffer memory(gpu(), 1 << 20, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const Buffer memory(gpu(), 1 << 20, gpu().structureUsage());
     for (int round = 0; round < 3; ++round) {
         Structure bottom(gpu(), kBottom), top(gpu(), kTop);
         bottom.placeIn(memory.handle(), 0);
@@ -81,7 +81,7 @@ TEST_F(Churn, TopAndBottomInTheSameMemory)
 // More structures than a table has room for at once, and far more than that one after the other.
 TEST_F(Churn, ManyStructures)
 {
-    const Buffer memory(gpu(), 16 << 20, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const Buffer memory(gpu(), 16 << 20, gpu().structureUsage());
     constexpr std::size_t kAlive = 3000;
     std::vector<VkAccelerationStructureKHR> alive(kAlive, VK_NULL_HANDLE);
     std::uint64_t warm = 0;

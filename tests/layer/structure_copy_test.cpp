@@ -194,7 +194,7 @@ TEST_F(BottomCopiesExt, SerializedDataCarriesTheMicromaps)
         expected = seenOf(gpu(), source);
         data = serialize(gpu(), source);
     }
-    const Buffer memory(gpu(), data.deserializedSize(), VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const Buffer memory(gpu(), data.deserializedSize(), gpu().structureUsage());
     auto first = std::make_unique<Structure>(gpu(), kBottom);
     first->placeIn(memory.handle(), 0);
     first->create(data.deserializedSize());

@@ -96,15 +96,24 @@ TEST(PipelineStages, RayFlagsAreHidden)
     EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u); // nothing to hide
 }
 
-// In pipelines without micromaps nothing is hidden, so nothing may be restored.
-TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheCustomIndexChanges)
+// In pipelines without micromaps only the flag that the driver does not know is hidden, where the module may have it.
+TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
 {
-    EXPECT_EQ(spirv::rewrite(loadShader("trace.rgen", "v15"), {}).status, Status::Unchanged);
+    std::vector<std::uint32_t> trace = loadShader("trace.rgen", "v15");
+    EXPECT_EQ(spirv::rewrite(trace, {}).status, Status::Unchanged);
+    trace.insert(trace.begin() + 5, {2u << 16 | spv::OpCapability, 5381u /* RayTracingOpacityMicromapEXT */});
+    const auto hiding = spirv::rewrite(trace, {});
+    ASSERT_EQ(hiding.status, Status::Rewritten);
+    const std::string traced = disassemble(hiding.words);
+    EXPECT_EQ(validate(hiding.words), "");
+    EXPECT_EQ(count(traced, "OpFunctionCall %uint %vellumIdleFlags"), 2u); // at run time, and specialized
+    EXPECT_EQ(count(traced, "vellumDriverFlags"), 0u);
+    EXPECT_EQ(count(traced, "OpConstant %uint 2052"), 0u);
     const auto result = spirv::rewrite(loadShader("any_hit.rahit", "v15"), {});
     ASSERT_EQ(result.status, Status::Rewritten);
     const std::string text = disassemble(result.words);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
-    EXPECT_EQ(count(text, "vellumApplicationFlags"), 0u);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 1u);
 }
 
 TEST(PipelineStages, NeedCarriedBitsOnlyToHideFlags)

@@ -12,6 +12,9 @@
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
+#if defined(RAY_FLAGS) || defined(SPEC_FLAGS) || defined(MIXED)
+#extension GL_EXT_opacity_micromap : require
+#endif
 #include "pipeline_common.glsl"
 
 #ifndef RAYGEN
@@ -57,11 +60,21 @@ layout(location = 0) rayPayloadEXT Payload payload;
 
 #ifdef SPEC_FLAGS
 layout(constant_id = 0) const uint kFlags = 0u;
+// Its name is enough for newer compilers to declare the capability; newer validators miss it once flags are specialized.
+const uint kForce2State = gl_RayFlagsForceOpacityMicromap2StateEXT;
 #define FLAGS(ray) kFlags
+#elif defined(RAY_FLAGS) && (RAY_FLAGS & 0x400) != 0
+// By its name, for which newer compilers declare the capability; newer validators miss it where the flag is a constant.
+#define FLAGS(ray) (uint(RAY_FLAGS) | gl_RayFlagsForceOpacityMicromap2StateEXT)
 #elif defined(RAY_FLAGS)
-#define FLAGS(ray) RAY_FLAGS
+#define FLAGS(ray) uint(RAY_FLAGS)
 #else
 #define FLAGS(ray) ray.flags
+#endif
+#if defined(MIXED) && (MIXED & 0x400) != 0
+#define MIXED_FLAGS (uint(MIXED) | gl_RayFlagsForceOpacityMicromap2StateEXT)
+#elif defined(MIXED)
+#define MIXED_FLAGS uint(MIXED)
 #endif
 
 #ifdef BY_ADDRESS
@@ -104,8 +117,8 @@ void main()
     payload.tMin = 0.0;
     payload.canary = canaryOf(id);
 #if defined(MIXED)
-    if (ray.flags == MIXED && (id & 1u) == 0u)
-        TRACE(ray, MIXED);
+    if (ray.flags == MIXED_FLAGS && (id & 1u) == 0u)
+        TRACE(ray, MIXED_FLAGS);
     else
         TRACE(ray, ray.flags);
 #elif defined(IN_FUNCTION)

@@ -8,6 +8,9 @@
 #ifdef BY_ADDRESS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
+#if defined(RAY_FLAGS) || defined(SPEC_FLAGS)
+#extension GL_EXT_opacity_micromap : require
+#endif
 
 layout(local_size_x = 64) in;
 
@@ -61,9 +64,14 @@ layout(push_constant) uniform Push
 
 #ifdef SPEC_FLAGS
 layout(constant_id = 0) const uint kFlags = 0u;
+// Its name is enough for newer compilers to declare the capability; newer validators miss it once flags are specialized.
+const uint kForce2State = gl_RayFlagsForceOpacityMicromap2StateEXT;
 #define FLAGS(ray) kFlags
+#elif defined(RAY_FLAGS) && (RAY_FLAGS & 0x400) != 0
+// By its name, for which newer compilers declare the capability; newer validators miss it where the flag is a constant.
+#define FLAGS(ray) (uint(RAY_FLAGS) | gl_RayFlagsForceOpacityMicromap2StateEXT)
 #elif defined(RAY_FLAGS)
-#define FLAGS(ray) RAY_FLAGS
+#define FLAGS(ray) uint(RAY_FLAGS)
 #else
 #define FLAGS(ray) ray.flags
 #endif
