@@ -26,10 +26,11 @@ std::uint32_t anyLevel(Reader &input)
 
 std::uint32_t anyOffset(Reader &input, std::size_t dataSize)
 {
-    switch (input.below(4)) {
+    switch (input.below(5)) {
     case 0: return input.take<std::uint32_t>();
     case 1: return input.take<std::uint16_t>();
     case 2: return static_cast<std::uint32_t>(dataSize - std::min<std::size_t>(dataSize, input.byte()));
+    case 3: return input.byte() * 8u;
     default: return input.byte() * 16u;
     }
 }

@@ -69,6 +69,19 @@ std::uint32_t wordAt(std::span<const std::uint8_t> bytes, std::uint64_t at)
     return word;
 }
 
+struct DataKind {
+    std::uint32_t level;
+    std::uint32_t bits;      // per state
+    std::uint32_t firstByte; // of the first data unit
+};
+
+// Two kinds a level from 3 on; one more for the smallest data, in the upper half of its unit.
+DataKind dataKindOf(std::uint32_t n)
+{
+    FUZZ_CHECK(n <= 20);
+    return n == 20 ? DataKind{3, 1, 8} : DataKind{3 + n / 2, 1 + n % 2, 0};
+}
+
 std::uint64_t unitsBegin(std::span<const std::uint8_t> micromap)
 {
     const std::uint64_t triangles = wordAt(micromap, kMicromapHeaderTriangles * 4);
@@ -104,7 +117,8 @@ std::vector<Expected> expectedOf(const BuildModel &model)
         expected[i].complaint = problemOf(model, i);
         const SourceTriangle &t = model.triangles[i];
         if (expected[i].complaint == 0 && dataUnits(t) > 0)
-            stays &= t.dataOffset % 16 == 0 && t.dataOffset / 16 + dataUnits(t) <= model.capacityUnits;
+            stays &= t.dataOffset % std::min<std::uint64_t>(dataBytes(t), 16) == 0 &&
+                     t.dataOffset / 16 + dataUnits(t) <= model.capacityUnits;
     }
     // Large data is the same only where it is the same bytes in the same place.
     std::map<std::tuple<std::uint32_t, std::uint32_t, std::string_view, std::uint32_t>, std::uint32_t> owners;
@@ -155,11 +169,11 @@ std::uint32_t builtState(std::span<const std::uint8_t> micromap, std::uint32_t t
             return coarse;
         FUZZ_CHECK(coarse == 2);
     }
-    const std::uint32_t n = far ? word0 >> 5 & 31 : kind - 1;
-    FUZZ_CHECK(level == 3 + n / 2);
-    const std::uint64_t bits = 1 + n % 2;
+    const DataKind data = dataKindOf(far ? word0 >> 5 & 31 : kind - 1);
+    FUZZ_CHECK(level == data.level);
+    const std::uint64_t bits = data.bits;
     const std::uint64_t unit = far ? word1 : word0 >> 5;
-    const std::uint64_t byte = unit * 16 + index * bits / 8;
+    const std::uint64_t byte = unit * 16 + data.firstByte + index * bits / 8;
     FUZZ_CHECK(byte / 16 < wordAt(micromap, kMicromapHeaderUnits * 4));
     const std::uint64_t at = unitsBegin(micromap) + byte;
     FUZZ_CHECK(at < micromap.size());
@@ -204,10 +218,8 @@ void checkStaysInside(std::span<const std::uint8_t> micromap)
         const std::uint32_t kind = word0 & 31;
         if (kind == 0)
             continue;
-        const std::uint32_t n = kind == 31 ? word0 >> 5 & 31 : kind - 1;
-        FUZZ_CHECK(n / 2 <= 9); // level 12
-        const std::uint32_t level = 3 + n / 2;
-        const std::uint64_t units = ((std::uint64_t{stateCount(level)} * (1 + n % 2)) + 127) / 128;
+        const DataKind data = dataKindOf(kind == 31 ? word0 >> 5 & 31 : kind - 1);
+        const std::uint64_t units = (std::uint64_t{stateCount(data.level)} * data.bits + 127) / 128;
         const std::uint64_t first = kind == 31 ? wordAt(micromap, 64 + std::uint64_t{i} * 8 + 4) : word0 >> 5;
         FUZZ_CHECK(first + units <= wordAt(micromap, kMicromapHeaderUnits * 4));
         FUZZ_CHECK(unitsBegin(micromap) + (first + units) * 16 <= micromap.size());
