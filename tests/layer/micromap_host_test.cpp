@@ -194,48 +194,6 @@ TEST_F(MicromapHost, SerializedByOneReadByTheOther)
     }
 }
 
-// What lies behind a micromap that is too small for the header is left alone: each looks at its guards when it goes.
-TEST_F(MicromapHost, TargetsSmallerThanAHeader)
-{
-    Micromap source(gpu(), mixed(), kAllow);
-    source.build();
-    const std::vector<std::uint8_t> bytes = hostSerialize(source);
-    const Buffer device = deviceSerialize(source, bytes.size());
-    for (const VkDeviceSize size : {VkDeviceSize{2}, VkDeviceSize{48}}) {
-        SCOPED_TRACE(size);
-        {
-            SCOPED_TRACE("vkCopyMicromapEXT");
-            const Micromap tiny(gpu(), source, size);
-            EXPECT_EQ(hostCopy(source, tiny, VK_COPY_MICROMAP_MODE_COMPACT_EXT), VK_SUCCESS);
-        }
-        {
-            SCOPED_TRACE("vkCopyMemoryToMicromapEXT");
-            const Micromap tiny(gpu(), source, size);
-            hostDeserialize(bytes, tiny);
-        }
-        {
-            SCOPED_TRACE("vkCmdCopyMicromapEXT");
-            const Micromap tiny(gpu(), source, size);
-            VkCopyMicromapInfoEXT info{};
-            info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-            info.src = source.handle().ext;
-            info.dst = tiny.handle().ext;
-            info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-            gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMicromapEXT(commands, &info); });
-        }
-        {
-            SCOPED_TRACE("vkCmdCopyMemoryToMicromapEXT");
-            const Micromap tiny(gpu(), source, size);
-            VkCopyMemoryToMicromapInfoEXT info{};
-            info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
-            info.src.deviceAddress = device.address();
-            info.dst = tiny.handle().ext;
-            info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-            gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMemoryToMicromapEXT(commands, &info); });
-        }
-    }
-}
-
 // The application need not have mapped the memory, and may have mapped a part of it.
 TEST_F(MicromapHost, MappedOrNot)
 {
