@@ -1,4 +1,5 @@
 // What a driver may do that lavapipe does not, and what must not reach it: spy_layer.cpp is that driver.
+#include <algorithm>
 #include <cstdlib>
 
 #include "core/records.h"
