@@ -879,4 +879,65 @@ TEST_F(MicromapStructureRefused, Queries)
     vkDestroyQueryPool(gpu().device(), pool, nullptr);
 }
 
+// Refused, not handed to the driver, to which micromaps and query types of the layer's mean nothing.
+TEST_F(MicromapStructureRefused, QueryPoolsOfOtherTypes)
+{
+    const auto write = [&](VkQueryType poolType, VkQueryType type) {
+        VkQueryPoolCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+        info.queryType = poolType;
+        info.queryCount = 2;
+        VkQueryPool pool = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+        const Blas blas(gpu(), {mapped(nullptr)});
+        const std::array structures{micromap_.handle().khr, blas.handle()};
+        gpu().submit([&](VkCommandBuffer commands) {
+            vkCmdResetQueryPool(commands, pool, 0, 2);
+            gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 2, structures.data(), type, pool, 0);
+        });
+        vkDestroyQueryPool(gpu().device(), pool, nullptr);
+    };
+    constexpr auto kSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+    write(VK_QUERY_TYPE_OCCLUSION, kSize);
+    expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
+    for (const VkQueryType type : {VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, VK_QUERY_TYPE_OCCLUSION}) {
+        write(type, type);
+        expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742");
+    }
+}
+
+// What only a micromap's build may leave out: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
+TEST_F(MicromapStructureRefused, NoRangesOfABottomLevelStructure)
+{
+    Blas blas(gpu());
+    blas.prepare({mapped(&micromap_)});
+    build(blas.buildInfo(), nullptr);
+    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543");
+}
+
+// As the structure that is updated; a build ignores it.
+TEST_F(MicromapStructureRefused, SourceOfAnUpdate)
+{
+    Blas blas(gpu());
+    blas.prepare({mapped(&micromap_)}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
+    BuildInfo info = blas.buildInfo();
+    info.srcAccelerationStructure = micromap_.handle().khr;
+    build(info, blas.ranges());
+    expectNoMessages();
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    build(info, blas.ranges());
+    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629");
+    info.srcAccelerationStructure = VK_NULL_HANDLE;
+    build(info, blas.ranges());
+    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630");
+    EXPECT_EQ(tracedBottom(blas.address()), kForwards);
+}
+
+TEST_F(MicromapStructure, CommandsOfTheInstance)
+{
+    EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), "vkCreateMicromapEXT"), nullptr);
+    EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), "vkCreateAccelerationStructure2KHR"), nullptr);
+    EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), "vkCmdCopyMemoryKHR"), nullptr);
+}
+
 } // namespace
