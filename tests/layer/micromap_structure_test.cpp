@@ -933,11 +933,24 @@ TEST_F(MicromapStructureRefused, SourceOfAnUpdate)
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
 }
 
+// A loader that does not know the extensions gives their commands by instance only where the manifest names them.
 TEST_F(MicromapStructure, CommandsOfTheInstance)
 {
-    EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), "vkCreateMicromapEXT"), nullptr);
-    EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), "vkCreateAccelerationStructure2KHR"), nullptr);
-    EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), "vkCmdCopyMemoryKHR"), nullptr);
+    for (const char *name :
+         {"vkCreateMicromapEXT", "vkCreateAccelerationStructure2KHR", "vkCmdCopyMemoryKHR", "vkCmdBindIndexBuffer3KHR",
+          "vkCmdCopyQueryPoolResultsToMemoryKHR", "vkCmdDrawMeshTasksIndirect2EXT", "vkCmdWriteMarkerToMemoryAMD"})
+        EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), name), nullptr) << name;
+    const auto create = reinterpret_cast<PFN_vkCreateAccelerationStructure2KHR>(
+        vkGetInstanceProcAddr(gpu().instance(), "vkCreateAccelerationStructure2KHR"));
+    ASSERT_NE(create, nullptr);
+    const Buffer memory(gpu(), 4096, kStorage);
+    VkAccelerationStructureCreateInfo2KHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+    info.addressRange = {memory.address(), 4096};
+    info.type = kMicromapType;
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    EXPECT_EQ(create(gpu().device(), &info, nullptr, &structure), VK_SUCCESS);
+    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
 }
 
 } // namespace
