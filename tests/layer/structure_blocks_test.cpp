@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "core/records.h"
+
 namespace
 {
 
@@ -178,6 +180,50 @@ TEST_F(StructureBlocks, AddressesOfNoMicromap)
         const auto expected = {std::string("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585")};
         EXPECT_EQ(ids(), std::vector<std::string>(expected));
     }
+}
+
+// The key of a deleted entry in the table of what there is (core/records.h) is no address, either.
+TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
+{
+    using namespace vellum::shared;
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    Serialized data = serialize(gpu(), blas);
+    // Three micromaps that want the place of that key; the first one's is deleted, in the middle of the others' search.
+    const Buffer memory(gpu(), 1 << 24,
+                        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+                            VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    constexpr std::uint32_t kMask = 1023;
+    std::vector<VkAccelerationStructureKHR> structures;
+    for (VkDeviceAddress at = memory.address(); structures.size() < 3 && at < memory.address() + (1 << 23); at += 65536) {
+        for (VkDeviceAddress address = at; address < at + 65536; address += 256) {
+            const VkDeviceAddress key = address + kMicromapKey;
+            const auto hash = hashReference(static_cast<std::uint32_t>(key), static_cast<std::uint32_t>(key >> 32));
+            if ((hash & kMask) != (hashReference(~0u, ~0u) & kMask))
+                continue;
+            VkAccelerationStructureCreateInfo2KHR info{};
+            info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+            info.addressRange = {address, 1 << 20};
+            info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+            VT_CHECK(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr,
+                                                                &structures.emplace_back()));
+            break;
+        }
+    }
+    ASSERT_EQ(structures.size(), 3u);
+    {
+        // What they leave is used again first.
+        const Blas other(gpu(), {Geometry{.vertices = triangleRow(1)}}), another(gpu(), patchwork.geometries());
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[0], nullptr);
+    }
+    Blocks blocks(data);
+    for (std::size_t i = 0; i < blocks.addresses(); ++i)
+        blocks.setAddress(i, ~std::uint64_t{0} - kMicromapKey);
+    const auto back = deserialized(gpu(), data, kBottom);
+    (void)seenOf(gpu(), *back);
+    EXPECT_EQ(ids(), std::vector<std::string>{"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585"});
+    for (std::size_t i = 1; i < structures.size(); ++i)
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[i], nullptr);
 }
 
 TEST_F(StructureBlocks, MicromapThatIsTooSmall)
