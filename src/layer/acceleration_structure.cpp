@@ -129,9 +129,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
                            info->offset,
                            info->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
-    // It may become a micromap, and serialized structures may name it.
-    if (device.asked.khr && info->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        structure->micromapKey = device.root.acquireMicromap(beginOf(device, *structure), info->size);
+    // Its memory may come later.
+    if (device.addresses.addressOf(info->buffer) != 0)
+        letMicromapBeNamed(device, *structure);
     device.accelerationStructures.set(*result, std::move(structure));
     return created;
 }
@@ -163,6 +163,7 @@ getAccelerationStructureDeviceAddress(VkDevice handle, const VkAccelerationStruc
         if (structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
             return beginOf(device, *structure);
         cellOf(device, *structure, info->accelerationStructure);
+        letMicromapBeNamed(device, *structure);
     }
     return device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
 }

@@ -56,10 +56,10 @@ struct AccelerationStructure {
     // The same memory, of those that may hold a micromap. Of type OPACITY_MICROMAP the handle is the layer's own, a
     // pointer to this structure; the driver knows nothing of it.
     Micromap micromap;
-    VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
 
-    std::mutex mutex;              // guards what is below
-    VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell
+    std::mutex mutex;                // guards what is below
+    VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
+    VkDeviceAddress reference = 0;   // once acquired: this object is a user of that cell
     CellPlace cell;
     // Of what was recorded last into a GENERIC structure; itself, of others.
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;

@@ -25,6 +25,10 @@ VkMicromapEXT micromapIn(AccelerationStructure &structure);
 // The micromap of a handle that a geometry names; null, where it is no micromap.
 VkMicromapEXT micromapOf(const Device &device, VkAccelerationStructureKHR structure);
 
+// Serialized structures may name the micromap that a structure is or may become. Once its memory has an address: of
+// vkCreateAccelerationStructureKHR it may get it later.
+void letMicromapBeNamed(Device &device, AccelerationStructure &structure);
+
 void getMicromapStructureSizes(const Device &device, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                                VkAccelerationStructureBuildSizesInfoKHR &sizes);
 

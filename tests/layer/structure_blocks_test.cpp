@@ -226,6 +226,69 @@ TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[i], nullptr);
 }
 
+// "Memory does not need to be bound to the underlying buffer when vkCreateAccelerationStructureKHR is called."
+TEST_F(StructureBlocks, GenericStructuresMadeBeforeTheirMemory)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const auto expected = seenOf(gpu(), blas);
+    Serialized data = serialize(gpu(), blas);
+    VkBufferCreateInfo create{};
+    create.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    create.usage =
+        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    const VkDeviceSize second = (patchwork.micromap(0).size() + 255) / 256 * 256;
+    create.size = second + patchwork.micromap(1).size();
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu().device(), &create, nullptr, &buffer));
+    VkAccelerationStructureKHR structures[2] = {};
+    for (std::size_t i = 0; i < 2; ++i) {
+        VkAccelerationStructureCreateInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
+        info.buffer = buffer;
+        info.offset = i * second;
+        info.size = patchwork.micromap(i).size();
+        info.type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &structures[i]));
+    }
+    VkMemoryRequirements needs{};
+    vkGetBufferMemoryRequirements(gpu().device(), buffer, &needs);
+    VkMemoryAllocateFlagsInfo flags{};
+    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    allocation.pNext = &flags;
+    allocation.allocationSize = needs.size;
+    allocation.memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, 0);
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
+    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
+
+    std::map<std::uint64_t, std::uint64_t> moved;
+    for (std::size_t i = 0; i < 2; ++i) {
+        VkAccelerationStructureDeviceAddressInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
+        info.accelerationStructure = structures[i];
+        moved[addressOf(patchwork.micromap(i))] =
+            gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &info);
+    }
+    Blocks blocks(data);
+    for (std::size_t i = 0; i < blocks.addresses(); ++i)
+        blocks.setAddress(i, moved.at(blocks.address(i)));
+    const auto back = deserialized(gpu(), data, kBottom);
+    gpu().submit([&](VkCommandBuffer commands) {
+        for (std::size_t i = 0; i < 2; ++i)
+            recordCopy(gpu(), commands, patchwork.micromap(i).handle().khr, structures[i]);
+    });
+    EXPECT_EQ(seenOf(gpu(), *back), expected);
+    EXPECT_EQ(ids(), std::vector<std::string>{});
+    for (const VkAccelerationStructureKHR structure : structures)
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
+    vkDestroyBuffer(gpu().device(), buffer, nullptr);
+    vkFreeMemory(gpu().device(), memory, nullptr);
+}
+
 TEST_F(StructureBlocks, MicromapThatIsTooSmall)
 {
     const Patchwork patchwork(gpu());
