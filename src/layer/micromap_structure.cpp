@@ -368,7 +368,7 @@ bool restoresMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
     // A GENERIC one is told by its size: sizes of micromaps are marked, as those of top-level structures are.
     const bool generic = target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR &&
-        (!generic || target->size % 256 != kMicromapSizeMark))
+        (!generic || !device.asked.khr || target->size % 256 != kMicromapSizeMark))
         return false;
     if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR) {
         refuse(device, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
