@@ -602,6 +602,57 @@ TEST_F(MicromapStructureBoth, MicromapsOfBothExtensionsInOneScene)
     EXPECT_EQ(traced(upper), kBackwards);
 }
 
+// Serialized, one kind of micromap is named and the other's data comes along: in any order, and shared.
+TEST_F(MicromapStructureBoth, SerializedStructuresOfBothExtensions)
+{
+    Micromap khr(gpu(), eightStates());
+    khr.build();
+    gpu().use(Api::Ext);
+    auto ext = std::make_unique<Micromap>(gpu(), eightStates(true));
+    ext->build();
+    gpu().use(Api::Khr);
+    const std::vector<std::vector<const Micromap *>> arrangements{{&khr, ext.get(), &khr, ext.get(), nullptr},
+                                                                  {nullptr, &khr, ext.get(), nullptr, &khr},
+                                                                  {&khr, &khr, nullptr, ext.get(), ext.get()},
+                                                                  {ext.get(), &khr, ext.get(), &khr, &khr}};
+    std::vector<Serialized> serialized;
+    std::vector<std::vector<std::vector<int>>> expected;
+    const auto rows = [&](const Structure &blas) {
+        std::vector<std::vector<int>> out;
+        for (int g = 0; g < 5; ++g)
+            out.push_back(traced(Tlas(gpu(), {instance(blas, {0, -2.0f * static_cast<float>(g), 0}, 1)})));
+        return out;
+    };
+    for (const auto &arrangement : arrangements) {
+        std::vector<Geometry> geometries;
+        for (const Micromap *micromap : arrangement) {
+            Geometry &geometry = geometries.emplace_back(mapped(micromap));
+            for (Vec3 &vertex : geometry.vertices)
+                vertex[1] += 2 * static_cast<float>(geometries.size() - 1);
+        }
+        const Blas blas(gpu(), geometries);
+        expected.push_back(rows(blas));
+        for (std::size_t g = 0; g < 5; ++g)
+            EXPECT_EQ(expected.back()[g],
+                      arrangement[g] == &khr ? kForwards : arrangement[g] != nullptr ? kBackwards : kPlain);
+        serialized.push_back(serialize(gpu(), blas));
+        EXPECT_EQ(queried(gpu(), blas, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
+                  serialized.back().total());
+    }
+    gpu().use(Api::Ext);
+    ext.reset();
+    gpu().use(Api::Khr);
+    for (std::size_t i = 0; i < arrangements.size(); ++i) {
+        SCOPED_TRACE(i);
+        const auto back = deserialized(gpu(), serialized[i], kBottom);
+        EXPECT_EQ(rows(*back), expected[i]);
+        // And once more from there.
+        const Serialized again = serialize(gpu(), *back);
+        EXPECT_EQ(again.total(), serialized[i].total());
+        EXPECT_EQ(rows(*deserialized(gpu(), again, kBottom)), expected[i]);
+    }
+}
+
 // Two devices, each with one of the extensions, at the same time.
 TEST(MicromapStructureDevices, OneWithEachExtension)
 {
