@@ -129,9 +129,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
                            info->offset,
                            info->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
-    // Its memory may come later.
-    if (device.addresses.addressOf(info->buffer) != 0)
-        letMicromapBeNamed(device, *structure);
+    letMicromapBeNamedOnceBound(device, structure);
     device.accelerationStructures.set(*result, std::move(structure));
     return created;
 }
@@ -163,7 +161,6 @@ getAccelerationStructureDeviceAddress(VkDevice handle, const VkAccelerationStruc
         if (structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
             return beginOf(device, *structure);
         cellOf(device, *structure, info->accelerationStructure);
-        letMicromapBeNamed(device, *structure);
     }
     return device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
 }

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -108,6 +109,8 @@ struct Device {
     PrivateData privateData;
     HandleMap<VkQueryPool, std::shared_ptr<QueryPool>> queryPools;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;
+    std::mutex unnamedMutex;                                            // guards the next one
+    std::vector<std::weak_ptr<AccelerationStructure>> unnamedMicromaps; // GENERIC ones, made before their memory
 
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules;

@@ -275,6 +275,29 @@ void letMicromapBeNamed(Device &device, AccelerationStructure &structure)
         structure.micromapKey = device.root.acquireMicromap(beginOf(device, structure), structure.size);
 }
 
+void letMicromapBeNamedOnceBound(Device &device, const std::shared_ptr<AccelerationStructure> &structure)
+{
+    if (device.addresses.addressOf(structure->buffer) != 0)
+        return letMicromapBeNamed(device, *structure);
+    if (!device.asked.khr || !canHoldMicromap(*structure))
+        return;
+    std::lock_guard lock(device.unnamedMutex);
+    device.unnamedMicromaps.push_back(structure);
+}
+
+void bufferHasAddress(Device &device, VkBuffer buffer)
+{
+    std::lock_guard lock(device.unnamedMutex);
+    std::erase_if(device.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
+        const auto structure = unnamed.lock();
+        if (structure && structure->buffer != buffer)
+            return false;
+        if (structure)
+            letMicromapBeNamed(device, *structure);
+        return true;
+    });
+}
+
 void getMicromapStructureSizes(const Device &device, const BuildInfo &info,
                                VkAccelerationStructureBuildSizesInfoKHR &sizes)
 {

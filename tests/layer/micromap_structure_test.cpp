@@ -633,8 +633,9 @@ TEST_F(MicromapStructureBoth, SerializedStructuresOfBothExtensions)
         const Blas blas(gpu(), geometries);
         expected.push_back(rows(blas));
         for (std::size_t g = 0; g < 5; ++g)
-            EXPECT_EQ(expected.back()[g],
-                      arrangement[g] == &khr ? kForwards : arrangement[g] != nullptr ? kBackwards : kPlain);
+            EXPECT_EQ(expected.back()[g], arrangement[g] == &khr      ? kForwards
+                                          : arrangement[g] != nullptr ? kBackwards
+                                                                      : kPlain);
         serialized.push_back(serialize(gpu(), blas));
         EXPECT_EQ(queried(gpu(), blas, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
                   serialized.back().total());
