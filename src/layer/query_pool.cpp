@@ -315,16 +315,16 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuf
     Device &device = deviceOf(commandBuffer);
     const auto pool = device.queryPools.get(queryPool);
     // The driver knows neither the layer's micromaps nor its types of queries: what is wrong must not reach it.
+    if (pool ? pool->type != type : isStructureProperty(type)) {
+        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
+                              "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
+                              "queryType");
+        return;
+    }
     if (!isStructureProperty(type)) {
         device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
                               "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration "
                               "structure queries");
-        return;
-    }
-    if (!pool || pool->type != type) {
-        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
-                              "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
-                              "queryType");
         return;
     }
     if (count == 0 || !inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
