@@ -129,9 +129,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure(VkDevice handle,
                            info->offset,
                            info->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
-    // It may become a micromap, and serialized structures may name it.
-    if (device.asked.khr && info->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        structure->micromapKey = device.root.acquireMicromap(beginOf(device, *structure), info->size);
+    letMicromapBeNamedOnceBound(device, structure);
     device.accelerationStructures.set(*result, std::move(structure));
     return created;
 }

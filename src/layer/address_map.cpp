@@ -65,6 +65,13 @@ AddressMap::Place AddressMap::find(VkDeviceAddress address) const
     return place;
 }
 
+VkDeviceAddress AddressMap::addressOf(VkBuffer buffer) const
+{
+    std::shared_lock lock(mutex_);
+    const auto known = addresses_.find(buffer);
+    return known == addresses_.end() ? 0 : known->second;
+}
+
 VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
 {
     const Place place = find(address);

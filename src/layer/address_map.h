@@ -26,6 +26,8 @@ public:
     // The buffer that an address lies in, of several the one that reaches furthest: its end bounds what the GPU may
     // read from there.
     [[nodiscard]] Place find(VkDeviceAddress address) const;
+    // Where a buffer lies; 0 where that is not known, as of one without memory.
+    [[nodiscard]] VkDeviceAddress addressOf(VkBuffer buffer) const;
     // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
     [[nodiscard]] VkDeviceSize bytesFrom(VkDeviceAddress address) const;
     // A buffer that all of a range lies in and that has all of the usage flags. Buffers may alias each other in

@@ -73,14 +73,15 @@ VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkD
     if (!asked.ext && !asked.khr && !asked.addressCommands && !displacement)
         return VK_SUCCESS;
     const Implementations have = implementationsOn(instance, physicalDevice);
-    if (displacement && have.ext == Implementation::Emulation) {
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
+        emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
+    // Micromaps are all the driver's or all the layer's.
+    if (displacement && (emulated || have.ext == Implementation::Emulation)) {
         instance.report.error("VELLUM-displacement-micromaps",
                               "VK_NV_displacement_micromap is not there where VK_EXT_opacity_micromap is emulated",
                               VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
-    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
-        emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
     const char *missing = asked.ext && have.ext == Implementation::None   ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME
                           : asked.khr && have.khr == Implementation::None ? VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME
                                                                           : nullptr;
@@ -98,7 +99,6 @@ struct DriverDeviceInfo {
     DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands)
         : info(application), chain(application.pNext)
     {
-        // Micromaps are all the driver's or all the layer's.
         const auto provided = [ownAddressCommands](const char *name) {
             if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
                 return ownAddressCommands;

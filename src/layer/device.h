@@ -5,6 +5,7 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -56,10 +57,10 @@ struct AccelerationStructure {
     // The same memory, of those that may hold a micromap. Of type OPACITY_MICROMAP the handle is the layer's own, a
     // pointer to this structure; the driver knows nothing of it.
     Micromap micromap;
-    VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
 
-    std::mutex mutex;              // guards what is below
-    VkDeviceAddress reference = 0; // once acquired: this object is a user of that cell
+    std::mutex mutex;                // guards what is below
+    VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
+    VkDeviceAddress reference = 0;   // once acquired: this object is a user of that cell
     CellPlace cell;
     // Of what was recorded last into a GENERIC structure; itself, of others.
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
@@ -108,6 +109,8 @@ struct Device {
     PrivateData privateData;
     HandleMap<VkQueryPool, std::shared_ptr<QueryPool>> queryPools;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures;
+    std::mutex unnamedMutex;                                            // guards the next one
+    std::vector<std::weak_ptr<AccelerationStructure>> unnamedMicromaps; // GENERIC ones, made before their memory
 
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules;

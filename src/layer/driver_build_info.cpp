@@ -39,6 +39,9 @@ DriverBuildInfo::DriverBuildInfo(const VkAccelerationStructureBuildGeometryInfoK
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT |
         VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
     info_.flags &= ~micromapFlags;
+    // It is ignored, and may be a micromap.
+    if (info_.mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR)
+        info_.srcAccelerationStructure = VK_NULL_HANDLE;
     for (uint32_t i = 0; i < application.geometryCount; ++i) {
         VkAccelerationStructureGeometryKHR g =
             application.pGeometries ? application.pGeometries[i] : *application.ppGeometries[i];

@@ -6,6 +6,7 @@
 
 #include "core/curve.h"
 #include "core/records.h"
+#include "layer/acceleration_structure.h"
 #include "layer/device.h"
 #include "layer/micromap.h"
 #include "layer/micromap_build.h"
@@ -200,17 +201,18 @@ void refuse(const Device &device, const char *id, const std::string &text, VkAcc
     device.report().error(id, text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure));
 }
 
-// A GENERIC structure is what was recorded into it last.
-void becomeMicromap(AccelerationStructure &structure)
-{
-    std::lock_guard lock(structure.mutex);
-    structure.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-}
-
 bool canHoldMicromap(const AccelerationStructure &structure)
 {
     return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
            structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+}
+
+// A GENERIC structure is what was recorded into it last.
+void becomeMicromap(Device &device, AccelerationStructure &structure)
+{
+    letMicromapBeNamed(device, structure);
+    std::lock_guard lock(structure.mutex);
+    structure.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
 
 struct Place {
@@ -264,6 +266,38 @@ VkMicromapEXT micromapOf(const Device &device, VkAccelerationStructureKHR handle
     return structure && canHoldMicromap(*structure) ? micromapIn(*structure) : VK_NULL_HANDLE;
 }
 
+void letMicromapBeNamed(Device &device, AccelerationStructure &structure)
+{
+    if (!device.asked.khr || !canHoldMicromap(structure))
+        return;
+    std::lock_guard lock(structure.mutex);
+    if (!structure.micromapKey)
+        structure.micromapKey = device.root.acquireMicromap(beginOf(device, structure), structure.size);
+}
+
+void letMicromapBeNamedOnceBound(Device &device, const std::shared_ptr<AccelerationStructure> &structure)
+{
+    if (device.addresses.addressOf(structure->buffer) != 0)
+        return letMicromapBeNamed(device, *structure);
+    if (!device.asked.khr || !canHoldMicromap(*structure))
+        return;
+    std::lock_guard lock(device.unnamedMutex);
+    device.unnamedMicromaps.push_back(structure);
+}
+
+void bufferHasAddress(Device &device, VkBuffer buffer)
+{
+    std::lock_guard lock(device.unnamedMutex);
+    std::erase_if(device.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
+        const auto structure = unnamed.lock();
+        if (structure && structure->buffer != buffer)
+            return false;
+        if (structure)
+            letMicromapBeNamed(device, *structure);
+        return true;
+    });
+}
+
 void getMicromapStructureSizes(const Device &device, const BuildInfo &info,
                                VkAccelerationStructureBuildSizesInfoKHR &sizes)
 {
@@ -294,7 +328,7 @@ void cmdBuildMicromapStructures(VkCommandBuffer commandBuffer, uint32_t count, c
             continue;
         }
         const auto target = device.accelerationStructures.get(infos[i].dstAccelerationStructure);
-        becomeMicromap(*target);
+        becomeMicromap(device, *target);
         builds.emplace_back(infos[i], *dataOf(infos[i]), micromapIn(*target));
     }
     std::vector<const VkMicromapBuildInfoEXT *> translated;
@@ -323,7 +357,7 @@ bool copiesMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
                "vkCmdCopyAccelerationStructureKHR: mode is neither clone nor compact", info.dst);
         return true;
     }
-    becomeMicromap(*target);
+    becomeMicromap(device, *target);
     recordMicromapCopy(device, commandBuffer, "vkCmdCopyAccelerationStructureKHR", source->micromap, target->micromap);
     return true;
 }
@@ -357,7 +391,7 @@ bool restoresMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
     // A GENERIC one is told by its size: sizes of micromaps are marked, as those of top-level structures are.
     const bool generic = target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR &&
-        (!generic || target->size % 256 != kMicromapSizeMark))
+        (!generic || !device.asked.khr || target->size % 256 != kMicromapSizeMark))
         return false;
     if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR) {
         refuse(device, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
@@ -369,7 +403,7 @@ bool restoresMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
                "vkCmdCopyMemoryToAccelerationStructureKHR: src is a null address or not aligned to 128 bytes",
                info.dst);
     } else {
-        becomeMicromap(*target);
+        becomeMicromap(device, *target);
         recordMicromapRestore(device, commandBuffer, target->micromap, info.src.deviceAddress);
     }
     return true;
@@ -419,9 +453,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure2(VkDevice handle,
                            place.offset,
                            structure->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
-    // Serialized structures may name it.
-    if (canHoldMicromap(*structure))
-        structure->micromapKey = device.root.acquireMicromap(info->addressRange.address, structure->size);
+    letMicromapBeNamed(device, *structure);
     device.accelerationStructures.set(*result, std::move(structure));
     return VK_SUCCESS;
 }

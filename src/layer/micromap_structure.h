@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "layer/vulkan_newer.h"
 
@@ -24,6 +25,12 @@ bool holdsMicromap(AccelerationStructure &structure);
 VkMicromapEXT micromapIn(AccelerationStructure &structure);
 // The micromap of a handle that a geometry names; null, where it is no micromap.
 VkMicromapEXT micromapOf(const Device &device, VkAccelerationStructureKHR structure);
+
+// Serialized structures may name the micromap that a structure is or may become, by the address of its memory.
+void letMicromapBeNamed(Device &device, AccelerationStructure &structure);
+// The same of one that vkCreateAccelerationStructureKHR has made: now, or when its buffer gets memory.
+void letMicromapBeNamedOnceBound(Device &device, const std::shared_ptr<AccelerationStructure> &structure);
+void bufferHasAddress(Device &device, VkBuffer buffer);
 
 void getMicromapStructureSizes(const Device &device, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                                VkAccelerationStructureBuildSizesInfoKHR &sizes);

@@ -314,19 +314,22 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuf
 {
     Device &device = deviceOf(commandBuffer);
     const auto pool = device.queryPools.get(queryPool);
-    const bool ours = pool && count > 0;
-    if (pool && pool->type != type) {
+    // The driver knows neither the layer's micromaps nor its types of queries: what is wrong must not reach it.
+    if (pool ? pool->type != type : isStructureProperty(type)) {
         device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
                               "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
                               "queryType");
         return;
     }
-    if (ours && (!inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
-                 InjectedWork::refusedIn(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR")))
+    if (!isStructureProperty(type)) {
+        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
+                              "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration "
+                              "structure queries");
         return;
-    if (!ours)
-        return device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type,
-                                                                       queryPool, first);
+    }
+    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
+        InjectedWork::refusedIn(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR"))
+        return;
     for (uint32_t i = 0; i < count; ++i) {
         if (device.accelerationStructures.get(structures[i]))
             continue;

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "layer/device.h"
+#include "layer/micromap_structure.h"
 #include "layer/pnext.h"
 
 namespace vellum::layer
@@ -121,6 +122,7 @@ void rememberAddress(Device &device, VkBuffer buffer)
     const BufferInfo info = device.buffers.get(buffer);
     if (device.asked.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
         device.addresses.add(device.bufferAddress(buffer), buffer, info.size, info.usage);
+    bufferHasAddress(device, buffer);
 }
 
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)
@@ -129,6 +131,7 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, co
     const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
     const BufferInfo buffer = device.buffers.get(info->buffer);
     device.addresses.add(address, info->buffer, buffer.size, buffer.usage);
+    bufferHasAddress(device, info->buffer);
     return address;
 }
 

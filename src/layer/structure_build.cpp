@@ -114,6 +114,14 @@ private:
                    "dstAccelerationStructure is not an acceleration structure of this device");
             return;
         }
+        // Only builds of micromaps have none.
+        if (!ranges_[i].direct && !ranges_[i].most) {
+            refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
+                   "a null pointer in place of the geometries' numbers of primitives");
+            return;
+        }
+        if (infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR && sourceIsWrong(part))
+            return;
         // The driver does not know the type.
         if (part.build.hasMicromapGeometry()) {
             refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
@@ -130,6 +138,20 @@ private:
         else if (part.build.geometryCount() != 1)
             refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790",
                    "a top-level structure has one geometry");
+    }
+
+    // A micromap's handle means nothing to the driver.
+    bool sourceIsWrong(Part &part)
+    {
+        const VkAccelerationStructureKHR handle = infos_[part.i].srcAccelerationStructure;
+        const auto source = device_.accelerationStructures.get(handle);
+        if (source && source->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+            return false;
+        refuse(part,
+               handle ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629"
+                      : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630",
+               "srcAccelerationStructure is not an acceleration structure of this device that can be updated");
+        return true;
     }
 
     void refuseSmall(Part &part)
@@ -421,7 +443,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer comman
     cmdBuildMicromapStructures(commandBuffer, count, infos);
     std::vector<Ranges> all(count);
     for (uint32_t i = 0; i < count; ++i)
-        all[i].direct = ranges[i];
+        all[i].direct = ranges ? ranges[i] : nullptr;
     Build(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, all).record();
 }
 

@@ -33,7 +33,7 @@ void storeCell(uvec2 address, Cell cell)
 // The cell of a key in the hash table (core/records.h) that the root table leads to; 0: there is none.
 uvec2 findCell(uvec2 root, uvec2 key)
 {
-    if ((key.x | key.y) == 0u)
+    if ((key.x | key.y) == 0u || (key.x & key.y) == ~0u) // empty and deleted entries
         return uvec2(0);
     Words header = Words(root);
     Words table = Words(uvec2(header.w[kRootHashTable], header.w[kRootHashTable + 1u]));

@@ -1,5 +1,6 @@
 // What a driver may do that lavapipe does not, and what must not reach it: spy_layer.cpp is that driver.
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 
 #include "core/records.h"
@@ -249,6 +250,39 @@ TEST(Driver, NoDisplacementBesideEmulation)
     for (const Message &m : gpu->takeUnexpectedMessages()) {
         EXPECT_NE(m.id, "SPY") << m.text;
         if (m.fromVellum()) // the loader says something, too
+            told.push_back(m.id);
+    }
+    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-displacement-micromaps"});
+}
+
+// The driver has both, but with an extension that it lacks micromaps are the layer's.
+TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
+{
+    std::unique_ptr<Gpu> gpu;
+    {
+        const Environment native("VELLUM_TEST_SPY_DISPLACEMENT");
+        gpu = std::make_unique<Gpu>(Options{.validation = false, .api = Api::Khr});
+    }
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{};
+    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    VkDeviceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    const std::array names{VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, "VK_NV_displacement_micromap",
+                           "VK_KHR_device_address_commands"};
+    info.enabledExtensionCount = 3;
+    info.ppEnabledExtensionNames = names.data();
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(vkCreateDevice(gpu->physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
+    vkDestroyDevice(device, nullptr);
+    std::vector<std::string> told;
+    for (const Message &m : gpu->takeUnexpectedMessages()) {
+        EXPECT_NE(m.id, "SPY") << m.text;
+        if (m.fromVellum())
             told.push_back(m.id);
     }
     EXPECT_EQ(told, std::vector<std::string>{"VELLUM-displacement-micromaps"});

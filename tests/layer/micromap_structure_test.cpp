@@ -602,6 +602,58 @@ TEST_F(MicromapStructureBoth, MicromapsOfBothExtensionsInOneScene)
     EXPECT_EQ(traced(upper), kBackwards);
 }
 
+// Serialized, one kind of micromap is named and the other's data comes along: in any order, and shared.
+TEST_F(MicromapStructureBoth, SerializedStructuresOfBothExtensions)
+{
+    Micromap khr(gpu(), eightStates());
+    khr.build();
+    gpu().use(Api::Ext);
+    auto ext = std::make_unique<Micromap>(gpu(), eightStates(true));
+    ext->build();
+    gpu().use(Api::Khr);
+    const std::vector<std::vector<const Micromap *>> arrangements{{&khr, ext.get(), &khr, ext.get(), nullptr},
+                                                                  {nullptr, &khr, ext.get(), nullptr, &khr},
+                                                                  {&khr, &khr, nullptr, ext.get(), ext.get()},
+                                                                  {ext.get(), &khr, ext.get(), &khr, &khr}};
+    std::vector<Serialized> serialized;
+    std::vector<std::vector<std::vector<int>>> expected;
+    const auto rows = [&](const Structure &blas) {
+        std::vector<std::vector<int>> out;
+        for (int g = 0; g < 5; ++g)
+            out.push_back(traced(Tlas(gpu(), {instance(blas, {0, -2.0f * static_cast<float>(g), 0}, 1)})));
+        return out;
+    };
+    for (const auto &arrangement : arrangements) {
+        std::vector<Geometry> geometries;
+        for (const Micromap *micromap : arrangement) {
+            Geometry &geometry = geometries.emplace_back(mapped(micromap));
+            for (Vec3 &vertex : geometry.vertices)
+                vertex[1] += 2 * static_cast<float>(geometries.size() - 1);
+        }
+        const Blas blas(gpu(), geometries);
+        expected.push_back(rows(blas));
+        for (std::size_t g = 0; g < 5; ++g)
+            EXPECT_EQ(expected.back()[g], arrangement[g] == &khr      ? kForwards
+                                          : arrangement[g] != nullptr ? kBackwards
+                                                                      : kPlain);
+        serialized.push_back(serialize(gpu(), blas));
+        EXPECT_EQ(queried(gpu(), blas, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
+                  serialized.back().total());
+    }
+    gpu().use(Api::Ext);
+    ext.reset();
+    gpu().use(Api::Khr);
+    for (std::size_t i = 0; i < arrangements.size(); ++i) {
+        SCOPED_TRACE(i);
+        const auto back = deserialized(gpu(), serialized[i], kBottom);
+        EXPECT_EQ(rows(*back), expected[i]);
+        // And once more from there.
+        const Serialized again = serialize(gpu(), *back);
+        EXPECT_EQ(again.total(), serialized[i].total());
+        EXPECT_EQ(rows(*deserialized(gpu(), again, kBottom)), expected[i]);
+    }
+}
+
 // Two devices, each with one of the extensions, at the same time.
 TEST(MicromapStructureDevices, OneWithEachExtension)
 {
@@ -877,6 +929,80 @@ TEST_F(MicromapStructureRefused, Queries)
     std::uint64_t value = 0;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
     vkDestroyQueryPool(gpu().device(), pool, nullptr);
+}
+
+// Refused, not handed to the driver, to which micromaps and query types of the layer's mean nothing.
+TEST_F(MicromapStructureRefused, QueryPoolsOfOtherTypes)
+{
+    const auto write = [&](VkQueryType poolType, VkQueryType type) {
+        VkQueryPoolCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+        info.queryType = poolType;
+        info.queryCount = 2;
+        VkQueryPool pool = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+        const Blas blas(gpu(), {mapped(nullptr)});
+        const std::array structures{micromap_.handle().khr, blas.handle()};
+        gpu().submit([&](VkCommandBuffer commands) {
+            vkCmdResetQueryPool(commands, pool, 0, 2);
+            gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 2, structures.data(), type, pool, 0);
+        });
+        vkDestroyQueryPool(gpu().device(), pool, nullptr);
+    };
+    constexpr auto kSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+    write(VK_QUERY_TYPE_OCCLUSION, kSize);
+    expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
+    for (const VkQueryType type : {VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, VK_QUERY_TYPE_OCCLUSION}) {
+        write(type, type);
+        expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742");
+    }
+}
+
+// What only a micromap's build may leave out: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
+TEST_F(MicromapStructureRefused, NoRangesOfABottomLevelStructure)
+{
+    Blas blas(gpu());
+    blas.prepare({mapped(&micromap_)});
+    build(blas.buildInfo(), nullptr);
+    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543");
+}
+
+// As the structure that is updated; a build ignores it.
+TEST_F(MicromapStructureRefused, SourceOfAnUpdate)
+{
+    Blas blas(gpu());
+    blas.prepare({mapped(&micromap_)}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
+    BuildInfo info = blas.buildInfo();
+    info.srcAccelerationStructure = micromap_.handle().khr;
+    build(info, blas.ranges());
+    expectNoMessages();
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    build(info, blas.ranges());
+    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629");
+    info.srcAccelerationStructure = VK_NULL_HANDLE;
+    build(info, blas.ranges());
+    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630");
+    EXPECT_EQ(tracedBottom(blas.address()), kForwards);
+}
+
+// A loader that does not know the extensions gives their commands by instance only where the manifest names them.
+TEST_F(MicromapStructure, CommandsOfTheInstance)
+{
+    for (const char *name :
+         {"vkCreateMicromapEXT", "vkCreateAccelerationStructure2KHR", "vkCmdCopyMemoryKHR", "vkCmdBindIndexBuffer3KHR",
+          "vkCmdCopyQueryPoolResultsToMemoryKHR", "vkCmdDrawMeshTasksIndirect2EXT", "vkCmdWriteMarkerToMemoryAMD"})
+        EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), name), nullptr) << name;
+    const auto create = reinterpret_cast<PFN_vkCreateAccelerationStructure2KHR>(
+        vkGetInstanceProcAddr(gpu().instance(), "vkCreateAccelerationStructure2KHR"));
+    ASSERT_NE(create, nullptr);
+    const Buffer memory(gpu(), 4096, kStorage);
+    VkAccelerationStructureCreateInfo2KHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+    info.addressRange = {memory.address(), 4096};
+    info.type = kMicromapType;
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    EXPECT_EQ(create(gpu().device(), &info, nullptr, &structure), VK_SUCCESS);
+    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
 }
 
 } // namespace

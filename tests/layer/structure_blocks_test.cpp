@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "core/records.h"
+
 namespace
 {
 
@@ -178,6 +180,111 @@ TEST_F(StructureBlocks, AddressesOfNoMicromap)
         const auto expected = {std::string("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585")};
         EXPECT_EQ(ids(), std::vector<std::string>(expected));
     }
+}
+
+// The key of a deleted entry in the table of what there is (core/records.h) is no address, either.
+TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
+{
+    using namespace vellum::shared;
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    Serialized data = serialize(gpu(), blas);
+    // Three micromaps that want the place of that key; the first one's is deleted, in the middle of the others' search.
+    const Buffer memory(gpu(), 1 << 24,
+                        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+                            VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    constexpr std::uint32_t kMask = 1023;
+    std::vector<VkAccelerationStructureKHR> structures;
+    for (VkDeviceAddress at = memory.address(); structures.size() < 3 && at < memory.address() + (1 << 23);
+         at += 65536) {
+        for (VkDeviceAddress address = at; address < at + 65536; address += 256) {
+            const VkDeviceAddress key = address + kMicromapKey;
+            const auto hash = hashReference(static_cast<std::uint32_t>(key), static_cast<std::uint32_t>(key >> 32));
+            if ((hash & kMask) != (hashReference(~0u, ~0u) & kMask))
+                continue;
+            VkAccelerationStructureCreateInfo2KHR info{};
+            info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+            info.addressRange = {address, 1 << 20};
+            info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+            VT_CHECK(
+                gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &structures.emplace_back()));
+            break;
+        }
+    }
+    ASSERT_EQ(structures.size(), 3u);
+    {
+        // What they leave is used again first.
+        const Blas other(gpu(), {Geometry{.vertices = triangleRow(1)}}), another(gpu(), patchwork.geometries());
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[0], nullptr);
+    }
+    Blocks blocks(data);
+    for (std::size_t i = 0; i < blocks.addresses(); ++i)
+        blocks.setAddress(i, ~std::uint64_t{0} - kMicromapKey);
+    const auto back = deserialized(gpu(), data, kBottom);
+    (void)seenOf(gpu(), *back);
+    EXPECT_EQ(ids(), std::vector<std::string>{"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585"});
+    for (std::size_t i = 1; i < structures.size(); ++i)
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[i], nullptr);
+}
+
+// "Memory does not need to be bound to the underlying buffer when vkCreateAccelerationStructureKHR is called."
+TEST_F(StructureBlocks, GenericStructuresMadeBeforeTheirMemory)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const auto expected = seenOf(gpu(), blas);
+    Serialized data = serialize(gpu(), blas);
+    VkBufferCreateInfo create{};
+    create.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    create.usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    const VkDeviceSize second = (patchwork.micromap(0).size() + 255) / 256 * 256;
+    create.size = second + patchwork.micromap(1).size();
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu().device(), &create, nullptr, &buffer));
+    VkAccelerationStructureKHR structures[2] = {};
+    for (std::size_t i = 0; i < 2; ++i) {
+        VkAccelerationStructureCreateInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
+        info.buffer = buffer;
+        info.offset = i * second;
+        info.size = patchwork.micromap(i).size();
+        info.type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &structures[i]));
+    }
+    VkMemoryRequirements needs{};
+    vkGetBufferMemoryRequirements(gpu().device(), buffer, &needs);
+    VkMemoryAllocateFlagsInfo flags{};
+    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    allocation.pNext = &flags;
+    allocation.allocationSize = needs.size;
+    allocation.memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, 0);
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
+    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
+
+    VkBufferDeviceAddressInfo query{};
+    query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
+    query.buffer = buffer;
+    std::map<std::uint64_t, std::uint64_t> moved;
+    for (std::size_t i = 0; i < 2; ++i)
+        moved[addressOf(patchwork.micromap(i))] = vkGetBufferDeviceAddress(gpu().device(), &query) + i * second;
+    Blocks blocks(data);
+    for (std::size_t i = 0; i < blocks.addresses(); ++i)
+        blocks.setAddress(i, moved.at(blocks.address(i)));
+    const auto back = deserialized(gpu(), data, kBottom);
+    gpu().submit([&](VkCommandBuffer commands) {
+        for (std::size_t i = 0; i < 2; ++i)
+            recordCopy(gpu(), commands, patchwork.micromap(i).handle().khr, structures[i]);
+    });
+    EXPECT_EQ(seenOf(gpu(), *back), expected);
+    EXPECT_EQ(ids(), std::vector<std::string>{});
+    for (const VkAccelerationStructureKHR structure : structures)
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
+    vkDestroyBuffer(gpu().device(), buffer, nullptr);
+    vkFreeMemory(gpu().device(), memory, nullptr);
 }
 
 TEST_F(StructureBlocks, MicromapThatIsTooSmall)
