@@ -245,6 +245,30 @@ TEST_F(BadInputExt, AddressesAndScratchMemory)
             [&](auto &info) { info.scratchData.deviceAddress = little.address(); });
 }
 
+// VUID-vkCmdBuildMicromapsEXT-pInfos-07515 wants multiples of 256; the layer needs none.
+TEST_F(BadInputExt, UnalignedInput)
+{
+    MicromapInput input;
+    for (std::uint8_t state = 0; state < 4; ++state)
+        input.add(4, kFourState, std::vector<std::uint8_t>(256, state));
+    const std::uint32_t bytes = input.triangles[1].dataOffset;
+    for (const bool data : {false, true}) {
+        Micromap micromap(gpu(), input);
+        VkMicromapBuildInfoEXT info = micromap.buildInfo();
+        const VkMicromapUsageEXT three{3, 4, kFourState};
+        info.usageCountsCount = 1;
+        info.pUsageCounts = &three;
+        // Without the first triangle, or with each triangle's data taken for that of the one before it.
+        if (data)
+            info.data.deviceAddress += bytes;
+        else
+            info.triangleArray.deviceAddress += sizeof(VkMicromapTriangleEXT);
+        record(std::array{MicromapBuild{info, micromap.handle()}});
+        expectNoMessages();
+        EXPECT_EQ(seen({&micromap}, 3), (std::vector{0, 1, 1})) << data;
+    }
+}
+
 TEST_F(BadInputExt, CreateTypeAndFlags)
 {
     const Buffer buffer(gpu(), 4096, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
