@@ -152,6 +152,8 @@ TEST_P(MicromapSize, SmallerThanAnyMicromap)
     ASSERT_EQ(memory.address() % 256, 0u);
     for (const VkDeviceSize size : {0u, 1u, 4u, 12u, 60u}) {
         SCOPED_TRACE(testing::Message() << size << " bytes");
+        if (size == 0 && khr())
+            continue; // VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608
         const Micromap tiny(gpu(), source, size);
         const Micromap other(gpu(), source, source.size());
         alias(tiny, source);
