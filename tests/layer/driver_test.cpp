@@ -139,13 +139,14 @@ TEST(Driver, InputAndMicromapInOneBuffer)
     create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &create, nullptr, &micromap));
-    other.build();
+    Micromap folded(gpu, input, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    folded.build();
     VkMicromapBuildInfoEXT info = other.buildInfo();
     info.dstMicromap = micromap;
     info.data.deviceAddress = both.address();
     gpu.submit([&](VkCommandBuffer commands) { gpu.vk().CmdBuildMicromapsEXT(commands, 1, &info); });
-    // The records of uniform triangles are the same wherever their data is.
-    EXPECT_EQ(std::memcmp(both.bytes() + kPlace + 64, other.memory() + 64, 1000 * 8), 0);
+    // Data that is not copied as it lies does not stay either: uniform triangles are folded.
+    EXPECT_EQ(std::memcmp(both.bytes() + kPlace + 64, folded.memory() + 64, 1000 * 8), 0);
     gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, nullptr);
     for (const Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
