@@ -116,7 +116,7 @@ VKAPI_ATTR void VKAPI_CALL cmdDrawIndirectByteCount2(VkCommandBuffer commandBuff
                                          .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                          .usageId = "VELLUM-VUID-vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
                                          .least = sizeof(uint32_t),
-                                         .leastId = "VELLUM-VUID-vkCmdDrawIndirectByteCount2EXT-size"});
+                                         .leastId = "VELLUM-counter-range"});
     if (found)
         device.next.CmdDrawIndirectByteCountEXT(commandBuffer, instanceCount, firstInstance, found->buffer,
                                                 found->offset, counterOffset, vertexStride);

@@ -33,7 +33,7 @@ Text textOf(const Entry &e)
     switch (e.what) {
     case kComplaintUnreadable:
         return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554"
-                          : "VELLUM-VUID-VkMicromapBuildInfoEXT-triangleArray",
+                          : "VELLUM-micromap-triangle-array",
                 triangle + "lies outside the buffer of triangleArray"};
     case kComplaintFormat:
         return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11555"

@@ -28,12 +28,11 @@ VkResult refuse(const Device &device, const char *id, const std::string &text, V
     return VK_ERROR_VALIDATION_FAILED_EXT;
 }
 
-// VUID-...-micromapHostCommands-07555, -07560, -07566, -07571 and -07578: the feature must be enabled. Without it, the
-// application's mappings are not known.
-bool enabled(const Device &device, const char *command)
+// Without the feature, the application's mappings are not known. `rule` is that the feature must be enabled.
+bool enabled(const Device &device, const char *command, const char *rule)
 {
     if (!device.asked.hostCommands)
-        device.report().error("VELLUM-VUID-micromapHostCommands",
+        device.report().error((std::string("VELLUM-VUID-") + command + "-micromapHostCommands-" + rule).c_str(),
                               std::string(command) + ": the feature micromapHostCommands is not enabled");
     return device.asked.hostCommands;
 }
@@ -101,7 +100,7 @@ VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice handle, VkDeferredOperati
                                               const VkMicromapBuildInfoEXT *infos)
 {
     Device &device = deviceOf(handle);
-    if (!enabled(device, "vkBuildMicromapsEXT"))
+    if (!enabled(device, "vkBuildMicromapsEXT", "07555"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     VkResult result = VK_SUCCESS;
     for (uint32_t i = 0; i < count; ++i) {
@@ -128,7 +127,7 @@ VKAPI_ATTR VkResult VKAPI_CALL copyMicromap(VkDevice handle, VkDeferredOperation
                                             const VkCopyMicromapInfoEXT *info)
 {
     Device &device = deviceOf(handle);
-    if (!enabled(device, "vkCopyMicromapEXT"))
+    if (!enabled(device, "vkCopyMicromapEXT", "07560"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
         return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
@@ -153,7 +152,7 @@ VKAPI_ATTR VkResult VKAPI_CALL copyMicromapToMemory(VkDevice handle, VkDeferredO
                                                     const VkCopyMicromapToMemoryInfoEXT *info)
 {
     Device &device = deviceOf(handle);
-    if (!enabled(device, "vkCopyMicromapToMemoryEXT"))
+    if (!enabled(device, "vkCopyMicromapToMemoryEXT", "07571"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
         return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542",
@@ -180,7 +179,7 @@ VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToMicromap(VkDevice handle, VkDeferredO
                                                     const VkCopyMemoryToMicromapInfoEXT *info)
 {
     Device &device = deviceOf(handle);
-    if (!enabled(device, "vkCopyMemoryToMicromapEXT"))
+    if (!enabled(device, "vkCopyMemoryToMicromapEXT", "07566"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
         return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548",
@@ -212,7 +211,7 @@ VKAPI_ATTR VkResult VKAPI_CALL writeMicromapsProperties(VkDevice handle, uint32_
                                                         VkQueryType type, size_t size, void *data, size_t stride)
 {
     Device &device = deviceOf(handle);
-    if (!enabled(device, "vkWriteMicromapsPropertiesEXT"))
+    if (!enabled(device, "vkWriteMicromapsPropertiesEXT", "07578"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     const bool serialized = type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
     if (!serialized && type != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)

@@ -176,11 +176,11 @@ std::optional<Offence> structureOffenceOf(const Device &device, const BuildInfo 
                        "data or triangleArray is not a multiple of 128"};
     const VkDeviceAddress scratch = info.scratchData.deviceAddress;
     if (scratch == 0 || scratch % 16 != 0)
-        return Offence{scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03802"
+        return Offence{scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
                                     : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710",
                        "scratchData is a null address or not aligned"};
     if (device.addresses.bytesFrom(scratch) < extent.scratchBytes())
-        return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671",
+        return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258",
                        "scratchData has " + std::to_string(device.addresses.bytesFrom(scratch)) +
                            " bytes in its buffer, the build needs " + std::to_string(extent.scratchBytes())};
     if (data.triangleArrayStride < sizeof(VkMicromapTriangleKHR))

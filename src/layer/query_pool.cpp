@@ -129,8 +129,8 @@ void recordMicromapProperty(InjectedWork &work, const Device &device, const Micr
         // That of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
         return askMicromap(work, device, micromap, kQueryMicromapSize, value);
     default:
-        // VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-11586
-        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType",
+        // The bottom-level pointers of a top-level structure.
+        device.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
                               "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not for micromaps",
                               micromap.object.type, micromap.object.handle);
     }

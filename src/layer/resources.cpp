@@ -29,7 +29,7 @@ VkFlags64 driverUsage(VkFlags64 usage)
     if (usage & (inputs | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
-    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03674 and -geometry-03673); or that of a
+    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261 and -geometry-03673); or that of a
     // micromap build, which has the arguments of its dispatches there.
     const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     if ((usage & scratch) == scratch)

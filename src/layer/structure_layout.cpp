@@ -74,7 +74,7 @@ VkDeviceSize topLevelBytes(const Device &device, VkBuildAccelerationStructureFla
 uint32_t topLevelCapacity(const Device &device, VkDeviceSize size)
 {
     uint32_t fits = 0;
-    // VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03801 and the slots bound it too.
+    // VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03801 and the slots bound it too.
     auto tooMany = static_cast<uint32_t>(std::min<VkDeviceSize>(size / sizeof(VkAccelerationStructureInstanceKHR) + 1,
                                                                 VkDeviceSize{kDirectoryPages} << kSlotsPerPageLog2));
     while (tooMany - fits > 1) {

@@ -10,7 +10,7 @@ using namespace vt;
 class CapableDriver : public GpuTest
 {
 protected:
-    CapableDriver() : GpuTest({.capable = true, .api = Api::Ext}) {}
+    explicit CapableDriver(const Options &options = {.capable = true}) : GpuTest(options) {}
 
     // Builds what is prepared, with ranges from memory, of which the host says no more than `most` primitives.
     void buildIndirectly(const Structure &structure, std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges,
@@ -126,7 +126,13 @@ TEST_F(CapableDriver, CopyOfAnIndirectTopLevel)
     EXPECT_EQ(serialize(gpu(), indirect).handleCount(), 1u);
 }
 
-TEST_F(CapableDriver, CaptureReplayFeature)
+class CapableDriverExt : public CapableDriver
+{
+protected:
+    CapableDriverExt() : CapableDriver({.capable = true, .api = Api::Ext}) {}
+};
+
+TEST_F(CapableDriverExt, CaptureReplayFeature)
 {
     VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{};
     micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
@@ -137,7 +143,7 @@ TEST_F(CapableDriver, CaptureReplayFeature)
     EXPECT_TRUE(micromap.micromapCaptureReplay);
 }
 
-TEST_F(CapableDriver, CaptureReplayOfMicromaps)
+TEST_F(CapableDriverExt, CaptureReplayOfMicromaps)
 {
     VkBufferCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
@@ -191,6 +197,62 @@ TEST_F(CapableDriver, CaptureReplayOfMicromaps)
     messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433");
+    vkDestroyBuffer(gpu().device(), buffer, nullptr);
+    vkFreeMemory(gpu().device(), memory, nullptr);
+}
+
+class CapableDriverKhr : public CapableDriver
+{
+protected:
+    CapableDriverKhr() : CapableDriver({.capable = true, .api = Api::Khr}) {}
+};
+
+// A micromap of VK_KHR_opacity_micromap is at the address that it is given, of a buffer that is where it was.
+TEST_F(CapableDriverKhr, CaptureReplayOfMicromaps)
+{
+    MicromapInput input;
+    input.add(4, kFourState, std::vector<std::uint8_t>(256, 0));
+    Micromap source(gpu(), input);
+    source.build();
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.flags = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT;
+    info.size = 4096;
+    info.usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
+    VkMemoryRequirements requirements{};
+    vkGetBufferMemoryRequirements(gpu().device(), buffer, &requirements);
+    VkMemoryAllocateFlagsInfo flags{};
+    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    allocation.pNext = &flags;
+    allocation.allocationSize = requirements.size;
+    allocation.memoryTypeIndex = gpu().memoryType(requirements.memoryTypeBits, 0);
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
+    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
+    VkBufferDeviceAddressInfo query{};
+    query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
+    query.buffer = buffer;
+    VkAccelerationStructureCreateInfo2KHR create{};
+    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+    create.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR;
+    create.addressRange = {vkGetBufferDeviceAddress(gpu().device(), &query) + 256, source.size()};
+    create.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    for (int run = 0; run < 2; ++run) { // capture, then replay
+        VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;
+        ASSERT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &create, nullptr, &micromap), VK_SUCCESS);
+        VkAccelerationStructureDeviceAddressInfoKHR ask{};
+        ask.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
+        ask.accelerationStructure = micromap;
+        EXPECT_EQ(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &ask),
+                  create.addressRange.address);
+        gpu().submit([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle().khr, micromap); });
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), micromap, nullptr);
+    }
     vkDestroyBuffer(gpu().device(), buffer, nullptr);
     vkFreeMemory(gpu().device(), memory, nullptr);
 }

@@ -134,6 +134,10 @@ TEST_F(AddressFeedback, WrongRangesAreRefused)
     };
     expectBadRangesRefused(counters, other, "VkDeviceAddressRangeKHR", "vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
                            byCount);
+    gpu().submit([&](VkCommandBuffer commands) { byCount(commands, rangeOf(counters, 0, 3)); });
+    const std::vector<Message> ofCounter = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(ofCounter.size(), 1u);
+    EXPECT_EQ(ofCounter[0].id, "VELLUM-counter-range");
     // A beginning that is refused has no end either; an end that is wrong ends, without counters.
     const auto inRender = [&](const std::string &rule, const VkDeviceAddressRangeKHR &first,
                               const VkDeviceAddressRangeKHR &last, bool captures) {

@@ -341,7 +341,14 @@ TEST_F(MicromapCopy, RefusedCopies)
     copy(source, target, VK_COPY_MICROMAP_MODE_SERIALIZE_EXT);
     expectMessage(id("VkCopyMicromapInfoEXT-mode-07531", "VkCopyAccelerationStructureInfoKHR-mode-03410"));
     copy(source, source, VK_COPY_MICROMAP_MODE_CLONE_EXT);
-    expectMessage("overlap");
+    expectMessage("VELLUM-micromap-copy-overlap");
+    for (const auto &[from, to] :
+         {std::pair{MicromapHandle{}, target.handle()}, std::pair{source.handle(), MicromapHandle{}}}) {
+        gpu().submit([&, from = from, to = to](VkCommandBuffer commands) {
+            recordMicromapCopy(gpu(), commands, from, to, VK_COPY_MICROMAP_MODE_CLONE_EXT);
+        });
+        expectMessage(id("VkCopyMicromapInfoEXT-src-parameter", "VELLUM-copy-type"));
+    }
     const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const auto refused = [&](VkDeviceAddress address, VkCopyMicromapModeEXT out, VkCopyMicromapModeEXT in,
                              const char *outId, const char *inId) {
@@ -358,6 +365,12 @@ TEST_F(MicromapCopy, RefusedCopies)
     refused(0, kOut, kIn, id("07536", "03739"), id("07543", "03742"));
     refused(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
     refused(memory.address(), kClone, kClone, id("07542", "03412"), id("07548", "03413"));
+    gpu().submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, {}, memory.address()); });
+    expectMessage(
+        id("VkCopyMicromapToMemoryInfoEXT-src-parameter", "VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter"));
+    gpu().submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, memory.address(), {}); });
+    expectMessage(
+        id("VkCopyMemoryToMicromapInfoEXT-dst-parameter", "VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter"));
     for (const std::uint8_t byte : memory.as<std::uint8_t>())
         ASSERT_EQ(byte, 0);
 }

@@ -261,9 +261,79 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
     EXPECT_LT(gpu().vk().WriteMicromapsPropertiesEXT(gpu().device(), 1, &unbound,
                                                      VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 8, &size, 8),
               VK_SUCCESS);
-    expectMessage("07577");
+    expectMessage("vkWriteMicromapsPropertiesEXT-buffer-07577");
+    const auto refused = [&](VkResult result, const char *rule) {
+        EXPECT_LT(result, VK_SUCCESS);
+        expectMessage(rule);
+    };
+    VkCopyMicromapInfoEXT copy{VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT};
+    copy.src = unbound;
+    copy.dst = other.handle().ext;
+    refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07558");
+    std::swap(copy.src, copy.dst);
+    refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07559");
+    std::vector<std::uint8_t> bytes(4096);
+    VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
+    save.src = unbound;
+    save.dst.hostAddress = bytes.data();
+    save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+    refused(gpu().vk().CopyMicromapToMemoryEXT(gpu().device(), VK_NULL_HANDLE, &save),
+            "vkCopyMicromapToMemoryEXT-buffer-07568");
+    VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    load.src.hostAddress = bytes.data();
+    load.dst = unbound;
+    load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    refused(gpu().vk().CopyMemoryToMicromapEXT(gpu().device(), VK_NULL_HANDLE, &load),
+            "vkCopyMemoryToMicromapEXT-buffer-07565");
+    EXPECT_EQ(bytes, std::vector<std::uint8_t>(4096));
     gpu().vk().DestroyMicromapEXT(gpu().device(), unbound, nullptr);
     vkDestroyBuffer(gpu().device(), buffer, nullptr);
+}
+
+TEST_F(MicromapHost, RefusedModesPointersAndSizes)
+{
+    const Micromap source(gpu(), mixed()), target(gpu(), mixed());
+    hostBuild(source);
+    hostBuild(target);
+    const std::vector<std::uint8_t> before = used(target);
+    const auto refused = [&](VkResult result, const char *rule) {
+        EXPECT_LT(result, VK_SUCCESS);
+        expectMessage(rule);
+        EXPECT_EQ(used(target), before);
+    };
+    const VkDevice device = gpu().device();
+    for (const bool data : {false, true}) {
+        VkMicromapBuildInfoEXT build = target.hostBuildInfo();
+        (data ? build.data : build.triangleArray).hostAddress = nullptr;
+        refused(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &build), "vkBuildMicromapsEXT-pInfos-07553");
+    }
+    refused(hostCopy(source, target, VK_COPY_MICROMAP_MODE_SERIALIZE_EXT), "VkCopyMicromapInfoEXT-mode-07531");
+    std::vector<std::uint8_t> bytes(1 << 20);
+    VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
+    save.src = source.handle().ext;
+    save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+    refused(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save), "vkCopyMicromapToMemoryEXT-pInfo-07569");
+    save.dst.hostAddress = bytes.data();
+    save.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
+    refused(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save),
+            "VkCopyMicromapToMemoryInfoEXT-mode-07542");
+    EXPECT_EQ(bytes, std::vector<std::uint8_t>(bytes.size()));
+    VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    load.dst = target.handle().ext;
+    load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load), "vkCopyMemoryToMicromapEXT-pInfo-07563");
+    load.src.hostAddress = bytes.data();
+    load.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+    refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load),
+            "VkCopyMemoryToMicromapInfoEXT-mode-07548");
+    const std::array<VkMicromapEXT, 2> both{source.handle().ext, target.handle().ext};
+    std::array<VkDeviceSize, 2> sizes{1, 1};
+    const auto write = [&](VkQueryType type, std::size_t size, std::size_t stride) {
+        return gpu().vk().WriteMicromapsPropertiesEXT(device, 2, both.data(), type, size, sizes.data(), stride);
+    };
+    refused(write(VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 12, 8), "vkWriteMicromapsPropertiesEXT-dataSize-07576");
+    EXPECT_EQ(sizes[1], 1u);
+    refused(write(VK_QUERY_TYPE_OCCLUSION, 16, 8), "vkWriteMicromapsPropertiesEXT-queryType-07503");
 }
 
 class MicromapHostNewer : public MicromapHost
@@ -319,9 +389,35 @@ protected:
 TEST_F(MicromapHostDisabled, IsRefused)
 {
     const Micromap micromap(gpu(), mixed());
+    const auto refused = [&](VkResult result, const char *rule) {
+        EXPECT_EQ(result, VK_ERROR_FEATURE_NOT_PRESENT);
+        expectMessage(rule);
+    };
+    const VkDevice device = gpu().device();
     const VkMicromapBuildInfoEXT info = micromap.hostBuildInfo();
-    EXPECT_EQ(gpu().vk().BuildMicromapsEXT(gpu().device(), VK_NULL_HANDLE, 1, &info), VK_ERROR_FEATURE_NOT_PRESENT);
-    expectMessage("micromapHostCommands");
+    refused(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &info),
+            "VUID-vkBuildMicromapsEXT-micromapHostCommands-07555");
+    const Micromap other(gpu(), mixed());
+    refused(hostCopy(micromap, other, VK_COPY_MICROMAP_MODE_CLONE_EXT),
+            "VUID-vkCopyMicromapEXT-micromapHostCommands-07560");
+    std::vector<std::uint8_t> bytes(4096);
+    VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    load.src.hostAddress = bytes.data();
+    load.dst = micromap.handle().ext;
+    load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load),
+            "VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566");
+    VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
+    save.src = micromap.handle().ext;
+    save.dst.hostAddress = bytes.data();
+    save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+    refused(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save),
+            "VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571");
+    const VkMicromapEXT handle = micromap.handle().ext;
+    VkDeviceSize size = 0;
+    refused(gpu().vk().WriteMicromapsPropertiesEXT(device, 1, &handle, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 8,
+                                                   &size, 8),
+            "VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578");
 }
 
 class MicromapHostValidated : public MicromapHost

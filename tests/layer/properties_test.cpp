@@ -177,6 +177,45 @@ TEST_F(Properties, TheFlagOfPipelinesStaysInTheLayer)
     vkDestroyShaderModule(gpu().device(), module, nullptr);
 }
 
+class PropertiesNewer : public vt::GpuTest
+{
+protected:
+    PropertiesNewer() : GpuTest({.oldValidation = false, .api = vt::Api::Ext, .newer = true}) {}
+};
+
+// VK_BUFFER_USAGE_2_MICROMAP_..., which replace the flags beside them: a micromap is made on such a buffer, and the spy
+// tells if the driver gets them.
+TEST_F(PropertiesNewer, BufferUsageInTheChain)
+{
+    if (!gpu().has("VK_KHR_maintenance5"))
+        GTEST_SKIP() << "no VkBufferUsageFlags2CreateInfo";
+    struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
+        VkStructureType sType = static_cast<VkStructureType>(1000470006);
+        const void *pNext = nullptr;
+        VkFlags64 usage = 0;
+    } usage;
+    const VkFlags64 wanted = VkFlags64{VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT} |
+                             VkFlags64{VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT} |
+                             VkFlags64{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT};
+    usage.usage = wanted;
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.pNext = &usage;
+    info.size = 4096;
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
+    EXPECT_EQ(usage.usage, wanted) << "the application's chain is const";
+    VkMicromapCreateInfoEXT create{};
+    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    create.buffer = buffer;
+    create.size = 4096;
+    VkMicromapEXT micromap = VK_NULL_HANDLE;
+    EXPECT_EQ(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap), VK_SUCCESS);
+    gpu().vk().DestroyMicromapEXT(gpu().device(), micromap, nullptr);
+    vkDestroyBuffer(gpu().device(), buffer, nullptr);
+    expectNoMessages();
+}
+
 TEST_F(Properties, EveryEntryPointResolves)
 {
     for (const char *name :

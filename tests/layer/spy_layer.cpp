@@ -344,7 +344,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRender
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkBuffer *buffer)
 {
-    if ((info->usage &
+    struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags64 usage;
+    };
+    const auto *flags2 = static_cast<const Usage2 *>(inChain(info->pNext, static_cast<VkStructureType>(1000470006)));
+    if (((info->usage | (flags2 != nullptr ? flags2->usage : 0)) &
          (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
         tell("vkCreateBuffer: micromap usage");
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);

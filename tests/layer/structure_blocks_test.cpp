@@ -164,7 +164,12 @@ TEST_F(StructureBlocks, AddressesOfNoMicromap)
 {
     const Patchwork patchwork(gpu());
     const Blas blas(gpu(), patchwork.geometries());
-    const auto without = seenOf(gpu(), blas, kFlagDisable);
+    auto geometries = patchwork.geometries();
+    for (Geometry &geometry : geometries) {
+        if (geometry.micromap && geometry.micromap->micromap != nullptr)
+            geometry.micromap.reset();
+    }
+    const auto without = seenOf(gpu(), Blas(gpu(), geometries));
     const Serialized data = serialize(gpu(), blas);
     const Micromap &known = patchwork.micromap(0);
     for (const std::uint64_t wrong :
@@ -175,8 +180,7 @@ TEST_F(StructureBlocks, AddressesOfNoMicromap)
         for (std::size_t i = 0; i < blocks.addresses(); ++i)
             blocks.setAddress(i, wrong);
         const auto back = deserialized(gpu(), changed, kBottom);
-        const auto seen = seenOf(gpu(), *back);
-        EXPECT_EQ(seen.size(), without.size());
+        EXPECT_EQ(seenOf(gpu(), *back), without);
         const auto expected = {std::string("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585")};
         EXPECT_EQ(ids(), std::vector<std::string>(expected));
     }

@@ -79,6 +79,7 @@ TEST_F(Validate, EveryKindOfWrongTriangle)
     input.triangles[3].format = 0;
     input.triangles[4].format = 3;
     input.triangles[5].dataOffset = 0xfffffff0;
+    input.triangles[6] = {0, 13, kTwoState};
     input.triangles[257].dataOffset = 1 << 28;
     input.triangles[599].subdivisionLevel = 9;
     const std::vector<std::pair<std::uint32_t, std::string>> expected{
@@ -89,6 +90,8 @@ TEST_F(Validate, EveryKindOfWrongTriangle)
                         : "VUID-VkMicromapBuildInfoEXT-format-11657"},
         {4, "format 3"},
         {5, "offset 4294967280"},
+        {6, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556"
+                        : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659"},
         {257, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "VELLUM-micromap-data"},
         {599, "VELLUM-micromap-usage-counts"},
     };
@@ -136,6 +139,9 @@ TEST_F(Validate, ATriangleArrayThatIsTooShort)
     // The log has room for 4096 entries, and says so.
     EXPECT_EQ(count(told, "VELLUM-validation-log"), 1u);
     EXPECT_GE(count(told, "lies outside the buffer of triangleArray"), 3500u);
+    EXPECT_GE(count(told, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554|triangle "
+                                      : "VELLUM-micromap-triangle-array|triangle "),
+              3500u);
     EXPECT_EQ(count(told, "|triangle 4095:"), 1u);
     // Once the device is idle, the log begins anew.
     VT_CHECK(vkDeviceWaitIdle(gpu().device()));
