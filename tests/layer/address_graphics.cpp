@@ -11,40 +11,16 @@ namespace
 {
 
 constexpr VkFormat kFormat = VK_FORMAT_R32_UINT;
-constexpr VkImageSubresourceRange kAll{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
 
 } // namespace
 
-AddressGraphics::AddressGraphics(Gpu &gpu) : gpu_(gpu), out_(gpu, kWidth * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT)
+AddressGraphics::AddressGraphics(Gpu &gpu)
+    : gpu_(gpu), image_(gpu, kFormat, kWidth, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT),
+      out_(gpu, kWidth * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT)
 {
-    const VkDevice device = gpu.device();
-    VkImageCreateInfo image{};
-    image.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
-    image.imageType = VK_IMAGE_TYPE_2D;
-    image.format = kFormat;
-    image.extent = {kWidth, 1, 1};
-    image.mipLevels = image.arrayLayers = 1;
-    image.samples = VK_SAMPLE_COUNT_1_BIT;
-    image.usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT;
-    VT_CHECK(vkCreateImage(device, &image, nullptr, &image_));
-    VkMemoryRequirements needs;
-    vkGetImageMemoryRequirements(device, image_, &needs);
-    VkMemoryAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    allocation.allocationSize = needs.size;
-    allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0);
-    VT_CHECK(vkAllocateMemory(device, &allocation, nullptr, &memory_));
-    VT_CHECK(vkBindImageMemory(device, image_, memory_, 0));
-    VkImageViewCreateInfo view{};
-    view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
-    view.image = image_;
-    view.viewType = VK_IMAGE_VIEW_TYPE_2D;
-    view.format = kFormat;
-    view.subresourceRange = kAll;
-    VT_CHECK(vkCreateImageView(device, &view, nullptr, &view_));
     VkPipelineLayoutCreateInfo layout{};
     layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    VT_CHECK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
+    VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
 }
 
 AddressGraphics::~AddressGraphics()
@@ -52,9 +28,6 @@ AddressGraphics::~AddressGraphics()
     for (const VkPipeline pipeline : pipelines_)
         vkDestroyPipeline(gpu_.device(), pipeline, nullptr);
     vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
-    vkDestroyImageView(gpu_.device(), view_, nullptr);
-    vkDestroyImage(gpu_.device(), image_, nullptr);
-    vkFreeMemory(gpu_.device(), memory_, nullptr);
 }
 
 VkPipeline AddressGraphics::pipeline(Kind kind)
@@ -144,8 +117,8 @@ std::vector<std::uint32_t> AddressGraphics::render(VkPipeline pipeline,
         ready.oldLayout = before;
         ready.newLayout = after;
         ready.srcQueueFamilyIndex = ready.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-        ready.image = image_;
-        ready.subresourceRange = kAll;
+        ready.image = image_.handle();
+        ready.subresourceRange = RowImage::kAll;
         VkDependencyInfo dependency{};
         dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
         dependency.imageMemoryBarrierCount = 1;
@@ -156,7 +129,7 @@ std::vector<std::uint32_t> AddressGraphics::render(VkPipeline pipeline,
         transition(commands, VK_IMAGE_LAYOUT_UNDEFINED, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL);
         VkRenderingAttachmentInfo attachment{};
         attachment.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO;
-        attachment.imageView = view_;
+        attachment.imageView = image_.view();
         attachment.imageLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
         attachment.loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
         attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
@@ -174,7 +147,8 @@ std::vector<std::uint32_t> AddressGraphics::render(VkPipeline pipeline,
         VkBufferImageCopy region{};
         region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
         region.imageExtent = {kWidth, 1, 1};
-        vkCmdCopyImageToBuffer(commands, image_, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, out_.handle(), 1, &region);
+        vkCmdCopyImageToBuffer(commands, image_.handle(), VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, out_.handle(), 1,
+                               &region);
     });
     const auto words = out_.as<std::uint32_t>();
     return {words.begin(), words.end()};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "address_ranges.h"
+#include "graphics.h"
 
 namespace vt
 {
@@ -24,9 +25,7 @@ public:
 
 private:
     Gpu &gpu_;
-    VkImage image_ = VK_NULL_HANDLE;
-    VkDeviceMemory memory_ = VK_NULL_HANDLE;
-    VkImageView view_ = VK_NULL_HANDLE;
+    RowImage image_;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
     std::vector<VkPipeline> pipelines_;
     Buffer out_;

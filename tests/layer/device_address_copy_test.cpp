@@ -79,21 +79,9 @@ TEST_F(AddressCopies, SecondaryCommandBuffers)
 {
     const Buffer from = randomBuffer(64, kSource);
     const Buffer to = buffer(64, kTarget);
-    VkCommandBufferAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-    allocation.commandPool = gpu().pool();
-    allocation.level = VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-    allocation.commandBufferCount = 1;
-    VkCommandBuffer secondary = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, &secondary));
-    VkCommandBufferInheritanceInfo inheritance{};
-    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
-    VkCommandBufferBeginInfo begin{};
-    begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-    begin.pInheritanceInfo = &inheritance;
-    VT_CHECK(vkBeginCommandBuffer(secondary, &begin));
+    VkCommandBuffer secondary = gpu().begin(0, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
     copy(secondary, copyRegion(rangeOf(from, 0, 64), rangeOf(to, 0, 64)));
-    VT_CHECK(vkEndCommandBuffer(secondary));
+    gpu().end(secondary);
     gpu().submit([&](VkCommandBuffer commands) { vkCmdExecuteCommands(commands, 1, &secondary); });
     vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &secondary);
     EXPECT_EQ(bytesOf(to), bytesOf(from));

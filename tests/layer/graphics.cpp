@@ -9,18 +9,17 @@ constexpr VkFormat kFormat = VK_FORMAT_R8G8B8A8_UNORM;
 
 } // namespace
 
-Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width)
-    : gpu_(gpu), width_(width)
+RowImage::RowImage(Gpu &gpu, VkFormat format, std::uint32_t width, VkImageUsageFlags usage) : gpu_(gpu)
 {
     const VkDevice device = gpu.device();
     VkImageCreateInfo image{};
     image.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
     image.imageType = VK_IMAGE_TYPE_2D;
-    image.format = kFormat;
+    image.format = format;
     image.extent = {width, 1, 1};
     image.mipLevels = image.arrayLayers = 1;
     image.samples = VK_SAMPLE_COUNT_1_BIT;
-    image.usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
+    image.usage = usage;
     VT_CHECK(vkCreateImage(device, &image, nullptr, &image_));
     VkMemoryRequirements needs;
     vkGetImageMemoryRequirements(device, image_, &needs);
@@ -34,10 +33,22 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, st
     view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
     view.image = image_;
     view.viewType = VK_IMAGE_VIEW_TYPE_2D;
-    view.format = kFormat;
-    view.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+    view.format = format;
+    view.subresourceRange = kAll;
     VT_CHECK(vkCreateImageView(device, &view, nullptr, &view_));
+}
 
+RowImage::~RowImage()
+{
+    vkDestroyImageView(gpu_.device(), view_, nullptr);
+    vkDestroyImage(gpu_.device(), image_, nullptr);
+    vkFreeMemory(gpu_.device(), memory_, nullptr);
+}
+
+Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width)
+    : gpu_(gpu), width_(width), image_(gpu, kFormat, width, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
+{
+    const VkDevice device = gpu.device();
     std::array<std::vector<std::uint32_t>, 2> code; // of inline modules
     std::array<VkShaderModuleCreateInfo, 2> modules{};
     std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
@@ -104,9 +115,6 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, st
 Graphics::~Graphics()
 {
     vkDestroyPipeline(gpu_.device(), pipeline_, nullptr);
-    vkDestroyImageView(gpu_.device(), view_, nullptr);
-    vkDestroyImage(gpu_.device(), image_, nullptr);
-    vkFreeMemory(gpu_.device(), memory_, nullptr);
 }
 
 void Graphics::draw(VkCommandBuffer commands, std::uint32_t vertices) const
@@ -117,8 +125,8 @@ void Graphics::draw(VkCommandBuffer commands, std::uint32_t vertices) const
     ready.dstAccessMask = VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT;
     ready.newLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
     ready.srcQueueFamilyIndex = ready.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-    ready.image = image_;
-    ready.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+    ready.image = image_.handle();
+    ready.subresourceRange = RowImage::kAll;
     VkDependencyInfo dependency{};
     dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
     dependency.imageMemoryBarrierCount = 1;
@@ -126,7 +134,7 @@ void Graphics::draw(VkCommandBuffer commands, std::uint32_t vertices) const
     vkCmdPipelineBarrier2(commands, &dependency);
     VkRenderingAttachmentInfo attachment{};
     attachment.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO;
-    attachment.imageView = view_;
+    attachment.imageView = image_.view();
     attachment.imageLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
     attachment.loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
     attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;

@@ -8,6 +8,26 @@
 namespace vt
 {
 
+// An image of one row, with its memory and view.
+class RowImage
+{
+public:
+    RowImage(Gpu &gpu, VkFormat format, std::uint32_t width, VkImageUsageFlags usage);
+    RowImage(const RowImage &) = delete;
+    RowImage &operator=(const RowImage &) = delete;
+    ~RowImage();
+    [[nodiscard]] VkImage handle() const { return image_; }
+    [[nodiscard]] VkImageView view() const { return view_; }
+
+    static constexpr VkImageSubresourceRange kAll{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+
+private:
+    Gpu &gpu_;
+    VkImage image_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkImageView view_ = VK_NULL_HANDLE;
+};
+
 class Graphics
 {
 public:
@@ -32,9 +52,7 @@ public:
 private:
     Gpu &gpu_;
     std::uint32_t width_;
-    VkImage image_ = VK_NULL_HANDLE;
-    VkDeviceMemory memory_ = VK_NULL_HANDLE;
-    VkImageView view_ = VK_NULL_HANDLE;
+    RowImage image_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
 };
 

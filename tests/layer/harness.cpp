@@ -407,17 +407,21 @@ VkBufferUsageFlags Gpu::structureUsage() const
            (strict ? VkBufferUsageFlags{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT} : 0);
 }
 
-VkCommandBuffer Gpu::begin(VkCommandBufferUsageFlags usage)
+VkCommandBuffer Gpu::begin(VkCommandBufferUsageFlags usage, VkCommandBufferLevel level)
 {
     VkCommandBufferAllocateInfo allocation{};
     allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
     allocation.commandPool = pool_;
+    allocation.level = level;
     allocation.commandBufferCount = 1;
     VkCommandBuffer commands = VK_NULL_HANDLE;
     VT_CHECK(vkAllocateCommandBuffers(device_, &allocation, &commands));
     VkCommandBufferBeginInfo info{};
     info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
     info.flags = usage;
+    VkCommandBufferInheritanceInfo inheritance{};
+    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
+    info.pInheritanceInfo = &inheritance; // ignored for primary ones
     VT_CHECK(vkBeginCommandBuffer(commands, &info));
     return commands;
 }

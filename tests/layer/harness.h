@@ -215,7 +215,8 @@ public:
         return buffer;
     }
 
-    VkCommandBuffer begin(VkCommandBufferUsageFlags usage = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT);
+    VkCommandBuffer begin(VkCommandBufferUsageFlags usage = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT,
+                          VkCommandBufferLevel level = VK_COMMAND_BUFFER_LEVEL_PRIMARY);
     void end(VkCommandBuffer commands);
     // Submits and waits.
     void execute(VkCommandBuffer commands);

@@ -9,27 +9,15 @@ namespace
 
 using namespace vt;
 
-class PipelineCommands : public PipelineTest
+class PipelineCommands : public PipelineSceneTest
 {
 protected:
-    explicit PipelineCommands(const Options &options = {}) : PipelineTest(options) {}
-    void SetUp() override
-    {
-        PipelineTest::SetUp();
-        if (!IsSkipped())
-            scene_ = std::make_unique<PipelineScene>(gpu());
-    }
-    void TearDown() override
-    {
-        scene_.reset();
-        PipelineTest::TearDown();
-    }
+    explicit PipelineCommands(const Options &options = {}) : PipelineSceneTest(options) {}
 
     // A pipeline that needs everything: groups without any-hit shader, and a zero record.
     [[nodiscard]] static PipelineTracerSetup zeroRecords() { return {.records = {std::nullopt, 1}}; }
     static constexpr PipelineScene::View kZeroView{.triangleAnyHit = false, .triangleClosestHit = false};
 
-    std::unique_ptr<PipelineScene> scene_;
 };
 
 // The size that traces read from memory, written by the device in the same command buffer.
@@ -343,25 +331,13 @@ TEST_F(PipelineState, PushedInPiecesAndBeforeAnyPipeline)
 
 TEST_F(PipelineState, SecondaryCommandBuffers)
 {
-    VkCommandBufferAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-    allocation.commandPool = gpu().pool();
-    allocation.level = VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-    allocation.commandBufferCount = 1;
-    VkCommandBuffer secondary = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, &secondary));
-    VkCommandBufferInheritanceInfo inheritance{};
-    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
-    VkCommandBufferBeginInfo begin{};
-    begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-    begin.pInheritanceInfo = &inheritance;
-    VT_CHECK(vkBeginCommandBuffer(secondary, &begin));
+    VkCommandBuffer secondary = gpu().begin(0, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
     compute_->bind(secondary);
     compute_->push(secondary);
     tracer_->bind(secondary);
     tracer_->dispatch(secondary);
     ComputeState::dispatch(secondary);
-    VT_CHECK(vkEndCommandBuffer(secondary));
+    gpu().end(secondary);
     for (int i = 0; i < 2; ++i) {
         run([&](VkCommandBuffer commands) {
             vkCmdExecuteCommands(commands, 1, &secondary);

@@ -14,20 +14,9 @@ namespace
 
 using namespace vt;
 
-class PipelineGroups : public PipelineTest
+class PipelineGroups : public PipelineSceneTest
 {
 protected:
-    void SetUp() override
-    {
-        PipelineTest::SetUp();
-        if (!IsSkipped())
-            scene_ = std::make_unique<PipelineScene>(gpu());
-    }
-    void TearDown() override
-    {
-        scene_.reset();
-        PipelineTest::TearDown();
-    }
     void expectAll(PipelineTracer &tracer, const PipelineScene::View &view)
     {
         for (const std::uint32_t flags : opacityRayFlags())
@@ -64,7 +53,6 @@ protected:
             plain.expect(unmapped, flags);
     }
 
-    std::unique_ptr<PipelineScene> scene_;
 };
 
 TEST_F(PipelineGroups, OneModuleWithAllEntryPoints)

@@ -42,23 +42,11 @@ const std::array<Variant, 10> kConstants{{{0x000, pipeline_constant_000},
                                           {0x440, pipeline_constant_440},
                                           {0x480, pipeline_constant_480}}};
 
-class PipelineResolution : public PipelineTest
+class PipelineResolution : public PipelineSceneTest
 {
 protected:
-    explicit PipelineResolution(const Options &options = {}) : PipelineTest(options) {}
-    void SetUp() override
-    {
-        PipelineTest::SetUp();
-        if (!IsSkipped())
-            scene_ = std::make_unique<PipelineScene>(gpu());
-    }
-    void TearDown() override
-    {
-        scene_.reset();
-        PipelineTest::TearDown();
-    }
+    explicit PipelineResolution(const Options &options = {}) : PipelineSceneTest(options) {}
 
-    std::unique_ptr<PipelineScene> scene_;
 };
 
 // The same on the driver alone: what the tests expect where Vellum has no part.

@@ -307,4 +307,24 @@ inline std::vector<std::uint32_t> allRayFlags(bool micromaps = true)
     return flags;
 }
 
+// A test with that scene.
+class PipelineSceneTest : public PipelineTest
+{
+protected:
+    explicit PipelineSceneTest(const Options &options = {}) : PipelineTest(options) {}
+    void SetUp() override
+    {
+        PipelineTest::SetUp();
+        if (!IsSkipped())
+            scene_ = std::make_unique<PipelineScene>(gpu());
+    }
+    void TearDown() override
+    {
+        scene_.reset();
+        PipelineTest::TearDown();
+    }
+
+    std::unique_ptr<PipelineScene> scene_;
+};
+
 } // namespace vt

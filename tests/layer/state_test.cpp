@@ -233,23 +233,11 @@ TEST_F(State, PushConstantsBeforeAnyPipeline)
 
 TEST_F(State, SecondaryCommandBuffers)
 {
-    VkCommandBufferAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-    allocation.commandPool = gpu().pool();
-    allocation.level = VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-    allocation.commandBufferCount = 1;
-    VkCommandBuffer secondary = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, &secondary));
-    VkCommandBufferInheritanceInfo inheritance{};
-    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
-    VkCommandBufferBeginInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-    info.pInheritanceInfo = &inheritance;
-    VT_CHECK(vkBeginCommandBuffer(secondary, &info));
+    VkCommandBuffer secondary = gpu().begin(0, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
     bindAll(secondary);
     scene_->record(secondary);
     useAll(secondary);
-    VT_CHECK(vkEndCommandBuffer(secondary));
+    gpu().end(secondary);
     for (int i = 0; i < 2; ++i) {
         gpu().submit([&](VkCommandBuffer commands) {
             vkCmdExecuteCommands(commands, 1, &secondary);

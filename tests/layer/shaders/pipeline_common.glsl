@@ -1,14 +1,5 @@
 // What the shaders of pipeline_tracer.glsl and its relatives share. The first three bindings are those of tracer.comp.
-struct Ray {
-    float origin[3];
-    float tMin;
-    float direction[3];
-    float tMax;
-    uint flags;
-    uint cullMask;
-    uint rule;      // kNever, kAlways, kHash or kTerminate: what the any-hit shader does
-    float generate; // intersection shaders report a hit at this t, if it is above 0
-};
+#include "ray.glsl"
 
 struct Candidate { // an any-hit invocation
     uint customIndex;
@@ -19,21 +10,6 @@ struct Candidate { // an any-hit invocation
     float t;
     float u;
     float v;
-};
-
-struct Result {
-    uint candidates;
-    uint flags;
-    uint committed;
-    uint customIndex;
-    uint instance;
-    uint geometry;
-    uint primitive;
-    float t;
-    float u;
-    float v;
-    float tMin;
-    uint frontFace;
 };
 
 struct Note { // beside each candidate

@@ -9,16 +9,7 @@
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
 
-struct Ray {
-    float origin[3];
-    float tMin;
-    float direction[3];
-    float tMax;
-    uint flags;
-    uint cullMask;
-    uint rule; // 1: accept every candidate
-    float generate;
-};
+#include "ray.glsl"
 
 struct Step {
     uint stage; // 1: miss, 2: closest-hit

@@ -1,29 +1,5 @@
 // The bindings of tracer.comp, for shaders that only count candidates and report a hit.
-struct Ray {
-    float origin[3];
-    float tMin;
-    float direction[3];
-    float tMax;
-    uint flags;
-    uint cullMask;
-    uint rule; // 1: confirm every candidate
-    float generate;
-};
-
-struct Result {
-    uint candidates;
-    uint flags;
-    uint committed;
-    uint customIndex;
-    uint instance;
-    uint geometry;
-    uint primitive;
-    float t;
-    float u;
-    float v;
-    float tMin;
-    uint frontFace;
-};
+#include "ray.glsl"
 
 layout(binding = 0) uniform accelerationStructureEXT scene;
 layout(binding = 1, std430) readonly buffer Rays { Ray rays[]; };

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_ray_tracing : enable
+#extension GL_GOOGLE_include_directive : require
 // Traces one ray a thread and writes down everything a shader can see of it. Variants by definitions:
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
@@ -14,16 +15,7 @@
 
 layout(local_size_x = 64) in;
 
-struct Ray {
-    float origin[3];
-    float tMin;
-    float direction[3];
-    float tMax;
-    uint flags;
-    uint cullMask;
-    uint rule;      // kNever, kAlways or kHash: confirm a candidate?
-    float generate; // AABB candidates: generate a hit at this t, if it is above 0
-};
+#include "ray.glsl"
 
 struct Candidate {
     uint customIndex;
@@ -34,21 +26,6 @@ struct Candidate {
     float t;
     float u;
     float v;
-};
-
-struct Result {
-    uint candidates;
-    uint flags; // rayQueryGetRayFlagsEXT
-    uint committed;
-    uint customIndex;
-    uint instance;
-    uint geometry;
-    uint primitive;
-    float t;
-    float u;
-    float v;
-    float tMin;
-    uint frontFace;
 };
 
 layout(binding = 0) uniform accelerationStructureEXT scene;
