@@ -174,7 +174,8 @@ VkDeviceAddress RootTable::acquireMicromap(VkDeviceAddress address, VkDeviceSize
     std::lock_guard lock(mutex_);
     uint32_t *words = cellWords(cells_.at(key).index);
     words[2] = kCellMicromap;
-    words[3] = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / kDataUnitBytes, UINT32_MAX));
+    // Micromaps may share memory: there is room for the largest.
+    words[3] = std::max(words[3], static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / kDataUnitBytes, UINT32_MAX)));
     return key;
 }
 

@@ -107,6 +107,24 @@ TEST_F(StructureBlocks, SameAddresses)
     EXPECT_EQ(seenOf(gpu(), *back), seenOf(gpu(), blas));
 }
 
+// What was made last in a micromap's memory is not what lies there.
+TEST_F(StructureBlocks, SmallerMicromapInTheSameMemory)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Serialized data = serialize(gpu(), blas);
+    VkAccelerationStructureCreateInfo2KHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+    info.addressRange = {addressOf(patchwork.micromap(0)), 64};
+    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    ASSERT_GT(patchwork.micromap(0).size(), info.addressRange.size);
+    VkAccelerationStructureKHR other = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &other));
+    const auto back = deserialized(gpu(), data, kBottom);
+    EXPECT_EQ(seenOf(gpu(), *back), seenOf(gpu(), blas));
+    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), other, nullptr);
+}
+
 // The micromaps are other objects, whose content may come after the structure's.
 TEST_F(StructureBlocks, OtherAddresses)
 {
