@@ -376,11 +376,17 @@ void Gpu::createDevice()
     limits.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR;
     pipelineProperties_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR;
     limits.pNext = &pipelineProperties_;
+    VkPhysicalDeviceDriverProperties driver{};
+    driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
+    pipelineProperties_.pNext = &driver;
     VkPhysicalDeviceProperties2 properties{};
     properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
     properties.pNext = &limits;
     vkGetPhysicalDeviceProperties2(physical_, &properties);
+    pipelineProperties_.pNext = nullptr;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
+    lavapipe26_ = driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
+                  properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
 }
 
 bool Gpu::has(const char *deviceExtension) const

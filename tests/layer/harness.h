@@ -196,6 +196,9 @@ public:
     [[nodiscard]] VkQueue queue() const { return queue_; }
     [[nodiscard]] VkCommandPool pool() const { return pool_; }
     [[nodiscard]] bool has(const char *deviceExtension) const;
+    // Lavapipe of Mesa 26 or newer, which some tests have to go round: each says what it does, with and without the
+    // layer.
+    [[nodiscard]] bool onLavapipe26() const { return lavapipe26_; }
     [[nodiscard]] const Commands &vk() const { return commands_; }
     [[nodiscard]] std::uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
@@ -249,6 +252,7 @@ private:
     Commands commands_;
     std::vector<std::string> extensions_;
     std::uint32_t scratchAlignment_ = 0;
+    bool lavapipe26_ = false;
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
     std::vector<Message> messages_;
     std::vector<std::string> broken_;
