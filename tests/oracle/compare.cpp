@@ -75,9 +75,9 @@ bool confirms(const vt::Ray &ray, const Hit &hit)
 namespace
 {
 
-// Lavapipe 26 crashes in shaders that trace a top-level structure where an active instance comes behind an inactive one:
-// two instances are enough, the first with reference 0. So it does without the layer; the specification says that an
-// inactive object is "considered invisible to all rays". Inactive ones at the end are well.
+// Lavapipe 26 crashes in shaders that trace a top-level structure where an active instance comes behind an inactive
+// one: two instances are enough, the first with reference 0. So it does without the layer; the specification says that
+// an inactive object is "considered invisible to all rays". Inactive ones at the end are well.
 void activateBeforeActive(Scene &scene)
 {
     bool active = false;
