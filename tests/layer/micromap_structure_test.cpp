@@ -724,16 +724,16 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
         expectBuildRefused(rule, change, true);
     };
     refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 0; });
-    // The validation layer reads the geometries, said to be there and not (1.4.363: crashes).
+    // A validation layer above reads geometries that are not there, and hands on a copy with one of two arrays.
+    const VkAccelerationStructureGeometryKHR *pointer = nullptr;
     if (validationOfTests() == Validation::Below) {
         refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 2; });
         refused(info + "pGeometries-03788", [](StructureBuild &b) { b.info.pGeometries = nullptr; });
+        refused(info + "pGeometries-03788", [&pointer](StructureBuild &b) {
+            pointer = &b.geometry;
+            b.info.ppGeometries = &pointer;
+        });
     }
-    const VkAccelerationStructureGeometryKHR *pointer = nullptr;
-    refused(info + "pGeometries-03788", [&pointer](StructureBuild &b) {
-        pointer = &b.geometry;
-        b.info.ppGeometries = &pointer;
-    });
     refused(info + "geometryType-11561",
             [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
     refused("VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
