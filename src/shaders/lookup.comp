@@ -72,8 +72,9 @@ uint vellumState(const in uvec2 geometries, const in uint geometry, const in uin
     const uint index = curveIndex(uv.x, uv.y, level);
     const uint coarse = (record.y >> (2u * (index >> (2u * (level - kCoarseLevel))))) & 3u;
     uint state = coarse;
-    // No return here: LLVM 21, behind lavapipe 26, then loses the constant that ends the driver's traversal in a register
-    // of its own, in one of our tests (Shapes.*/16).
+    // One way out, for LLVM 21 behind lavapipe 26: with a return here, and loops in the body of the query's loop
+    // (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, brings it back only on the
+    // way past the load, and the traversal runs off.
     if (far || (kind != kKindInline && coarse >= kCoarseLook)) {
         const uint bits = 1u + (n & 1u);
         const uint bit = index * bits + (upperHalf ? kDataUnitBytes * 4u : 0u);

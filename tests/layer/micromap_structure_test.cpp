@@ -724,7 +724,9 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
         expectBuildRefused(rule, change, true);
     };
     refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 0; });
-    // A validation layer above reads what is not there (1.4.363), and hands on a copy with one of two arrays.
+    refused("VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
+            [](StructureBuild &b) { b.geometry.pNext = nullptr; });
+    // A validation layer above reads what is not there (1.4.363 crashes), and hands on a copy with one of two arrays.
     const VkAccelerationStructureGeometryKHR *pointer = nullptr;
     if (validationOfTests() == Validation::Below) {
         refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 2; });
@@ -733,12 +735,10 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
             pointer = &b.geometry;
             b.info.ppGeometries = &pointer;
         });
-        refused("VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
-                [](StructureBuild &b) { b.geometry.pNext = nullptr; });
+        refused(info + "geometryType-11561",
+                [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
         refused(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.pUsageCounts = nullptr; });
     }
-    refused(info + "geometryType-11561",
-            [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
     for (const VkBuildAccelerationStructureFlagsKHR flag :
          {VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR})
         refused(info + "flags-11562", [flag](StructureBuild &b) { b.info.flags |= flag; });
