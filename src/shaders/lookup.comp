@@ -71,15 +71,19 @@ uint vellumState(const in uvec2 geometries, const in uint geometry, const in uin
     // One curve index serves both: its leading digits are the index at the coarse level.
     const uint index = curveIndex(uv.x, uv.y, level);
     const uint coarse = (record.y >> (2u * (index >> (2u * (level - kCoarseLevel))))) & 3u;
-    if (kind == kKindInline || (!far && coarse < kCoarseLook))
-        return coarse;
-
-    const uint bits = 1u + (n & 1u);
-    const uint bit = index * bits + (upperHalf ? kDataUnitBytes * 4u : 0u);
-    const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
-    const uvec2 units = uvec2(Geometries(geometries).at[geometry].units);
-    const uint word = Quads(units).at[unit][(bit >> 5u) & 3u];
-    return (word >> (bit & 31u)) & ((1u << bits) - 1u);
+    uint state = coarse;
+    // One way out, for LLVM 21 behind lavapipe 26: with a return here, and loops in the body of the query's loop
+    // (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, brings it back only on the
+    // way past the load, and the traversal runs off.
+    if (far || (kind != kKindInline && coarse >= kCoarseLook)) {
+        const uint bits = 1u + (n & 1u);
+        const uint bit = index * bits + (upperHalf ? kDataUnitBytes * 4u : 0u);
+        const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
+        const uvec2 units = uvec2(Geometries(geometries).at[geometry].units);
+        const uint word = Quads(units).at[unit][(bit >> 5u) & 3u];
+        state = (word >> (bit & 31u)) & ((1u << bits) - 1u);
+    }
+    return state;
 }
 
 // kHit* of a triangle candidate that the driver holds for non-opaque. rayFlags are the application's.

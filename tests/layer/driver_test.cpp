@@ -41,7 +41,7 @@ TEST(Driver, WithoutLocalMemoryLeft)
 void nameMicromap(Api api)
 {
     // The validation layer has its own ideas about handles that it does not know.
-    Gpu gpu(Options{.validation = false, .api = api});
+    Gpu gpu(Options{.validation = false, .api = api, .debugMarker = true});
     MicromapInput input;
     input.add(1, kFourState, std::vector<std::uint8_t>(4, 1));
     const Micromap micromap(gpu, input);

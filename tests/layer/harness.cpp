@@ -64,7 +64,7 @@ VkDebugUtilsMessengerCreateInfoEXT messengerInfo(Gpu *gpu)
 }
 
 // Those a test may need; all that the device has are enabled.
-constexpr std::array<const char *, 9> kWantedExtensions{
+constexpr std::array<const char *, 10> kWantedExtensions{
     VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
     VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
     VK_KHR_RAY_QUERY_EXTENSION_NAME,
@@ -74,6 +74,7 @@ constexpr std::array<const char *, 9> kWantedExtensions{
     VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME,
     VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME,
     VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME,
+    VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME,
 };
 
 // A features structure of one member, for headers that lack it.
@@ -263,6 +264,8 @@ void Gpu::createDevice()
     }
     if (options_.shaderObject)
         add("VK_EXT_shader_object");
+    if (options_.debugMarker)
+        extensions_.emplace_back(VK_EXT_DEBUG_MARKER_EXTENSION_NAME);
     if (options_.maintenance)
         add(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
     if (options_.addressCommands) {
@@ -294,6 +297,7 @@ void Gpu::createDevice()
     VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
     VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{};
     VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT libraries{};
+    VkPhysicalDeviceIndexTypeUint8FeaturesEXT smallIndices{};
     VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
     VkPhysicalDeviceOpacityMicromapFeaturesKHR micromapsKhr{};
     VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{};
@@ -315,6 +319,8 @@ void Gpu::createDevice()
         chain(conditional, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT);
     if (has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
         chain(libraries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_GRAPHICS_PIPELINE_LIBRARY_FEATURES_EXT);
+    if (has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME))
+        chain(smallIndices, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT);
     if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
         chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
     if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
@@ -376,11 +382,17 @@ void Gpu::createDevice()
     limits.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR;
     pipelineProperties_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR;
     limits.pNext = &pipelineProperties_;
+    VkPhysicalDeviceDriverProperties driver{};
+    driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
+    pipelineProperties_.pNext = &driver;
     VkPhysicalDeviceProperties2 properties{};
     properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
     properties.pNext = &limits;
     vkGetPhysicalDeviceProperties2(physical_, &properties);
+    pipelineProperties_.pNext = nullptr;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
+    lavapipe26_ = driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
+                  properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
 }
 
 bool Gpu::has(const char *deviceExtension) const
@@ -453,7 +465,7 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
 std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
     // A driver without the extension knows nothing of the mode.
-    return khr() && options_.vellum && options_.micromaps && options_.declaresMode
+    return khr() && options_.vellum && options_.micromaps && options_.micromapFeature && options_.declaresMode
                ? withModeWhereNeeded(words)
                : std::vector<std::uint32_t>(words.begin(), words.end());
 }

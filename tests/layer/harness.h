@@ -48,6 +48,7 @@ struct Options {
     bool hostCommands = true;  // enable micromapHostCommands
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
+    bool debugMarker = false;  // VK_EXT_debug_marker, which the spy has
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age complains about: see oldValidation
@@ -196,6 +197,9 @@ public:
     [[nodiscard]] VkQueue queue() const { return queue_; }
     [[nodiscard]] VkCommandPool pool() const { return pool_; }
     [[nodiscard]] bool has(const char *deviceExtension) const;
+    // Lavapipe of Mesa 26 or newer, which some tests have to go round: each says what it does, with and without the
+    // layer.
+    [[nodiscard]] bool onLavapipe26() const { return lavapipe26_; }
     [[nodiscard]] const Commands &vk() const { return commands_; }
     [[nodiscard]] std::uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
@@ -250,6 +254,7 @@ private:
     Commands commands_;
     std::vector<std::string> extensions_;
     std::uint32_t scratchAlignment_ = 0;
+    bool lavapipe26_ = false;
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
     std::vector<Message> messages_;
     std::vector<std::string> broken_;

@@ -171,8 +171,10 @@ protected:
     {
         VkAccelerationStructureBuildSizesInfoKHR sizes{};
         sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+        // VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11613
+        const std::uint32_t *counts = info.type == kMicromapType ? nullptr : &primitives;
         gpu().vk().GetAccelerationStructureBuildSizesKHR(
-            gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &primitives, &sizes);
+            gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts, &sizes);
         return sizes;
     }
     VkDeviceSize query(VkAccelerationStructureKHR structure, VkQueryType type)
@@ -205,13 +207,17 @@ protected:
         vkDestroyQueryPool(gpu().device(), pool, nullptr);
         return values;
     }
-    // Exactly one message of the layer's since the last look, with that rule's whole name.
+    // Exactly one message of the layer's since the last look, with that rule's whole name. A validation layer above
+    // asks for the sizes of a build itself, which the layer refuses as often.
     void expectRefused(const std::string &rule)
     {
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         for (const Message &m : messages)
             EXPECT_EQ(m.id, "VELLUM-" + rule) << m.text;
-        EXPECT_EQ(messages.size(), 1u) << rule;
+        if (validationOfTests() == Validation::Above)
+            EXPECT_GE(messages.size(), 1u) << rule;
+        else
+            EXPECT_EQ(messages.size(), 1u) << rule;
     }
 };
 
@@ -429,7 +435,8 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
         }
     }
     const auto pointers = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;
-    EXPECT_EQ(query(blas.handle(), pointers), 0u);
+    const Tlas tlas(gpu(), {instance(blas, {}, 1), instance(plain, {2, 0, 0}, 2)});
+    EXPECT_EQ(query(tlas.handle(), pointers), 2u);
     expectNoMessages();
     query(first.handle().khr, pointers);
     expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425");
@@ -717,22 +724,25 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
         expectBuildRefused(rule, change, true);
     };
     refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 0; });
-    refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 2; });
-    refused(info + "pGeometries-03788", [](StructureBuild &b) { b.info.pGeometries = nullptr; });
-    const VkAccelerationStructureGeometryKHR *pointer = nullptr;
-    refused(info + "pGeometries-03788", [&pointer](StructureBuild &b) {
-        pointer = &b.geometry;
-        b.info.ppGeometries = &pointer;
-    });
-    refused(info + "geometryType-11561",
-            [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
     refused("VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
             [](StructureBuild &b) { b.geometry.pNext = nullptr; });
+    // A validation layer above reads what is not there (1.4.363 crashes), and hands on a copy with one of two arrays.
+    const VkAccelerationStructureGeometryKHR *pointer = nullptr;
+    if (validationOfTests() == Validation::Below) {
+        refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 2; });
+        refused(info + "pGeometries-03788", [](StructureBuild &b) { b.info.pGeometries = nullptr; });
+        refused(info + "pGeometries-03788", [&pointer](StructureBuild &b) {
+            pointer = &b.geometry;
+            b.info.ppGeometries = &pointer;
+        });
+        refused(info + "geometryType-11561",
+                [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
+        refused(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.pUsageCounts = nullptr; });
+    }
     for (const VkBuildAccelerationStructureFlagsKHR flag :
          {VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR})
         refused(info + "flags-11562", [flag](StructureBuild &b) { b.info.flags |= flag; });
     refused(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.ppUsageCounts = b.usagePointers.data(); });
-    refused(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.pUsageCounts = nullptr; });
     refused("VUID-VkMicromapUsageKHR-format-parameter",
             [](StructureBuild &b) { b.usages[0].format = static_cast<VkOpacityMicromapFormatKHR>(3); });
     refused(info + "subdivisionLevel-11564", [](StructureBuild &b) { b.usages[0].subdivisionLevel = 13; });
@@ -873,7 +883,10 @@ TEST_F(MicromapStructureRefused, Copies)
     in(memory.address() + 64, kIn, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
     for (const std::uint8_t byte : memory.as<std::uint8_t>())
         ASSERT_EQ(byte, 0);
-    // 128 is enough, where other structures need 256.
+    // 128 is enough, where other structures need 256. By 11699 and 11700, that is; 03740 and 03743 except nothing from
+    // their 256.
+    gpu().breaks("VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740");
+    gpu().breaks("VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743");
     gpu().submit([&](VkCommandBuffer commands) {
         recordMicromapToMemory(gpu(), commands, micromap_.handle(), memory.address() + 128);
         barrier(commands);

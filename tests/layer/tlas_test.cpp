@@ -100,6 +100,25 @@ TEST_F(Top, OnlyPlainInstances)
     expectShown(Tlas(gpu(), instances(shown)), shown);
 }
 
+// Reference 0: no ray meets the instance, which is counted all the same. Lavapipe 26 crashes where an active one comes
+// behind it, without the layer too (tests/oracle/compare.cpp).
+TEST_F(Top, InactiveInstances)
+{
+    const std::vector<Shown> shown{{7, 1}, {8, 2}, {9, kNoMicromap}, {10, 3}, {11, 1}};
+    std::vector<std::vector<std::size_t>> cases{{3, 4}, {0, 1, 2, 3, 4}};
+    if (!gpu().onLavapipe26())
+        cases.insert(cases.end(), {{0}, {0, 1, 3}, {1, 2, 4}});
+    for (const std::vector<std::size_t> &inactive : cases) {
+        std::vector<VkAccelerationStructureInstanceKHR> all = instances(shown);
+        std::vector<Shown> expected = shown;
+        for (const std::size_t i : inactive) {
+            all[i].accelerationStructureReference = 0;
+            expected[i].state = 0; // transparent
+        }
+        expectShown(Tlas(gpu(), all), expected);
+    }
+}
+
 TEST_F(Top, ByDeviceAddress)
 {
     const std::vector<Shown> shown{{7, 1}, {8, 0}, {9, 2}, {10, kNoMicromap}};
