@@ -100,7 +100,7 @@ TEST_F(Top, OnlyPlainInstances)
     expectShown(Tlas(gpu(), instances(shown)), shown);
 }
 
-// Reference 0: no ray meets the instance, which is counted all the same. Lavapipe 26 crashes where an active one comes
+// Reference 0: no ray meets the instance, which is counted all the same. Lavapipe 26 crashes where another one comes
 // behind it, without the layer too (tests/oracle/compare.cpp).
 TEST_F(Top, InactiveInstances)
 {

@@ -75,15 +75,19 @@ bool confirms(const vt::Ray &ray, const Hit &hit)
 namespace
 {
 
-// Lavapipe 26 crashes in shaders that trace a top-level structure where an active instance comes behind an inactive
-// one: two instances are enough, the first with reference 0. So it does without the layer; the specification says that
-// an inactive object is "considered invisible to all rays". Inactive ones at the end are well.
-void activateBeforeActive(Scene &scene)
+// Lavapipe 26 crashes in shaders that trace a top-level structure where some instance comes behind one that no ray can
+// meet: two instances are enough, the first with reference 0 or mask 0. So it does without the layer; the specification
+// says that an inactive object is "considered invisible to all rays", and allows every mask. Such ones at the end are
+// well.
+void showBeforeOthers(Scene &scene)
 {
-    bool active = false;
+    bool others = false;
     for (auto instance = scene.instances.rbegin(); instance != scene.instances.rend(); ++instance) {
-        active |= !instance->inactive;
-        instance->inactive &= !active;
+        if (others) {
+            instance->inactive = false;
+            instance->mask |= instance->mask == 0 ? 1u : 0u;
+        }
+        others |= !instance->inactive && instance->mask != 0;
     }
 }
 
@@ -101,7 +105,7 @@ void compareScenes(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std
         Random random(seed + s);
         Scene scene = randomScene(random, limits);
         if (gpu.onLavapipe26())
-            activateBeforeActive(scene);
+            showBeforeOthers(scene);
         const Built built = build(gpu, scene);
         std::vector<Hits> hits;
         for (const vt::Ray &ray : scene.rays)
