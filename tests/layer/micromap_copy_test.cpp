@@ -365,9 +365,12 @@ TEST_F(MicromapCopy, RefusedCopies)
     refused(0, kOut, kIn, id("07536", "03739"), id("07543", "03742"));
     refused(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
     refused(memory.address(), kClone, kClone, id("07542", "03412"), id("07548", "03413"));
-    gpu().submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, {}, memory.address()); });
-    expectMessage(
-        id("VkCopyMicromapToMemoryInfoEXT-src-parameter", "VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter"));
+    // Validation 1.4.363 above crashes on VK_NULL_HANDLE for an acceleration structure here.
+    if (!gpu().khr() || validationOfTests() == Validation::Below) {
+        gpu().submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, {}, memory.address()); });
+        expectMessage(id("VkCopyMicromapToMemoryInfoEXT-src-parameter",
+                         "VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter"));
+    }
     gpu().submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, memory.address(), {}); });
     expectMessage(
         id("VkCopyMemoryToMicromapInfoEXT-dst-parameter", "VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter"));

@@ -983,6 +983,8 @@ TEST_F(MicromapStructureRefused, QueryPoolsOfOtherTypes)
 // What only a micromap's build may leave out: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
 TEST_F(MicromapStructureRefused, NoRangesOfABottomLevelStructure)
 {
+    if (validationOfTests() == Validation::Above)
+        GTEST_SKIP() << "validation 1.4.363 reads the ranges";
     Blas blas(gpu());
     blas.prepare({mapped(&micromap_)});
     build(blas.buildInfo(), nullptr);
