@@ -58,8 +58,9 @@ VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
 VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
 VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 
-// --- scratch memory of a micromap build: 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes that
-// follow micromap_stay.comp, at first 0 groups each, and those that it starts if it has to; then tables of words ---
+// --- scratch memory of a micromap build ---
+// 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes that follow micromap_stay.comp, at first 0
+// groups each, and those that it starts if it has to; then tables of words:
 //   sums        kPlaceBlock triangles each: units of the block, then of all blocks before it
 //   parts       two words each, {triangle, part}: pieces of triangles with more than kPartUnits units
 // and where identical data is to be shared:
@@ -216,7 +217,7 @@ VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStruc
 // --- copies of micromaps (shaders/micromap_move.comp) ---
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
-VELLUM_CONST uint kMoveCheck = 2u; // after a copy into a micromap that may be too small
+VELLUM_CONST uint kMoveCheck = 2u;  // after a copy into a micromap that may be too small
 VELLUM_CONST uint kMoveMarked = 4u; // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 

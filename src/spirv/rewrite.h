@@ -10,8 +10,8 @@
 // micromap extensions, capabilities and execution modes are gone.
 //
 // Stages of ray tracing pipelines are rewritten per pipeline: those of pipelines that do not use micromaps only get
-// their custom index back and hide the ray flag that the driver does not know, the others hide all ray flags that matter
-// from the driver, and hits are decided before the application's shader.
+// their custom index back and hide the ray flag that the driver does not know, the others hide all ray flags that
+// matter from the driver, and hits are decided before the application's shader.
 //
 // Extension strings, capabilities and execution modes of micromaps are removed. Which ray queries consume micromaps is
 // QueriesConsume. Of those that do not, traversal is the driver's: VUID-vkCmdDispatch-micromap-11636 keeps them away

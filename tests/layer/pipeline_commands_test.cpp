@@ -17,7 +17,6 @@ protected:
     // A pipeline that needs everything: groups without any-hit shader, and a zero record.
     [[nodiscard]] static PipelineTracerSetup zeroRecords() { return {.records = {std::nullopt, 1}}; }
     static constexpr PipelineScene::View kZeroView{.triangleAnyHit = false, .triangleClosestHit = false};
-
 };
 
 // The size that traces read from memory, written by the device in the same command buffer.

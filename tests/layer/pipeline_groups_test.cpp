@@ -52,7 +52,6 @@ protected:
         for (const std::uint32_t flags : opacityRayFlags(false))
             plain.expect(unmapped, flags);
     }
-
 };
 
 TEST_F(PipelineGroups, OneModuleWithAllEntryPoints)

@@ -46,7 +46,6 @@ class PipelineResolution : public PipelineSceneTest
 {
 protected:
     explicit PipelineResolution(const Options &options = {}) : PipelineSceneTest(options) {}
-
 };
 
 // The same on the driver alone: what the tests expect where Vellum has no part.
