@@ -101,8 +101,7 @@ bool Commands::readTriangles()
             most = std::max(most, dataBytes(one));
         }
     }
-    model_.share = (info_.flags &
-                    (VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT)) != 0 &&
+    model_.share = (info_.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                    (info_.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
     most = std::max(most, dataBytes({0, kMostOtherLevel, 2}));
     const std::uint32_t places = 1 + input_.below(1u << 12);

@@ -46,7 +46,7 @@ std::vector<std::uint8_t> memoryOf(const MicromapInput &input, VkBuildMicromapFl
     build.data = data.data();
     build.dataBytes = data.size();
     build.buildFlags = flags;
-    build.share = (flags & (kAllow | kTrace)) != 0;
+    build.share = (flags & kAllow) != 0;
     build.maxLevel = 12;
     for (const VkMicromapTriangleEXT &t : input.triangles)
         if (t.subdivisionLevel > 2)

@@ -268,7 +268,7 @@ TEST_F(MicromapBuild, MoreLargeTrianglesThanDeclared)
         input.add(8, kFourState, randomStates(random, 8, kFourState));
     const std::uint32_t small = input.add(2, kFourState, std::vector<std::uint8_t>(16, 1));
     input.declared = {{1, 8, kFourState}, {8, 2, kFourState}};
-    for (const VkBuildMicromapFlagsEXT flags : {kAllow, kTrace}) {
+    for (const VkBuildMicromapFlagsEXT flags : {kAllow, kTrace | kAllow}) {
         Micromap micromap(gpu(), input, flags);
         micromap.build();
         for (std::uint32_t i = 0; i <= small; ++i) {
