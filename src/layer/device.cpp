@@ -1,8 +1,10 @@
 #include "layer/device.h"
 
+#include <algorithm>
 #include <cstring>
 #include <shared_mutex>
 #include <string>
+#include <thread>
 #include <unordered_map>
 #include <vector>
 
@@ -27,6 +29,17 @@ bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
             return true;
     }
     return false;
+}
+
+uint32_t busyInvocationsOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceProperties properties{};
+    instance.next.GetPhysicalDeviceProperties(physicalDevice, &properties);
+    if (properties.deviceType != VK_PHYSICAL_DEVICE_TYPE_CPU)
+        return 16384;
+    // Lavapipe takes a microsecond for a workgroup of 64, which is as much as for a thousand micromap triangles. Four
+    // for each of its threads share the work well enough.
+    return 4 * 64 * std::clamp(std::thread::hardware_concurrency(), 1u, 64u);
 }
 
 template <typename T>
@@ -250,6 +263,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             result = device->injected.create(device->gpu);
         if (result == VK_SUCCESS && instance.settings.validate)
             result = device->complaints.create(device->gpu);
+        device->busyInvocations = busyInvocationsOf(instance, physicalDevice);
         device->driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");

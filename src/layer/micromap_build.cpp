@@ -25,8 +25,6 @@ constexpr uint64_t kMostUnits = UINT32_MAX - (uint64_t{kPlaceBlock} << 18);
 constexpr uint64_t kMostSharing = uint64_t{1} << 26;
 // So that the numbers of the triangles that come after the last one fit 32 bits, too.
 constexpr uint32_t kMostStaying = uint32_t{1} << 31;
-// With so many invocations a device is busy; what more there is to do makes each of them do more.
-constexpr uint32_t kStayingInvocations = 16384;
 
 const VkMicromapUsageEXT &usageAt(const VkMicromapBuildInfoEXT &info, uint32_t i)
 {
@@ -156,7 +154,6 @@ DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
 struct OneBuild {
     MicromapPush push{};
     DataCopy copy;
-    DataCopy triangleCopy;
     // Where the data may stay as it is copied, one pass finds that out and writes all records. The others are
     // dispatched indirectly, with arguments in the scratch memory, and so only cost time if that pass starts them.
     bool stays = false;
@@ -193,26 +190,18 @@ void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild 
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
     const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
     const uint64_t end = std::min({near, uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes}});
-    const Micromap &target = *micromapOf(info.dstMicromap);
-    const AddressMap::Place triangles = device.addresses.find(push.triangleArray);
     if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
-        end < bytes || !triangles.buffer ||
-        (device.buffers.get(triangles.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
+        push.triangleArray % sizeof(VkMicromapTriangleEXT) != 0 || end < bytes)
         push.alike = 0;
     // Whether counts of several kinds are right is only found by adding up.
     if (push.alike == 0 && push.log != 0)
         return;
     push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
-    push.staysPerInvocation = std::clamp(push.triangleCount / kStayingInvocations, 1u, 64u);
-    if (push.alike != 0)
-        build.triangleCopy = {triangles.buffer,
-                              target.buffer,
-                              {triangles.offset, target.offset + kMicromapHeaderWords * 4,
-                               push.triangleCount * uint64_t{sizeof(VkMicromapTriangleEXT)}}};
+    push.staysPerInvocation = std::max(push.triangleCount / device.busyInvocations, 1u);
     build.stays = true;
     build.scratch = place.buffer;
     build.scratchOffset = place.offset;
-    build.micromapOffset = target.offset;
+    build.micromapOffset = micromapOf(info.dstMicromap)->offset;
 }
 
 // One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
@@ -291,9 +280,6 @@ private:
             next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.copy.to, 1, &build.copy.region);
         if (!build.stays)
             return;
-        if (build.triangleCopy.from)
-            next.CmdCopyBuffer(commandBuffer_, build.triangleCopy.from, build.triangleCopy.to, 1,
-                               &build.triangleCopy.region);
         uint32_t scratch[kScratchTables] = {};
         for (uint32_t i = 0; i < kArgumentWords; i += 3) {
             const VkDispatchIndirectCommand groups = groupsOf(build, i);
@@ -437,11 +423,11 @@ MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
             extent.units += usage.count * ((bytes + kDataUnitBytes - 1) / kDataUnitBytes);
         }
     }
-    // Sharing reads all data twice more, so that compaction has something to save. No frame was found that is faster with
-    // it (docs/layer.md): PREFER_FAST_TRACE does not ask for it.
+    // Sharing reads all data twice more, so that compaction has something to save. No frame was found that is faster
+    // with it (docs/layer.md): PREFER_FAST_TRACE does not ask for it.
     extent.share = (info.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
-                   (info.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 &&
-                   extent.triangles > 0 && extent.triangles <= kMostSharing;
+                   (info.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 && extent.triangles > 0 &&
+                   extent.triangles <= kMostSharing;
     // Nothing is gained where there is no data. And offsets of triangles' data have 32 bits: a build may be lossy, it
     // need not.
     extent.lossy = (info.flags & kLossyBuild) != 0 && extent.units > 0 && extent.coarsenedBytes() <= UINT32_MAX;

@@ -11,31 +11,40 @@ layout(local_size_x = 64) in;
 // So many invocations take triangles that follow each other, 64 bytes of them, and then the next ones: memory is walked
 // through in its order by a CPU, whose vectors are that short, and in whole sectors by a GPU.
 const uint kTogether = 8u;
+const uint kAtOnce = 4u;
 
 struct Stay {
     bool fails;
     uint end; // of the data in use, in data units
 };
 
-// All triangles are to have this level and format. Their array was copied to where the records go, which then are in the
-// caches: the processor does not see ahead what a CPU's driver gathers and scatters.
+// All triangles are to have this level and format. Several are loaded at once: a CPU's driver gathers and scatters, which
+// keeps the processor from seeing ahead what memory comes next.
 Stay stayAlike(uint first, uint last)
 {
     const uint bitsPerState = push.alike >> 16u;
     const uint level = push.alike & 0xffffu;
     const uint misaligned = alignmentInPlace(level, bitsPerState) - 1u;
     const uint kind = kKindData + (level - kCoarseLevel - 1u) * 2u + (bitsPerState - 1u);
+    Pairs source = Pairs(push.triangleArray);
     Pairs records = Pairs(addressPlus(push.micromap, kMicromapHeaderWords * 4u));
     uint wrong = 0u;
     uint furthest = 0u;
-    for (uint t = first; t < last; t += kTogether) {
-        const uvec2 triangle = uvec2(records.at[t]);
-        const uint offset = triangle.x;
-        wrong |= (triangle.y ^ push.alike) | (offset & misaligned) | (uint(offset > push.lastOffset));
-        furthest = max(furthest, offset);
-        // 16-byte units, so the offset is the shifted index of the unit but for one bit.
-        const uint word0 = (offset & ~15u) << (kUnitShift - 4u) | (kind + (offset >> 3u & 1u) * kKindUpperHalf);
-        records.at[t] = Words(uvec2(word0, kLookEverywhere));
+    for (uint t = first; t < last; t += kAtOnce * kTogether) {
+        uvec2 triangles[kAtOnce];
+        for (uint i = 0u; i < kAtOnce; ++i) {
+            const uint next = t + i * kTogether;
+            triangles[i] = uvec2(source.at[next < last ? next : t]);
+        }
+        for (uint i = 0u; i < kAtOnce; ++i) {
+            const uint offset = triangles[i].x;
+            wrong |= (triangles[i].y ^ push.alike) | (offset & misaligned) | (uint(offset > push.lastOffset));
+            furthest = max(furthest, offset);
+            // 16-byte units, so the offset is the shifted index of the unit but for one bit.
+            const uint word0 = (offset & ~15u) << (kUnitShift - 4u) | (kind + (offset >> 3u & 1u) * kKindUpperHalf);
+            if (t + i * kTogether < last)
+                records.at[t + i * kTogether] = Words(uvec2(word0, kLookEverywhere));
+        }
     }
     Stay stay;
     stay.fails = wrong != 0u;
