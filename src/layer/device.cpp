@@ -31,15 +31,12 @@ bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
     return false;
 }
 
-uint32_t busyInvocationsOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+// 0 of a device that is no CPU.
+uint32_t threadsOf(const Instance &instance, VkPhysicalDevice physicalDevice)
 {
     VkPhysicalDeviceProperties properties{};
     instance.next.GetPhysicalDeviceProperties(physicalDevice, &properties);
-    if (properties.deviceType != VK_PHYSICAL_DEVICE_TYPE_CPU)
-        return 16384;
-    // Lavapipe takes a microsecond for a workgroup of 64, which is as much as for a thousand micromap triangles. Four
-    // for each of its threads share the work well enough.
-    return 4 * 64 * std::clamp(std::thread::hardware_concurrency(), 1u, 64u);
+    return properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
 }
 
 template <typename T>
@@ -263,7 +260,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             result = device->injected.create(device->gpu);
         if (result == VK_SUCCESS && instance.settings.validate)
             result = device->complaints.create(device->gpu);
-        device->busyInvocations = busyInvocationsOf(instance, physicalDevice);
+        device->threads = threadsOf(instance, physicalDevice);
         device->driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");

@@ -103,8 +103,7 @@ struct Device {
     Complaints complaints;
     HostMemory hostMemory;
     std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
-    // With so many the device has enough to do at once: where there is more to do, each does more of it.
-    uint32_t busyInvocations = 1;
+    uint32_t threads = 0; // of a device that is a CPU; 0: it is none
     HandleMap<VkBuffer, BufferInfo> buffers;
     AddressMap addresses;
     ZeroIndices zeroIndices;

@@ -177,6 +177,18 @@ struct OneBuild {
     }
 };
 
+// Triangles for each invocation of the pass over triangles that stay.
+uint32_t staysPerInvocation(const Device &device, uint32_t triangles)
+{
+    // So many keep a GPU busy.
+    if (device.threads == 0)
+        return std::clamp(triangles / 16384, 1u, 64u);
+    // A workgroup of 64 takes lavapipe a microsecond, as a thousand triangles do. Four for each of its threads share
+    // the work well enough.
+    const uint32_t invocations = 4 * 64 * std::min(device.threads, 64u);
+    return std::max(triangles / invocations, 1u);
+}
+
 // Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
 // buffer.
 void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild &build)
@@ -197,7 +209,7 @@ void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild 
     if (push.alike == 0 && push.log != 0)
         return;
     push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
-    push.staysPerInvocation = std::max(push.triangleCount / device.busyInvocations, 1u);
+    push.staysPerInvocation = staysPerInvocation(device, push.triangleCount);
     build.stays = true;
     build.scratch = place.buffer;
     build.scratchOffset = place.offset;
