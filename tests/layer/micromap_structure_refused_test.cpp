@@ -17,7 +17,7 @@ protected:
         EXPECT_EQ(tracedMicromap(micromap_), kForwards);
         MicromapStructure::TearDown();
     }
-    // A build, changed, into a target that must stay as it is. `told`: the sizes are refused by the same rule.
+    // A build, changed, into a target that must stay as it is. `sizes`: they are refused by the same rule, too.
     void expectBuildRefused(const std::string &rule, const std::function<void(StructureBuild &)> &change,
                             bool sizes = false)
     {
@@ -221,16 +221,8 @@ TEST_F(MicromapStructureRefused, Creation)
 {
     const Buffer memory(gpu(), 4096, kStorage);
     const auto create = [&](VkDeviceAddress address, VkDeviceSize size, const char *rule) {
-        for (const VkAccelerationStructureTypeKHR type : {kMicromapType, kGeneric, kBottom, kTop}) {
-            VkAccelerationStructureCreateInfo2KHR info{};
-            info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-            info.addressRange = {address, size};
-            info.type = type;
-            VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
-            EXPECT_NE(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
-            EXPECT_EQ(handle, VkAccelerationStructureKHR{});
-            expectRefused(rule);
-        }
+        for (const VkAccelerationStructureTypeKHR type : {kMicromapType, kGeneric, kBottom, kTop})
+            expectCreationRefused(type, {address, size}, rule);
     };
     create(memory.address(), 4097, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603");
     create(memory.address() + 256, ~VkDeviceSize{0}, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603");
@@ -252,12 +244,8 @@ TEST_F(MicromapStructureRefused, Creation)
 
 TEST_F(MicromapStructureRefused, Queries)
 {
-    VkQueryPoolCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-    info.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
-    info.queryCount = 2;
-    VkQueryPool pool = VK_NULL_HANDLE;
-    VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+    constexpr auto kSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+    VkQueryPool pool = queryPool(kSize, 2);
     vkResetQueryPool(gpu().device(), pool, 0, 2);
     const auto refused = [&](VkAccelerationStructureKHR second, VkQueryType type, const char *rule) {
         const std::array structures{micromap_.handle().khr, second};
@@ -268,7 +256,7 @@ TEST_F(MicromapStructureRefused, Queries)
     };
     refused(micromap_.handle().khr, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
             "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
-    refused(VK_NULL_HANDLE, info.queryType,
+    refused(VK_NULL_HANDLE, kSize,
             "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter");
     std::uint64_t value = 0;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
@@ -279,12 +267,7 @@ TEST_F(MicromapStructureRefused, Queries)
 TEST_F(MicromapStructureRefused, QueryPoolsOfOtherTypes)
 {
     const auto write = [&](VkQueryType poolType, VkQueryType type) {
-        VkQueryPoolCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-        info.queryType = poolType;
-        info.queryCount = 2;
-        VkQueryPool pool = VK_NULL_HANDLE;
-        VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+        const VkQueryPool pool = queryPool(poolType, 2);
         const Blas blas(gpu(), {mapped(nullptr)});
         const std::array structures{micromap_.handle().khr, blas.handle()};
         gpu().submit([&](VkCommandBuffer commands) {

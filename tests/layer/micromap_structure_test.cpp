@@ -352,14 +352,8 @@ protected:
 TEST_F(MicromapStructureDisabled, MicromapsAreRefused)
 {
     const Buffer memory(gpu(), 4096, kStorage);
-    VkAccelerationStructureCreateInfo2KHR create{};
-    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-    create.addressRange = {memory.address(), 1024};
-    create.type = kMicromapType;
-    VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
-    EXPECT_NE(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &create, nullptr, &handle), VK_SUCCESS);
-    EXPECT_EQ(handle, VkAccelerationStructureKHR{});
-    expectRefused("VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
+    expectCreationRefused(kMicromapType, {memory.address(), 1024},
+                          "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
     const MicromapInput input = eightStates();
     const std::vector<VkMicromapUsageEXT> usage = input.usage();
     VkMicromapBuildInfoEXT info{};

@@ -177,6 +177,16 @@ protected:
             gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts, &sizes);
         return sizes;
     }
+    VkQueryPool queryPool(VkQueryType type, std::uint32_t count)
+    {
+        VkQueryPoolCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+        info.queryType = type;
+        info.queryCount = count;
+        VkQueryPool pool = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+        return pool;
+    }
     VkDeviceSize query(VkAccelerationStructureKHR structure, VkQueryType type)
     {
         return queryAll({structure}, type)[0];
@@ -185,12 +195,7 @@ protected:
     std::vector<std::uint64_t> queryAll(const std::vector<VkAccelerationStructureKHR> &structures, VkQueryType type)
     {
         const auto count = static_cast<std::uint32_t>(structures.size());
-        VkQueryPoolCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-        info.queryType = type;
-        info.queryCount = count + 1;
-        VkQueryPool pool = VK_NULL_HANDLE;
-        VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+        const VkQueryPool pool = queryPool(type, count + 1);
         const Buffer out(gpu(), 8 * count, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
         gpu().submit([&](VkCommandBuffer commands) {
             vkCmdResetQueryPool(commands, pool, 0, count + 1);
@@ -206,6 +211,19 @@ protected:
             EXPECT_EQ(out.as<std::uint64_t>()[i], values[i]) << i;
         vkDestroyQueryPool(gpu().device(), pool, nullptr);
         return values;
+    }
+    // Of vkCreateAccelerationStructure2KHR.
+    void expectCreationRefused(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
+                               const std::string &rule)
+    {
+        VkAccelerationStructureCreateInfo2KHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+        info.addressRange = range;
+        info.type = type;
+        VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+        EXPECT_NE(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
+        EXPECT_EQ(handle, VkAccelerationStructureKHR{});
+        expectRefused(rule);
     }
     // Exactly one message of the layer's since the last look, with that rule's whole name. A validation layer above
     // asks for the sizes of a build itself, which the layer refuses as often.

@@ -10,21 +10,14 @@ namespace
 
 using namespace vt;
 
-class PipelineCreation : public PipelineTest
+class PipelineCreation : public PipelineSceneTest
 {
 protected:
-    explicit PipelineCreation(const Options &options = {}) : PipelineTest(options) {}
-    void SetUp() override
-    {
-        PipelineTest::SetUp();
-        if (!IsSkipped())
-            scene_ = std::make_unique<PipelineScene>(gpu());
-    }
+    explicit PipelineCreation(const Options &options = {}) : PipelineSceneTest(options) {}
     void TearDown() override
     {
         unsetenv("VELLUM_TEST_SPY_DEFER");
-        scene_.reset();
-        PipelineTest::TearDown();
+        PipelineSceneTest::TearDown();
     }
 
     struct DeferredCase {
@@ -96,8 +89,6 @@ protected:
             }
         }
     }
-
-    std::unique_ptr<PipelineScene> scene_;
 };
 
 // Without the validation layer: 1.3.239 learns of a deferred pipeline when its result is asked for, but the pipeline is

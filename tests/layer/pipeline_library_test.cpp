@@ -41,24 +41,20 @@ PipelineSetup part(const PipelineSetup &from, const Groups &groups)
     return setup;
 }
 
-class PipelineLibrary : public PipelineTest
+class PipelineLibrary : public PipelineSceneTest
 {
 protected:
-    explicit PipelineLibrary(const Options &options = {}) : PipelineTest(options) {}
+    explicit PipelineLibrary(const Options &options = {}) : PipelineSceneTest(options) {}
     void SetUp() override
     {
-        PipelineTest::SetUp();
-        if (IsSkipped())
-            return;
-        if (!gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))
+        PipelineSceneTest::SetUp();
+        if (!IsSkipped() && !gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))
             GTEST_SKIP() << "no pipeline libraries";
-        scene_ = std::make_unique<PipelineScene>(gpu());
     }
     void TearDown() override
     {
         libraries_.clear();
-        scene_.reset();
-        PipelineTest::TearDown();
+        PipelineSceneTest::TearDown();
     }
 
     MadePipeline link(const PipelineSetup &from, const Plan &plan)
@@ -123,7 +119,6 @@ protected:
 
     Gpu &gpu() const { return const_cast<PipelineLibrary *>(this)->PipelineTest::gpu(); }
 
-    std::unique_ptr<PipelineScene> scene_;
     std::vector<RayPipeline> libraries_;
 };
 

@@ -1,6 +1,6 @@
 // Serialized bottom-level structures that name micromaps of VK_KHR_opacity_micromap: the blocks of the header
 // ("serialized-as-header" in the specification), which the application changes before it deserializes.
-#include "copies.h"
+#include "micromap_structures.h"
 
 #include <algorithm>
 
@@ -10,8 +10,6 @@ namespace
 {
 
 using namespace vt;
-
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 
 // The words of the header behind the sizes.
 struct Blocks {
@@ -113,16 +111,10 @@ TEST_F(StructureBlocks, SmallerMicromapInTheSameMemory)
     const Patchwork patchwork(gpu());
     const Blas blas(gpu(), patchwork.geometries());
     const Serialized data = serialize(gpu(), blas);
-    VkAccelerationStructureCreateInfo2KHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-    info.addressRange = {addressOf(patchwork.micromap(0)), 64};
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    ASSERT_GT(patchwork.micromap(0).size(), info.addressRange.size);
-    VkAccelerationStructureKHR other = VK_NULL_HANDLE;
-    VT_CHECK(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &other));
+    const Placed other(gpu(), kMicromapType, addressOf(patchwork.micromap(0)), 64);
+    ASSERT_GT(patchwork.micromap(0).size(), other.size());
     const auto back = deserialized(gpu(), data, kBottom);
     EXPECT_EQ(seenOf(gpu(), *back), seenOf(gpu(), blas));
-    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), other, nullptr);
 }
 
 // The micromaps are other objects, whose content may come after the structure's.
