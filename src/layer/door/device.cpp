@@ -11,7 +11,6 @@
 #include <vulkan/vk_layer.h>
 
 #include "layer/ground/pnext.h"
-#include "layer/pipelines/ray_flag_probe.h"
 #include "layer/structures/acceleration_structure.h"
 
 namespace vellum::layer
@@ -71,6 +70,15 @@ Asked askedFor(const VkDeviceCreateInfo &info)
     }
     if (const auto *features = khrFeatures(info))
         asked.khrFeature = features->micromap;
+    if (const auto *features = featuresIn<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
+        asked.structures = features->accelerationStructure;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayQueryFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR))
+        asked.rayQueries = features->rayQuery;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR))
+        asked.rayTracingPipelines = features->rayTracingPipeline;
     return asked;
 }
 
@@ -157,6 +165,15 @@ std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysi
     std::array<uint8_t, VK_UUID_SIZE> uuid;
     std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
     return uuid;
+}
+
+std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    uint32_t count = 0;
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, nullptr);
+    std::vector<VkQueueFamilyProperties> families(count);
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, families.data());
+    return families;
 }
 
 const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
@@ -271,8 +288,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             return result;
         }
         device->queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-        makeBlankStructure(*device, *info, loaderDataCallback(*info));
-        device->carriesRayFlagBits = probeRayFlagBits(*device, *info, loaderDataCallback(*info));
+        device->trials.choose(device->gpu, instance.report, queueFamiliesOf(instance, physicalDevice), *info,
+                              loaderDataCallback(*info));
+        device->rayFlagBits.create(*device);
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);

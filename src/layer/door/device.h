@@ -26,6 +26,7 @@
 #include "layer/work/complaints.h"
 #include "layer/work/deferred.h"
 #include "layer/work/injected_work.h"
+#include "layer/work/trials.h"
 
 namespace vellum::layer
 {
@@ -78,6 +79,9 @@ struct Asked {
     bool khrFeature = false;      // VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap
     bool captureReplay = false;
     bool hostCommands = false;
+    bool structures = false; // VkPhysicalDeviceAccelerationStructureFeaturesKHR::accelerationStructure
+    bool rayQueries = false; // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
+    bool rayTracingPipelines = false;
 
     // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
@@ -93,8 +97,8 @@ struct Device {
     Asked asked;
     bool ownAddressCommands = false; // VK_KHR_device_address_commands is enabled, and the layer's
     bool nullIndexBuffer = false;    // VK_NULL_HANDLE may be bound as index buffer
-    CarriedRayFlagBits carriesRayFlagBits;
-    BlankStructure blank;              // see blank_structure.h
+    RayFlagBits rayFlagBits;
+    BlankStructure blank;              // see blankStructure()
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
 
     GpuContext gpu;
@@ -119,6 +123,7 @@ struct Device {
     AnyHitModules anyHitModules;
     std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
     HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations;
+    TrialQueue trials; // the last one: what is still running may use the others
 
     [[nodiscard]] Reporter &report() const { return instance->report; }
     [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;

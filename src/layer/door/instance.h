@@ -1,6 +1,10 @@
 // Per-instance state: what the layer knows of the instance and its physical devices.
 #pragma once
 
+#include <map>
+#include <mutex>
+#include <optional>
+
 #include <vulkan/vulkan.h>
 
 #include "layer/ground/dispatch.h"
@@ -18,11 +22,20 @@ void *dispatchKey(DispatchableHandle handle)
     return *reinterpret_cast<void **>(handle);
 }
 
+// What was found out about a physical device by trying; nothing, where it was not tried yet
+// (pipelines/ray_flag_probe.h).
+struct DriverHabits {
+    std::optional<bool> queriesCarryFlagBits;
+    std::optional<bool> pipelinesCarryFlagBits;
+};
+
 struct Instance {
     VkInstance handle = VK_NULL_HANDLE;
     InstanceTable next;
     Settings settings;
     Reporter report;
+    std::mutex habitsMutex;
+    std::map<VkPhysicalDevice, DriverHabits> habits;
 };
 
 // The state of the instance that a VkInstance or VkPhysicalDevice belongs to.

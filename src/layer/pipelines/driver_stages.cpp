@@ -24,18 +24,18 @@ void dump(const Device &device, uint32_t number, const char *suffix, std::span<c
 
 } // namespace
 
-spirv::RewriteOptions rewriteOptions(const Device &device, std::optional<spirv::PipelineStage> pipelineStage)
+spirv::RewriteOptions rewriteOptions(Device &device, std::optional<spirv::PipelineStage> pipelineStage)
 {
     return {.rootAddress = device.root.address(),
             .firstSlots = device.root.firstSlots(),
             .queriesConsume = device.asked.everyQueryUsesMicromaps() ? spirv::QueriesConsume::Always
                                                                      : spirv::QueriesConsume::WhereDeclared,
-            .queriesCarryFlagBits = device.carriesRayFlagBits.inQueries,
-            .pipelinesCarryFlagBits = device.carriesRayFlagBits.inPipelines,
+            .queriesCarryFlagBits = [&device] { return device.rayFlagBits.inQueries(); },
+            .pipelinesCarryFlagBits = [&device] { return device.rayFlagBits.inPipelines(); },
             .pipelineStage = pipelineStage};
 }
 
-bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
+bool rewriteShader(Device &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
     const std::span<const uint32_t> words(code, bytes / 4);

@@ -30,7 +30,7 @@ void refuse(const Device &device, const char *id, const char *command, const std
                           reinterpret_cast<uint64_t>(structure));
 }
 
-void saveTopLevel(InjectedWork &work, const Device &device, const AccelerationStructure &source, VkDeviceAddress cell,
+void saveTopLevel(InjectedWork &work, Device &device, const AccelerationStructure &source, VkDeviceAddress cell,
                   VkDeviceAddress target)
 {
     TopSavePush push{};
@@ -38,7 +38,7 @@ void saveTopLevel(InjectedWork &work, const Device &device, const AccelerationSt
     push.begin = beginOf(device, source);
     push.blob = target;
     push.root = device.root.address();
-    push.blank = device.blank.memory.address();
+    push.blank = blankStructure(device).memory.address();
     push.structureUnits = unitsOf(source.size);
     push.leastUnits = unitsOf(topLevelTailOffset(device, 0, 0));
     push.capacity = unitsOf(device.addresses.bytesFrom(target));
@@ -64,6 +64,7 @@ void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer command
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
     device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
     work.barrier();
+    const BlankStructure &blank = blankStructure(device);
     StructureSavePush push{};
     push.cell = cell;
     push.begin = beginOf(device, source);
@@ -72,9 +73,9 @@ void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer command
     push.root = device.root.address();
     push.structureUnits = unitsOf(source.size);
     push.stagingUnits = unitsOf(stagingBytes);
-    push.leastUnits = unitsOf(device.blank.structureBytes);
+    push.leastUnits = unitsOf(blank.structureBytes);
     push.capacity = unitsOf(device.addresses.bytesFrom(push.blob));
-    push.wholeCopies = device.blank.wholeCopies;
+    push.wholeCopies = blank.wholeCopies;
     push.blocks = device.asked.khr;
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::StructureSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
@@ -127,10 +128,10 @@ struct Restore {
         else if (info.src.deviceAddress % 256 != 0)
             refused("VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743",
                     "src is not aligned to 256 bytes");
-        else if (device.blank.units == 0)
+        else if (blankStructure(device).units == 0)
             device.report().notAvailable("vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
-                                         "data could not be looked at when the device was made,");
-        else if (!topLevel() && target->size < device.blank.structureBytes)
+                                         "data could not be looked at,");
+        else if (!topLevel() && target->size < blankStructure(device).structureBytes)
             // Not even what stands in for data that is refused has room.
             refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                     "dst is smaller than any deserialized structure");
@@ -141,11 +142,11 @@ struct Restore {
 
     void record() const
     {
+        const BlankStructure &blank = blankStructure(device);
         const bool top = topLevel();
         const CellPlace cell = cellOf(device, *target, info.dst);
         const VkDeviceSize stagingBytes =
-            top ? 0
-                : std::max(VkDeviceSize{device.blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
+            top ? 0 : std::max(VkDeviceSize{blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
         if (state)
             state->scratch.restart();
         const VkDeviceAddress staging =
@@ -160,8 +161,8 @@ struct Restore {
         push.cell = cell.address;
         push.begin = beginOf(device, *target);
         push.root = device.root.address();
-        push.blank = device.blank.memory.address();
-        push.blankUnits = device.blank.units;
+        push.blank = blank.memory.address();
+        push.blankUnits = blank.units;
         push.capacity = unitsOf(readable());
         push.stagingUnits = unitsOf(stagingBytes);
         push.targetUnits = unitsOf(target->size);
@@ -239,7 +240,7 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer 
         content = source->content;
     }
     const CellPlace cell = cellOf(device, *source, info->src);
-    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || device.blank.units == 0) {
+    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || blankStructure(device).units == 0) {
         device.report().notAvailable("vkCmdCopyAccelerationStructureToMemoryKHR of a GENERIC structure recorded before "
                                      "any build of it, or without memory for the layer's tables,");
         return;
@@ -284,7 +285,10 @@ getDeviceAccelerationStructureCompatibility(VkDevice handle, const VkAcceleratio
     VkAccelerationStructureVersionInfoKHR driverInfo = *info;
     driverInfo.pVersionData = reinterpret_cast<const uint8_t *>(words);
     device.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, &driverInfo, compatibility);
-    if (device.blank.units == 0 || std::memcmp(words, device.blank.memory.words(), sizeof words) != 0)
+    if (*compatibility != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
+        return;
+    const BlankStructure &blank = blankStructure(device);
+    if (blank.units == 0 || std::memcmp(words, blank.memory.words(), sizeof words) != 0)
         *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 

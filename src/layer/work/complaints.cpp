@@ -130,7 +130,11 @@ void Complaints::drainIdle(Reporter &report)
 VKAPI_ATTR VkResult VKAPI_CALL queueWaitIdle(VkQueue queue)
 {
     Device &device = deviceOf(queue);
-    const VkResult result = device.next.QueueWaitIdle(queue);
+    VkResult result;
+    {
+        const TrialQueue::Lock lock = device.trials.lock(queue);
+        result = device.next.QueueWaitIdle(queue);
+    }
     device.complaints.drain(device.report());
     return result;
 }
@@ -138,7 +142,11 @@ VKAPI_ATTR VkResult VKAPI_CALL queueWaitIdle(VkQueue queue)
 VKAPI_ATTR VkResult VKAPI_CALL deviceWaitIdle(VkDevice handle)
 {
     Device &device = deviceOf(handle);
-    const VkResult result = device.next.DeviceWaitIdle(handle);
+    VkResult result;
+    {
+        const TrialQueue::Lock lock = device.trials.lock();
+        result = device.next.DeviceWaitIdle(handle);
+    }
     if (result == VK_SUCCESS)
         device.complaints.drainIdle(device.report());
     return result;
@@ -173,6 +181,7 @@ VKAPI_ATTR VkResult VKAPI_CALL queueSubmit(VkQueue queue, uint32_t count, const 
 {
     Device &device = deviceOf(queue);
     device.complaints.drain(device.report());
+    const TrialQueue::Lock lock = device.trials.lock(queue);
     return device.next.QueueSubmit(queue, count, submits, fence);
 }
 

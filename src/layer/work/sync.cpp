@@ -172,7 +172,23 @@ VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const
         semaphores.push_back(driverSemaphores(submit.pSignalSemaphoreInfos, submit.signalSemaphoreInfoCount));
         submit.pSignalSemaphoreInfos = semaphores.back().data();
     }
+    const TrialQueue::Lock lock = device.trials.lock(queue);
     return device.next.QueueSubmit2(queue, count, own.data(), fence);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL queueBindSparse(VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
+                                               VkFence fence)
+{
+    Device &device = deviceOf(queue);
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    return device.next.QueueBindSparse(queue, count, infos, fence);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL queuePresent(VkQueue queue, const VkPresentInfoKHR *info)
+{
+    Device &device = deviceOf(queue);
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    return device.next.QueuePresentKHR(queue, info);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRenderPassCreateInfo2 *info,

@@ -15,6 +15,9 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer, VkPipelineStageFl
 VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer, VkPipelineStageFlags2, VkBuffer, VkDeviceSize,
                                                  uint32_t);
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
+// The layer may want the same queue (work/trials.h).
+VKAPI_ATTR VkResult VKAPI_CALL queueBindSparse(VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);
+VKAPI_ATTR VkResult VKAPI_CALL queuePresent(VkQueue, const VkPresentInfoKHR *);
 VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice, const VkRenderPassCreateInfo2 *,
                                                  const VkAllocationCallbacks *, VkRenderPass *);
 
