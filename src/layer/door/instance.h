@@ -3,11 +3,10 @@
 
 #include <map>
 #include <mutex>
-#include <optional>
 
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/dispatch.h"
+#include "layer/ground/driver.h"
 #include "layer/ground/report.h"
 #include "layer/ground/settings.h"
 
@@ -21,13 +20,6 @@ void *dispatchKey(DispatchableHandle handle)
 {
     return *reinterpret_cast<void **>(handle);
 }
-
-// What was found out about a physical device by trying; nothing, where it was not tried yet
-// (pipelines/ray_flag_probe.h).
-struct DriverHabits {
-    std::optional<bool> queriesCarryFlagBits;
-    std::optional<bool> pipelinesCarryFlagBits;
-};
 
 struct Instance {
     VkInstance handle = VK_NULL_HANDLE;
@@ -78,6 +70,9 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features);
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
                                                         VkPhysicalDeviceProperties2 *properties);
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice device,
+                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
+                                                                     VkExternalBufferProperties *properties);
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,
                                                                VkPhysicalDeviceToolProperties *properties);
 VKAPI_ATTR VkResult VKAPI_CALL createDebugUtilsMessenger(VkInstance instance,

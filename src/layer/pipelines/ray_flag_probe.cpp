@@ -3,10 +3,9 @@
 #include <memory>
 
 #include "core/ray_flags.h"
-#include "layer/door/device.h"
+#include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/ray_flag_probe_pipeline.h"
 #include "layer/structures/trial_structure.h"
-#include "layer/work/trials.h"
 
 namespace vellum::layer
 {
@@ -25,15 +24,15 @@ bool returns(uint32_t flags)
 class RayTrial : public Trial
 {
 public:
-    RayTrial(Device &device, std::optional<bool> &answer)
-        : device_(device), answer_(answer), triangle_(device.gpu), instance_(device.gpu)
+    RayTrial(DevicePipelines &device, std::optional<bool> &answer)
+        : device_(device), answer_(answer), triangle_(device.buffers.gpu), instance_(device.buffers.gpu)
     {
     }
 
     bool record(VkCommandBuffer commands) override
     {
         if (!triangle_.buildTriangle(commands, VK_GEOMETRY_OPAQUE_BIT_KHR) ||
-            !instance_.buildInstance(commands, triangle_) || results_.create(device_.gpu, 8) != VK_SUCCESS)
+            !instance_.buildInstance(commands, triangle_) || results_.create(device_.buffers.gpu, 8) != VK_SUCCESS)
             return false;
         return trace(commands, {instance_.address(), results_.address(), kProbedBits, 0});
     }
@@ -44,7 +43,7 @@ protected:
     virtual bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) = 0;
     virtual bool carried(const uint32_t *results) const = 0;
 
-    Device &device_;
+    DevicePipelines &device_;
 
 private:
     std::optional<bool> &answer_;
@@ -60,7 +59,7 @@ public:
 private:
     bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) override
     {
-        return InjectedWork(device_, commands).dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
+        return InjectedWork(device_.commands, commands).dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
     }
     bool carried(const uint32_t *results) const override
     {
@@ -71,7 +70,10 @@ private:
 class PipelineTrial : public RayTrial
 {
 public:
-    PipelineTrial(Device &device, std::optional<bool> &answer) : RayTrial(device, answer), pipeline_(device.gpu) {}
+    PipelineTrial(DevicePipelines &device, std::optional<bool> &answer)
+        : RayTrial(device, answer), pipeline_(device.buffers.gpu)
+    {
+    }
 
 private:
     bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) override
@@ -97,18 +99,18 @@ bool RayFlagBits::carried(Way way)
 bool RayFlagBits::tryOut(Way way)
 {
     const bool query = way == Way::Query;
-    if (!(query ? device_->asked.rayQueries : device_->asked.rayTracingPipelines) || !device_->trials.exists())
+    if (!(query ? device_.driver.asked.rayQueries : device_.driver.asked.rayTracingPipelines) ||
+        !device_.commands.trials.exists())
         return true;
     // What one device found out holds for the instance's others of the same physical device.
-    Instance &instance = *device_->instance;
-    std::lock_guard lock(instance.habitsMutex);
-    DriverHabits &habits = instance.habits[device_->physicalDevice];
+    DriverHabits &habits = *device_.driver.habits;
+    std::lock_guard lock(habits.mutex);
     std::optional<bool> &known = query ? habits.queriesCarryFlagBits : habits.pipelinesCarryFlagBits;
     if (!known) {
         if (query)
-            device_->trials.run(std::make_unique<QueryTrial>(*device_, known));
+            device_.commands.trials.run(std::make_unique<QueryTrial>(device_, known));
         else
-            device_->trials.run(std::make_unique<PipelineTrial>(*device_, known));
+            device_.commands.trials.run(std::make_unique<PipelineTrial>(device_, known));
     }
     return known.value_or(false);
 }

@@ -9,14 +9,14 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DevicePipelines;
 
 // The answers are true where the bits come back and change no hit; also where the application did not enable that way
 // of tracing, or has no queue that could trace, so that nothing depends on it. Any thread may ask.
 class RayFlagBits
 {
 public:
-    void create(Device &device) { device_ = &device; }
+    explicit RayFlagBits(DevicePipelines &device) : device_(device) {}
     bool inQueries() { return carried(Way::Query); }
     bool inPipelines() { return carried(Way::Pipeline); }
 
@@ -25,7 +25,7 @@ private:
     bool carried(Way way);
     bool tryOut(Way way);
 
-    Device *device_ = nullptr;
+    DevicePipelines &device_;
     std::mutex mutex_; // held while a ray is traced: nobody who asks can go on before
     std::array<std::optional<bool>, 2> answers_;
 };

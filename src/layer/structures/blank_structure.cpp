@@ -3,10 +3,9 @@
 #include <cstring>
 
 #include "core/records.h"
-#include "layer/door/device.h"
+#include "layer/structures/device_structures.h"
 #include "layer/structures/structure_layout.h"
 #include "layer/structures/trial_structure.h"
-#include "layer/work/trials.h"
 
 namespace vellum::layer
 {
@@ -19,19 +18,19 @@ constexpr VkDeviceSize kSpareBytes = 4096;
 class SerializationTrial : public Trial
 {
 public:
-    explicit SerializationTrial(Device &device) : device_(device), triangle_(device.gpu) {}
+    explicit SerializationTrial(DeviceStructures &device) : device_(device), triangle_(device.buffers.gpu) {}
 
     bool record(VkCommandBuffer commands) override
     {
         if (!triangle_.buildTriangle(commands, 0, kSpareBytes) ||
-            serialized_.create(device_.gpu, triangle_.size() + 2 * kSpareBytes) != VK_SUCCESS)
+            serialized_.create(device_.buffers.gpu, triangle_.size() + 2 * kSpareBytes) != VK_SUCCESS)
             return false;
         VkCopyAccelerationStructureToMemoryInfoKHR info{
             VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR};
         info.src = triangle_.handle();
         info.dst.deviceAddress = alignUp(serialized_.address(), kPartAlignment);
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
-        device_.next.CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
+        device_.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
         return true;
     }
 
@@ -50,7 +49,7 @@ public:
             bytes -= kSpareBytes;
             size -= kSpareBytes;
         }
-        if (blank.memory.create(device_.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
+        if (blank.memory.create(device_.buffers.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
             return;
         uint32_t *kept = blank.memory.words();
         std::memcpy(kept, words, bytes);
@@ -61,18 +60,18 @@ public:
     }
 
 private:
-    Device &device_;
+    DeviceStructures &device_;
     TrialStructure triangle_;
     GpuBuffer serialized_;
 };
 
 } // namespace
 
-const BlankStructure &blankStructure(Device &device)
+const BlankStructure &blankStructure(DeviceStructures &device)
 {
     std::call_once(device.blank.tried, [&device] {
-        if (device.asked.structures)
-            device.trials.run(std::make_unique<SerializationTrial>(device));
+        if (device.driver.asked.structures)
+            device.commands.trials.run(std::make_unique<SerializationTrial>(device));
     });
     return device.blank;
 }

@@ -11,7 +11,7 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceStructures;
 
 // It begins with the driver's UUIDs, and stands in for serialized data that the driver must not see.
 struct BlankStructure {
@@ -24,6 +24,6 @@ struct BlankStructure {
 };
 
 // There is none where the application did not enable acceleration structures, or has no queue that can build them.
-const BlankStructure &blankStructure(Device &device);
+const BlankStructure &blankStructure(DeviceStructures &device);
 
 } // namespace vellum::layer

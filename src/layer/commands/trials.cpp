@@ -1,4 +1,4 @@
-#include "layer/work/trials.h"
+#include "layer/commands/trials.h"
 
 #include <chrono>
 
