@@ -113,7 +113,7 @@ VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkD
 
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
-    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands)
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, bool importsHostMemory)
         : info(application), chain(application.pNext)
     {
         const auto provided = [ownAddressCommands](const char *name) {
@@ -127,6 +127,8 @@ struct DriverDeviceInfo {
             if (!provided(application.ppEnabledExtensionNames[i]))
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
+        if (importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
+            extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
@@ -239,7 +241,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->driver.ownAddressCommands =
             device->driver.asked.addressCommands &&
             implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
-        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands);
+        device->buffers.gpu.importsHostMemory = importsHostMemory(instance, physicalDevice);
+        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands,
+                                          device->buffers.gpu.importsHostMemory);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -256,7 +260,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.habits = &habitsOf(instance, physicalDevice);
     device->driver.next.load(*handle, nextDeviceGet);
     if (device->driver.emulated) {
-        device->buffers.gpu = {*handle, &device->driver.next, {}};
+        device->buffers.gpu.device = *handle;
+        device->buffers.gpu.next = &device->driver.next;
         device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->pipelines.anyHitModules.create(device->buffers.gpu);

@@ -59,6 +59,10 @@ Implementations implementationsOn(Instance &instance, VkPhysicalDevice physicalD
 // Whether the driver gives buffers the addresses that they had before: then micromaps have theirs.
 bool replaysAddresses(Instance &instance, VkPhysicalDevice physicalDevice);
 
+// Whether buffers can be made on memory of the host's (VK_EXT_external_memory_host) whose device addresses may well be
+// the host's: on a CPU.
+bool importsHostMemory(Instance &instance, VkPhysicalDevice device);
+
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance);
 VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance instance, const VkAllocationCallbacks *allocator);

@@ -38,6 +38,7 @@ namespace vellum::layer
     X(GetBufferMemoryRequirements, GetBufferMemoryRequirements)                                                        \
     X(GetDeviceBufferMemoryRequirements, GetDeviceBufferMemoryRequirementsKHR)                                         \
     X(AllocateMemory, AllocateMemory)                                                                                  \
+    X(GetMemoryHostPointerPropertiesEXT, GetMemoryHostPointerPropertiesEXT)                                            \
     X(FreeMemory, FreeMemory)                                                                                          \
     X(BindBufferMemory, BindBufferMemory)                                                                              \
     X(MapMemory, MapMemory)                                                                                            \
