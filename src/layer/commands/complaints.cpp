@@ -131,14 +131,22 @@ void Complaints::drainIdle(Reporter &report)
 
 VkResult queueWaitIdle(DeviceCommands &device, VkQueue queue)
 {
-    const VkResult result = device.driver.next.QueueWaitIdle(queue);
+    VkResult result;
+    {
+        const TrialQueue::Lock lock = device.trials.lock(queue);
+        result = device.driver.next.QueueWaitIdle(queue);
+    }
     device.complaints.drain(device.driver.report());
     return result;
 }
 
 VkResult deviceWaitIdle(DeviceCommands &device, VkDevice handle)
 {
-    const VkResult result = device.driver.next.DeviceWaitIdle(handle);
+    VkResult result;
+    {
+        const TrialQueue::Lock lock = device.trials.lock();
+        result = device.driver.next.DeviceWaitIdle(handle);
+    }
     if (result == VK_SUCCESS)
         device.complaints.drainIdle(device.driver.report());
     return result;
@@ -169,6 +177,7 @@ VkResult waitSemaphores(DeviceCommands &device, VkDevice handle, const VkSemapho
 VkResult queueSubmit(DeviceCommands &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits, VkFence fence)
 {
     device.complaints.drain(device.driver.report());
+    const TrialQueue::Lock lock = device.trials.lock(queue);
     return device.driver.next.QueueSubmit(queue, count, submits, fence);
 }
 

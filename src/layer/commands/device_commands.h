@@ -1,5 +1,5 @@
 // The room of command buffers: what the application has set in them, GPU work that the layer adds, synchronization as
-// the driver knows it, commands at start-up, deferred operations, and what shaders found wrong.
+// the driver knows it, trials of the driver, deferred operations, and what shaders found wrong.
 #pragma once
 
 #include <memory>
@@ -8,6 +8,7 @@
 #include "layer/commands/complaints.h"
 #include "layer/commands/deferred.h"
 #include "layer/commands/injected_work.h"
+#include "layer/commands/trials.h"
 #include "layer/objects/device_objects.h"
 
 namespace vellum::layer
@@ -21,6 +22,7 @@ struct DeviceCommands {
     Complaints complaints{};
     HandleMap<VkCommandBuffer, std::shared_ptr<CommandState>> states{};
     HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations{};
+    TrialQueue trials{}; // the last one: what is still running may use the others
 };
 
 } // namespace vellum::layer

@@ -169,7 +169,21 @@ VkResult queueSubmit2(DeviceCommands &device, VkQueue queue, uint32_t count, con
         semaphores.push_back(driverSemaphores(submit.pSignalSemaphoreInfos, submit.signalSemaphoreInfoCount));
         submit.pSignalSemaphoreInfos = semaphores.back().data();
     }
+    const TrialQueue::Lock lock = device.trials.lock(queue);
     return device.driver.next.QueueSubmit2(queue, count, own.data(), fence);
+}
+
+VkResult queueBindSparse(DeviceCommands &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
+                         VkFence fence)
+{
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    return device.driver.next.QueueBindSparse(queue, count, infos, fence);
+}
+
+VkResult queuePresent(DeviceCommands &device, VkQueue queue, const VkPresentInfoKHR *info)
+{
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    return device.driver.next.QueuePresentKHR(queue, info);
 }
 
 VkResult createRenderPass2(DeviceCommands &device, VkDevice handle, const VkRenderPassCreateInfo2 *info,

@@ -16,6 +16,9 @@ void cmdWaitEvents2(DeviceCommands &, VkCommandBuffer, uint32_t, const VkEvent *
 void cmdWriteTimestamp2(DeviceCommands &, VkCommandBuffer, VkPipelineStageFlags2, VkQueryPool, uint32_t);
 void cmdWriteBufferMarker2(DeviceCommands &, VkCommandBuffer, VkPipelineStageFlags2, VkBuffer, VkDeviceSize, uint32_t);
 VkResult queueSubmit2(DeviceCommands &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
+// The layer may want the same queue (commands/trials.h).
+VkResult queueBindSparse(DeviceCommands &, VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);
+VkResult queuePresent(DeviceCommands &, VkQueue, const VkPresentInfoKHR *);
 VkResult createRenderPass2(DeviceCommands &, VkDevice, const VkRenderPassCreateInfo2 *, const VkAllocationCallbacks *,
                            VkRenderPass *);
 

@@ -70,6 +70,15 @@ Asked askedFor(const VkDeviceCreateInfo &info)
     }
     if (const auto *features = khrFeatures(info))
         asked.khrFeature = features->micromap;
+    if (const auto *features = featuresIn<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
+        asked.structures = features->accelerationStructure;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayQueryFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR))
+        asked.rayQueries = features->rayQuery;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR))
+        asked.rayTracingPipelines = features->rayTracingPipeline;
     return asked;
 }
 
@@ -105,7 +114,7 @@ VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkD
 
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
-    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands)
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, bool importsHostMemory)
         : info(application), chain(application.pNext)
     {
         const auto provided = [ownAddressCommands](const char *name) {
@@ -119,6 +128,8 @@ struct DriverDeviceInfo {
             if (!provided(application.ppEnabledExtensionNames[i]))
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
+        if (importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
+            extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
@@ -167,6 +178,21 @@ std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysi
     std::array<uint8_t, VK_UUID_SIZE> uuid;
     std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
     return uuid;
+}
+
+std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    uint32_t count = 0;
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, nullptr);
+    std::vector<VkQueueFamilyProperties> families(count);
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, families.data());
+    return families;
+}
+
+DriverHabits &habitsOf(Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    std::lock_guard lock(instance.habitsMutex);
+    return instance.habits[physicalDevice];
 }
 
 const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
@@ -227,7 +253,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->driver.ownAddressCommands =
             device->driver.asked.addressCommands &&
             implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
-        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands);
+        device->buffers.gpu.importsHostMemory = importsHostMemory(instance, physicalDevice);
+        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands,
+                                          device->buffers.gpu.importsHostMemory);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -241,9 +269,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.instance = &instance.next;
     device->driver.settings = &instance.settings;
     device->driver.reporter = &instance.report;
+    device->driver.habits = &habitsOf(instance, physicalDevice);
     device->driver.next.load(*handle, nextDeviceGet);
     if (device->driver.emulated) {
-        device->buffers.gpu = {*handle, &device->driver.next, {}};
+        device->buffers.gpu.device = *handle;
+        device->buffers.gpu.next = &device->driver.next;
         device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->pipelines.anyHitModules.create(device->buffers.gpu);
@@ -267,8 +297,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             return result;
         }
         device->driver.queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-        makeBlankStructure(device->structures, *info, loaderDataCallback(*info));
-        device->pipelines.carriesRayFlagBits = probeRayFlagBits(device->pipelines, *info, loaderDataCallback(*info));
+        device->commands.trials.choose(device->buffers.gpu, instance.report, queueFamiliesOf(instance, physicalDevice),
+                                       *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);

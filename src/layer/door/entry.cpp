@@ -144,6 +144,8 @@ const Row kRows[] = {
     row<waitSemaphores>("vkWaitSemaphores", Scope::Emulated),
     row<waitSemaphores>("vkWaitSemaphoresKHR", Scope::Emulated),
     row<queueSubmit>("vkQueueSubmit", Scope::Emulated),
+    row<queueBindSparse>("vkQueueBindSparse", Scope::Emulated),
+    row<queuePresent>("vkQueuePresentKHR", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateData", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateDataEXT", Scope::Emulated),
     row<getPrivateData>("vkGetPrivateData", Scope::Emulated),

@@ -15,6 +15,7 @@
 #include "core/records.h"
 #include "layer/ground/pnext.h"
 #include "layer/memory/buffers.h"
+#include "layer/memory/fixed_memory.h"
 #include "layer/pipelines/shader_binary.h"
 
 namespace vellum::layer
@@ -141,6 +142,28 @@ bool replaysAddresses(Instance &instance, VkPhysicalDevice device)
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(device, &features);
     return addresses.bufferDeviceAddressCaptureReplay;
+}
+
+bool importsHostMemory(Instance &instance, VkPhysicalDevice device)
+{
+    if (!contains(driverExtensions(instance, device), VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME) ||
+        !instance.next.GetPhysicalDeviceProperties2 || !instance.next.GetPhysicalDeviceExternalBufferProperties)
+        return false;
+    VkPhysicalDeviceExternalMemoryHostPropertiesEXT host{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_MEMORY_HOST_PROPERTIES_EXT};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &host, {}};
+    instance.next.GetPhysicalDeviceProperties2(device, &properties);
+    const VkPhysicalDeviceExternalBufferInfo info{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO, nullptr, 0,
+                                                  VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                                                      VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+                                                  VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT};
+    VkExternalBufferProperties buffers{VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES, nullptr, {}};
+    instance.next.GetPhysicalDeviceExternalBufferProperties(device, &info, &buffers);
+    const VkExternalMemoryFeatureFlags features = buffers.externalMemoryProperties.externalMemoryFeatures;
+    return properties.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU &&
+           host.minImportedHostPointerAlignment <= FixedMemory::kAlignment &&
+           (features & VK_EXTERNAL_MEMORY_FEATURE_IMPORTABLE_BIT) != 0 &&
+           (features & VK_EXTERNAL_MEMORY_FEATURE_DEDICATED_ONLY_BIT) == 0;
 }
 
 Instance *instanceOfKey(void *key)

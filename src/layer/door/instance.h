@@ -1,9 +1,12 @@
 // Per-instance state: what the layer knows of the instance and its physical devices.
 #pragma once
 
+#include <map>
+#include <mutex>
+
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/dispatch.h"
+#include "layer/ground/driver.h"
 #include "layer/ground/report.h"
 #include "layer/ground/settings.h"
 
@@ -25,6 +28,8 @@ struct Instance {
     bool hasProperties2 = false;
     Settings settings;
     Reporter report;
+    std::mutex habitsMutex;
+    std::map<VkPhysicalDevice, DriverHabits> habits;
 };
 
 // The state of the instance that a VkInstance or VkPhysicalDevice belongs to.
@@ -55,6 +60,10 @@ Implementations implementationsOn(Instance &instance, VkPhysicalDevice physicalD
 
 // Whether the driver gives buffers the addresses that they had before: then micromaps have theirs.
 bool replaysAddresses(Instance &instance, VkPhysicalDevice physicalDevice);
+
+// Whether buffers can be made on memory of the host's (VK_EXT_external_memory_host) whose device addresses may well be
+// the host's: on a CPU.
+bool importsHostMemory(Instance &instance, VkPhysicalDevice device);
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance);

@@ -26,6 +26,10 @@ namespace vellum::layer
     X(DestroyDevice, DestroyDevice)                                                                                    \
     X(GetDeviceQueue2, GetDeviceQueue2)                                                                                \
     X(QueueSubmit, QueueSubmit)                                                                                        \
+    X(QueueBindSparse, QueueBindSparse)                                                                                \
+    X(QueuePresentKHR, QueuePresentKHR)                                                                                \
+    X(CreateFence, CreateFence)                                                                                        \
+    X(DestroyFence, DestroyFence)                                                                                      \
     X(QueueWaitIdle, QueueWaitIdle)                                                                                    \
     X(CreateCommandPool, CreateCommandPool)                                                                            \
     X(EndCommandBuffer, EndCommandBuffer)                                                                              \
@@ -34,6 +38,7 @@ namespace vellum::layer
     X(GetBufferMemoryRequirements, GetBufferMemoryRequirements)                                                        \
     X(GetDeviceBufferMemoryRequirements, GetDeviceBufferMemoryRequirementsKHR)                                         \
     X(AllocateMemory, AllocateMemory)                                                                                  \
+    X(GetMemoryHostPointerPropertiesEXT, GetMemoryHostPointerPropertiesEXT)                                            \
     X(FreeMemory, FreeMemory)                                                                                          \
     X(BindBufferMemory, BindBufferMemory)                                                                              \
     X(MapMemory, MapMemory)                                                                                            \

@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cstdint>
+#include <mutex>
+#include <optional>
 
 #include <vulkan/vulkan.h>
 
@@ -23,9 +25,20 @@ struct Asked {
     bool khrFeature = false;      // VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap
     bool captureReplay = false;
     bool hostCommands = false;
+    bool structures = false; // VkPhysicalDeviceAccelerationStructureFeaturesKHR::accelerationStructure
+    bool rayQueries = false; // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
+    bool rayTracingPipelines = false;
 
     // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
+};
+
+// What was found out about a physical device by trying, for all devices of an instance; nothing, where it was not tried
+// yet.
+struct DriverHabits {
+    std::mutex mutex;
+    std::optional<bool> queriesCarryFlagBits; // pipelines/ray_flag_probe.h
+    std::optional<bool> pipelinesCarryFlagBits;
 };
 
 // A device as the next layer or the driver made it.
@@ -35,6 +48,7 @@ struct Driver {
     const InstanceTable *instance = nullptr;
     const Settings *settings = nullptr;
     Reporter *reporter = nullptr;
+    DriverHabits *habits = nullptr;
     DeviceTable next;
 
     bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through

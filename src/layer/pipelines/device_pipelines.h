@@ -18,7 +18,7 @@ struct DevicePipelines {
     DeviceBuffers &buffers;
     DeviceObjects &objects;
     DeviceCommands &commands;
-    CarriedRayFlagBits carriesRayFlagBits{};
+    RayFlagBits rayFlagBits{*this};
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps

@@ -24,18 +24,18 @@ void dump(const DevicePipelines &device, uint32_t number, const char *suffix, st
 
 } // namespace
 
-spirv::RewriteOptions rewriteOptions(const DevicePipelines &device, std::optional<spirv::PipelineStage> pipelineStage)
+spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spirv::PipelineStage> pipelineStage)
 {
     return {.rootAddress = device.objects.root.address(),
             .firstSlots = device.objects.root.firstSlots(),
             .queriesConsume = device.driver.asked.everyQueryUsesMicromaps() ? spirv::QueriesConsume::Always
                                                                             : spirv::QueriesConsume::WhereDeclared,
-            .queriesCarryFlagBits = device.carriesRayFlagBits.inQueries,
-            .pipelinesCarryFlagBits = device.carriesRayFlagBits.inPipelines,
+            .queriesCarryFlagBits = [&device] { return device.rayFlagBits.inQueries(); },
+            .pipelinesCarryFlagBits = [&device] { return device.rayFlagBits.inPipelines(); },
             .pipelineStage = pipelineStage};
 }
 
-bool rewriteShader(const DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
+bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
     const std::span<const uint32_t> words(code, bytes / 4);

@@ -30,7 +30,7 @@ void refuse(const DeviceStructures &device, const char *id, const char *command,
                                  reinterpret_cast<uint64_t>(structure));
 }
 
-void saveTopLevel(InjectedWork &work, const DeviceStructures &device, const AccelerationStructure &source,
+void saveTopLevel(InjectedWork &work, DeviceStructures &device, const AccelerationStructure &source,
                   VkDeviceAddress cell, VkDeviceAddress target)
 {
     TopSavePush push{};
@@ -38,7 +38,7 @@ void saveTopLevel(InjectedWork &work, const DeviceStructures &device, const Acce
     push.begin = beginOf(device.driver, source);
     push.blob = target;
     push.root = device.objects.root.address();
-    push.blank = device.blank.memory.address();
+    push.blank = blankStructure(device).memory.address();
     push.structureUnits = unitsOf(source.size);
     push.leastUnits = unitsOf(topLevelTailOffset(device.driver, 0, 0));
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(target));
@@ -64,6 +64,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
     device.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
     work.barrier();
+    const BlankStructure &blank = blankStructure(device);
     StructureSavePush push{};
     push.cell = cell;
     push.begin = beginOf(device.driver, source);
@@ -72,9 +73,9 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     push.root = device.objects.root.address();
     push.structureUnits = unitsOf(source.size);
     push.stagingUnits = unitsOf(stagingBytes);
-    push.leastUnits = unitsOf(device.blank.structureBytes);
+    push.leastUnits = unitsOf(blank.structureBytes);
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(push.blob));
-    push.wholeCopies = device.blank.wholeCopies;
+    push.wholeCopies = blank.wholeCopies;
     push.blocks = device.driver.asked.khr;
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::StructureSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
@@ -127,11 +128,11 @@ struct Restore {
         else if (info.src.deviceAddress % 256 != 0)
             refused("VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743",
                     "src is not aligned to 256 bytes");
-        else if (device.blank.units == 0)
+        else if (blankStructure(device).units == 0)
             device.driver.report().notAvailable(
                 "vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
-                "data could not be looked at when the device was made,");
-        else if (!topLevel() && target->size < device.blank.structureBytes)
+                "data could not be looked at,");
+        else if (!topLevel() && target->size < blankStructure(device).structureBytes)
             // Not even what stands in for data that is refused has room.
             refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                     "dst is smaller than any deserialized structure");
@@ -142,11 +143,11 @@ struct Restore {
 
     void record() const
     {
+        const BlankStructure &blank = blankStructure(device);
         const bool top = topLevel();
         const CellPlace cell = cellOf(device.objects, *target, info.dst);
         const VkDeviceSize stagingBytes =
-            top ? 0
-                : std::max(VkDeviceSize{device.blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
+            top ? 0 : std::max(VkDeviceSize{blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
         if (state)
             state->scratch.restart();
         const VkDeviceAddress staging =
@@ -161,8 +162,8 @@ struct Restore {
         push.cell = cell.address;
         push.begin = beginOf(device.driver, *target);
         push.root = device.objects.root.address();
-        push.blank = device.blank.memory.address();
-        push.blankUnits = device.blank.units;
+        push.blank = blank.memory.address();
+        push.blankUnits = blank.units;
         push.capacity = unitsOf(readable());
         push.stagingUnits = unitsOf(stagingBytes);
         push.targetUnits = unitsOf(target->size);
@@ -239,7 +240,7 @@ void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuf
         content = source->content;
     }
     const CellPlace cell = cellOf(device.objects, *source, info->src);
-    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || device.blank.units == 0) {
+    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || blankStructure(device).units == 0) {
         device.driver.report().notAvailable(
             "vkCmdCopyAccelerationStructureToMemoryKHR of a GENERIC structure recorded before "
             "any build of it, or without memory for the layer's tables,");
@@ -283,7 +284,10 @@ void getDeviceAccelerationStructureCompatibility(DeviceStructures &device, VkDev
     VkAccelerationStructureVersionInfoKHR driverInfo = *info;
     driverInfo.pVersionData = reinterpret_cast<const uint8_t *>(words);
     device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, &driverInfo, compatibility);
-    if (device.blank.units == 0 || std::memcmp(words, device.blank.memory.words(), sizeof words) != 0)
+    if (*compatibility != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
+        return;
+    const BlankStructure &blank = blankStructure(device);
+    if (blank.units == 0 || std::memcmp(words, blank.memory.words(), sizeof words) != 0)
         *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 

@@ -8,12 +8,14 @@ namespace vellum::layer
 namespace
 {
 
+constexpr uint32_t kSerializationSize = 1;
+
 // kProperty* of shaders/structure_size.comp; ~0: not one of these.
 uint32_t propertyOf(VkQueryType type)
 {
     switch (type) {
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR: return 0;
-    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR: return 1;
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR: return kSerializationSize;
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR: return 2;
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR: return 3;
     default: return UINT32_MAX;
@@ -39,7 +41,8 @@ void recordStructureProperty(InjectedWork &work, DeviceStructures &device, VkAcc
     push.value = value;
     push.structureUnits = unitsOf(known->size);
     push.property = propertyOf(type);
-    push.wholeCopies = device.blank.wholeCopies;
+    if (push.property == kSerializationSize)
+        push.wholeCopies = blankStructure(device).wholeCopies;
     if (push.cell)
         work.dispatch(InjectedShader::StructureSize, push, 1, 1);
 }
