@@ -8,7 +8,7 @@
 #include <string>
 
 #include "bake/bake.h"
-#include "cli/renderer.h"
+#include "cli/renderer/renderer.h"
 
 namespace vellum::cli
 {

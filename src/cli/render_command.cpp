@@ -4,10 +4,10 @@
 #include <cstdio>
 #include <fmt/format.h>
 
-#include "cli/baked_scene.h"
-#include "cli/grove.h"
-#include "cli/layer_path.h"
-#include "cli/progress.h"
+#include "cli/base/progress.h"
+#include "cli/scene/baked_scene.h"
+#include "cli/scene/grove.h"
+#include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
 {
