@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include "cli/base/statistics.h"
 #include "cli/render_command.h"
 #include "cli/vulkan/layer_path.h"
 #include "cli/vulkan/resources.h"

@@ -28,6 +28,8 @@ Examples:
       nine copies, a costly alpha test, coarser and smaller micromaps
   vellum render ash.glb --mode compare --trace pipeline
       the same rays by a ray tracing pipeline with an any-hit shader
+  vellum render ash.glb --mode states --zoom 4
+      the states of its micromaps in colours, from nearby
   vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
       a smooth picture from another side)";
 
@@ -45,7 +47,7 @@ std::uint32_t parseLevel(const std::string &text)
 }
 
 const std::map<std::string, Mode> kModes = {
-    {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
+    {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}, {"states", Mode::States}};
 const std::map<std::string, Trace> kTraces = {{"query", Trace::Query}, {"pipeline", Trace::Pipeline}};
 
 // What CLI11 stores as text. Names of enumerators too: it would take numbers and nothing for them.
@@ -67,7 +69,8 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
         .add_option("-m,--mode", raw.mode,
                     "alpha: no micromaps, the shader samples the texture for every candidate.\n"
                     "omm: micromaps, it samples only where they are unknown.\n"
-                    "compare: both, with a table of times, candidates per ray and differing pixels [omm]")
+                    "compare: both, with a table of times, candidates per ray and differing pixels.\n"
+                    "states: the micromaps' states in colours, which are printed [omm]")
         ->check(CLI::IsMember(kModes).description(""))
         ->type_name("MODE");
     command
@@ -95,8 +98,13 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
         ->check(CLI::IsMember({2, 4}).description(""));
     command.add_option("-n,--instances", options.instances, "Copies of the scene on a square grid: 1 to 1000 [1]")
         ->check(CLI::Range(1, 1000).description(""));
-    command.add_option("--frames", options.frames, "Frames to time; the median is printed [5]")
+    command
+        .add_option("--frames", options.frames,
+                    "Frames to time, whose median is printed; for compare, pairs of frames [5; for\n"
+                    "compare as many as it takes, 9 at least and a minute at most]")
         ->check(CLI::Range(1, 10000).description(""));
+    command.add_flag("--side-by-side", options.sideBySide,
+                     "With --mode states: the picture by micromaps to the left of the states");
     command.add_flag("--heavy", options.settings.heavy, "16 more texture reads per candidate, like a costly material");
     command.add_option("--yaw", options.settings.view.yaw, "Turn of the camera around the scene in degrees [25]");
     command.add_option("--pitch", options.settings.view.pitch, "Tilt of the camera in degrees, -85 to 85 [3]")
@@ -119,6 +127,12 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
     options.settings.trace = kTraces.at(raw.trace);
     options.api = micromapApis().at(raw.api);
     options.layer = !raw.noLayer;
+    if (options.sideBySide && options.mode != Mode::States)
+        throw Error("--side-by-side is for --mode states");
+    if (options.mode == Mode::States && options.settings.trace != Trace::Query)
+        throw Error("--mode states draws by ray queries, without --trace pipeline");
+    if (options.mode == Mode::States && options.frames)
+        throw Error("--mode states times nothing, so it takes no --frames");
     // NaN passes CLI11's range checks.
     const View &view = options.settings.view;
     if (!std::isfinite(view.yaw) || !std::isfinite(view.pitch) || !std::isfinite(view.zoom))

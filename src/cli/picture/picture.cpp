@@ -82,6 +82,18 @@ void writePng(const std::filesystem::path &path, const Picture &picture)
     unfinished.path.clear();
 }
 
+Picture sideBySide(const Picture &left, const Picture &right)
+{
+    Picture both{left.width + right.width, left.height, {}};
+    for (std::size_t row = 0; row < both.height; ++row) {
+        for (const Picture *part : {&left, &right}) {
+            const auto first = part->pixels.begin() + static_cast<std::ptrdiff_t>(row * part->width);
+            both.pixels.insert(both.pixels.end(), first, first + part->width);
+        }
+    }
+    return both;
+}
+
 Difference compare(const Picture &a, const Picture &b)
 {
     Difference difference;

@@ -20,6 +20,9 @@ void checkWritable(const std::filesystem::path &path);
 // Writes beside `path` and renames: whatever happens, `path` is never half of a picture. Throws Error.
 void writePng(const std::filesystem::path &path, const Picture &picture);
 
+// Both pictures must have the same height.
+Picture sideBySide(const Picture &left, const Picture &right);
+
 struct Difference {
     std::uint64_t pixels = 0;  // that differ in any channel
     std::uint32_t largest = 0; // of any channel, 1..255

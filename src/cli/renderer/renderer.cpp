@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <chrono>
 
+#include "cli/renderer/state_table.h"
+
 namespace vellum::cli
 {
 namespace
 {
 
-constexpr std::uint32_t kTextureBinding = 6;
+constexpr std::uint32_t kTextureBinding = 7;
 constexpr std::uint32_t kHeavyReads = 16;
 
 using Clock = std::chrono::steady_clock;
@@ -33,10 +35,11 @@ Renderer::Renderer(Device &device, const RenderSettings &settings, World &&world
 // Delegates, so that the destructor also runs where this throws.
 Renderer::Renderer(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps,
                    const RenderSettings &settings)
-    : Renderer(device, settings, World(device, scene, micromaps))
+    : Renderer(device, settings,
+               World(device, scene, settings.paintStates ? std::span<const Micromap *const>() : micromaps))
 {
     m_frame = makeFrame(scene, settings);
-    uploadScene(scene);
+    uploadScene(scene, micromaps);
     createLayouts();
     createDescriptors();
     m_pipeline = makePipeline(false);
@@ -76,17 +79,22 @@ Renderer::Frame Renderer::makeFrame(const RenderScene &scene, const RenderSettin
     return frame;
 }
 
-void Renderer::uploadScene(const RenderScene &scene)
+void Renderer::uploadScene(const RenderScene &scene, std::span<const Micromap *const> micromaps)
 {
     constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     const std::size_t pixels = std::size_t{m_settings.width} * m_settings.height;
-    const VkDeviceSize largest = std::max({pixels * 8, scene.uvs.size() * sizeof(float), scene.normals.size() * 4});
+    std::vector<std::uint32_t> states(1); // a buffer cannot be empty
+    if (m_settings.paintStates)
+        states = makeStateTable(scene, micromaps);
+    const VkDeviceSize largest =
+        std::max({pixels * 8, scene.uvs.size() * sizeof(float), scene.normals.size() * 4, states.size() * 4});
     if (largest > m_device.limits().maxStorageBufferRange)
         throw Error("the picture or the scene is too large for the device: a buffer of " + std::to_string(largest) +
                     " bytes, where " + std::to_string(m_device.limits().maxStorageBufferRange) + " are allowed");
     m_records = uploadBuffer(m_device, std::as_bytes(std::span(scene.records)), kStorage);
     m_uvs = uploadBuffer(m_device, std::as_bytes(std::span(scene.uvs)), kStorage);
     m_normals = uploadBuffer(m_device, std::as_bytes(std::span(scene.normals)), kStorage);
+    m_states = uploadBuffer(m_device, std::as_bytes(std::span(states)), kStorage);
     m_pixels = Buffer(m_device, pixels * 4, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device);
     m_counts = Buffer(m_device, pixels * 8, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device);
     for (const std::uint32_t material : scene.texturedMaterials) {
@@ -123,7 +131,7 @@ void Renderer::createDescriptors()
 {
     const auto textures = static_cast<std::uint32_t>(m_textures.size());
     const VkDescriptorPoolSize sizes[] = {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1},
-                                          {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 5},
+                                          {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 6},
                                           {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, textures}};
     const VkDescriptorPoolCreateInfo pool{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 3, sizes};
     check(vkCreateDescriptorPool(m_device.handle(), &pool, nullptr, &m_pool), "creating a descriptor pool");
@@ -135,7 +143,7 @@ void Renderer::createDescriptors()
     const VkWriteDescriptorSetAccelerationStructureKHR structure{
         VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR, nullptr, 1, &top};
     std::vector<VkDescriptorBufferInfo> buffers;
-    for (const Buffer *buffer : {&m_pixels, &m_records, &m_uvs, &m_normals, &m_counts})
+    for (const Buffer *buffer : {&m_pixels, &m_records, &m_uvs, &m_normals, &m_counts, &m_states})
         buffers.push_back({buffer->handle(), 0, VK_WHOLE_SIZE});
     std::vector<VkDescriptorImageInfo> images;
     for (const Texture &texture : m_textures)
@@ -163,6 +171,7 @@ std::unique_ptr<TracePipeline> Renderer::makePipeline(bool counting) const
     info.micromaps = m_world.micromapBytes() != 0;
     info.constants.textures = static_cast<std::uint32_t>(m_textures.size());
     info.constants.heavyReads = m_settings.heavy ? kHeavyReads : 0;
+    info.constants.painting = m_settings.paintStates ? VK_TRUE : VK_FALSE;
     info.constants.counting = counting ? VK_TRUE : VK_FALSE;
     return makeTracePipeline(m_device, m_settings.trace, info);
 }

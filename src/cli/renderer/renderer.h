@@ -17,6 +17,7 @@ struct RenderSettings {
     std::uint32_t samples = 1; // per pixel
     bool heavy = false;        // 16 more texture reads per candidate
     Trace trace = Trace::Query;
+    bool paintStates = false; // on the leaves, in kStateColors; by Trace::Query only
     View view;
 };
 
@@ -32,7 +33,8 @@ struct CandidateCount {
 class Renderer
 {
 public:
-    // Uploads and builds everything. `micromaps` as for World. `device` must outlive the renderer, `scene` need not.
+    // Uploads and builds everything. `micromaps` as for World; with settings.paintStates they are only painted, and
+    // need nothing of the device. `device` must outlive the renderer, `scene` need not.
     // For Trace::Pipeline the device must have ray tracing pipelines enabled.
     Renderer(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps,
              const RenderSettings &settings);
@@ -57,7 +59,7 @@ private:
 
     Renderer(Device &device, const RenderSettings &settings, World &&world);
     static Frame makeFrame(const RenderScene &scene, const RenderSettings &settings);
-    void uploadScene(const RenderScene &scene);
+    void uploadScene(const RenderScene &scene, std::span<const Micromap *const> micromaps);
     void createLayouts();
     void createDescriptors();
     [[nodiscard]] std::unique_ptr<TracePipeline> makePipeline(bool counting) const;
@@ -69,7 +71,7 @@ private:
     World m_world;
     Frame m_frame{};
     std::vector<Texture> m_textures;
-    Buffer m_pixels, m_records, m_uvs, m_normals, m_counts;
+    Buffer m_pixels, m_records, m_uvs, m_normals, m_counts, m_states;
     VkDescriptorSetLayout m_setLayout = VK_NULL_HANDLE;
     VkPipelineLayout m_layout = VK_NULL_HANDLE;
     VkDescriptorPool m_pool = VK_NULL_HANDLE;

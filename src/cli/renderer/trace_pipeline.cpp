@@ -14,7 +14,8 @@ namespace
 constexpr VkSpecializationMapEntry kConstants[] = {
     {0, offsetof(TraceConstants, textures), sizeof(TraceConstants::textures)},
     {1, offsetof(TraceConstants, heavyReads), sizeof(TraceConstants::heavyReads)},
-    {2, offsetof(TraceConstants, counting), sizeof(TraceConstants::counting)}};
+    {2, offsetof(TraceConstants, counting), sizeof(TraceConstants::counting)},
+    {3, offsetof(TraceConstants, painting), sizeof(TraceConstants::painting)}};
 
 } // namespace
 

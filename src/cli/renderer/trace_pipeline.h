@@ -26,6 +26,7 @@ struct TraceConstants {
     std::uint32_t textures = 1;
     std::uint32_t heavyReads = 0;
     VkBool32 counting = VK_FALSE;
+    VkBool32 painting = VK_FALSE;
 };
 
 struct TracePipelineInfo {

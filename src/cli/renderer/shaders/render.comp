@@ -4,6 +4,7 @@
 #extension GL_EXT_ray_query : require
 #include "alpha_test.glsl"
 #include "shading.glsl"
+#include "states.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -16,8 +17,10 @@ Hit traceClosest(vec3 origin, vec3 direction)
             ++candidates;
         const uint geometry = rayQueryGetIntersectionInstanceCustomIndexEXT(query, false) +
                               rayQueryGetIntersectionGeometryIndexEXT(query, false);
-        if (isLeaf(geometry, rayQueryGetIntersectionPrimitiveIndexEXT(query, false),
-                   rayQueryGetIntersectionBarycentricsEXT(query, false)))
+        const uint primitive = rayQueryGetIntersectionPrimitiveIndexEXT(query, false);
+        const vec2 barycentrics = rayQueryGetIntersectionBarycentricsEXT(query, false);
+        if (kPaint ? endsRay(geometry, primitive, barycentrics, rayQueryGetIntersectionTEXT(query, false))
+                   : isLeaf(geometry, primitive, barycentrics))
             rayQueryConfirmIntersectionEXT(query);
     }
     if (kCount)
@@ -31,7 +34,22 @@ Hit traceClosest(vec3 origin, vec3 direction)
                           rayQueryGetIntersectionPrimitiveIndexEXT(query, true),
                           rayQueryGetIntersectionBarycentricsEXT(query, true),
                           mat3(rayQueryGetIntersectionObjectToWorldEXT(query, true)));
+    if (kPaint && hit.t != kNothing) {
+        const uint primitive = rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
+        const vec2 barycentrics = rayQueryGetIntersectionBarycentricsEXT(query, true);
+        metState = stateAt(hit.geometry, primitive, barycentrics);
+        metEdge = awayFromEdge(hit.geometry, primitive, barycentrics);
+    }
     return hit;
+}
+
+vec3 paintPoint(vec3 origin, vec3 direction)
+{
+    metState = kNoState;
+    veil = kFar;
+    float t;
+    const vec3 lit = display(shade(origin, direction, t));
+    return paint(lit, t == kNothing ? kFar : t);
 }
 
 bool isShadowed(vec3 origin, vec3 direction, float near)

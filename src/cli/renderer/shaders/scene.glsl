@@ -6,6 +6,7 @@
 layout(constant_id = 0) const uint kTextures = 1;
 layout(constant_id = 1) const uint kHeavyReads = 0; // additional texture reads per candidate
 layout(constant_id = 2) const bool kCount = false;  // write how many candidates each ray was handed
+layout(constant_id = 3) const bool kPaint = false;  // the states of micromaps; by ray queries only
 
 const uint kSolid = 0u;
 const uint kLeaves = 1u;
@@ -25,7 +26,7 @@ layout(std430, binding = 2) readonly buffer Geometries { GeometryRecord geometri
 layout(std430, binding = 3) readonly buffer Uvs { vec2 uvs[]; };
 layout(std430, binding = 4) readonly buffer Normals { uint normals[]; };
 layout(std430, binding = 5) writeonly buffer Counts { uvec2 counts[]; }; // candidates, rays
-layout(binding = 6) uniform sampler2D textures[kTextures];
+layout(binding = 7) uniform sampler2D textures[kTextures];
 
 layout(push_constant) uniform Frame {
     vec4 origin;  // w: scale of the scene

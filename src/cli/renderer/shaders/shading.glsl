@@ -9,6 +9,8 @@ uint rays = 0u;
 // one shadow ray per sample, with the usual alpha test of every candidate. With micromaps there are simply fewer.
 Hit traceClosest(vec3 origin, vec3 direction);
 bool isShadowed(vec3 origin, vec3 direction, float near);
+// The displayed colour with kPaint; never called without.
+vec3 paintPoint(vec3 origin, vec3 direction);
 
 float hash(vec2 p)
 {
@@ -55,9 +57,11 @@ vec3 groundColor(vec3 position, float distance)
     return color * (0.25 + 1.5 * blades * blades * 1.4);
 }
 
-vec3 shade(vec3 origin, vec3 direction)
+// `t`: where the ray ended, as in Hit.
+vec3 shade(vec3 origin, vec3 direction, out float t)
 {
     const Hit hit = traceClosest(origin, direction);
+    t = hit.t;
     if (hit.t == kNothing)
         return sky(direction);
     const GeometryRecord g = geometries[hit.geometry];
@@ -98,11 +102,11 @@ vec3 shade(vec3 origin, vec3 direction)
 }
 
 // A filmic curve (the rational fit to ACES by K. Narkowicz), then sRGB's gamma.
-uint encode(vec3 color)
+vec3 display(vec3 color)
 {
     color *= 0.82;
     color = clamp(color * (2.51 * color + 0.03) / (color * (2.43 * color + 0.59) + 0.14), 0.0, 1.0);
-    return packUnorm4x8(vec4(pow(color, vec3(1.0 / 2.2)), 1.0));
+    return pow(color, vec3(1.0 / 2.2));
 }
 
 void drawPixel(uvec2 pixel)
@@ -115,10 +119,12 @@ void drawPixel(uvec2 pixel)
         const vec2 place = fract(0.5 + float(i) * vec2(0.7548776662, 0.5698402910));
         const vec2 point = (vec2(pixel) + place) / vec2(size) * 2.0 - 1.0;
         const vec3 direction = normalize(frame.forward.xyz + point.x * frame.right.xyz - point.y * frame.up.xyz);
-        color += shade(frame.origin.xyz, direction);
+        float t;
+        color += kPaint ? paintPoint(frame.origin.xyz, direction) : shade(frame.origin.xyz, direction, t);
     }
     const uint index = pixel.y * size.x + pixel.x;
-    pixels[index] = encode(color / float(samples));
+    color /= float(samples);
+    pixels[index] = packUnorm4x8(vec4(kPaint ? color : display(color), 1.0));
     if (kCount)
         counts[index] = uvec2(candidates, rays);
 }
