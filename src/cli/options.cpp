@@ -59,6 +59,7 @@ struct RawOptions {
     std::string level = "7";
     unsigned format = 4;
     bool noLayer = false;
+    bool fewColors = false;
 };
 
 void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
@@ -101,7 +102,7 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
     command
         .add_option("--frames", options.frames,
                     "Frames to time, whose median is printed; for compare, pairs of frames [5; for\n"
-                    "compare as many as it takes, 9 at least and a minute at most]")
+                    "compare 9 to 99, as many as it takes, within a minute if it can]")
         ->check(CLI::Range(1, 10000).description(""));
     command.add_flag("--side-by-side", options.sideBySide,
                      "With --mode states: the picture by micromaps to the left of the states");
@@ -111,6 +112,7 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
         ->check(CLI::Range(-85, 85).description(""));
     command.add_option("--zoom", options.settings.view.zoom, "Above 1 closer than to see everything [1]")
         ->check(CLI::Range(0.05, 20.0).description(""));
+    command.add_flag("--few-colors", raw.fewColors, "PNGs of at most 256 colours: about half of the bytes");
     command.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
     command.add_flag("--no-layer", raw.noLayer, "Do not turn the layer on");
     command.add_option("--layer-path", options.layerFolder,
@@ -127,6 +129,7 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
     options.settings.trace = kTraces.at(raw.trace);
     options.api = micromapApis().at(raw.api);
     options.layer = !raw.noLayer;
+    options.colors = raw.fewColors ? Colors::Few : Colors::All;
     if (options.sideBySide && options.mode != Mode::States)
         throw Error("--side-by-side is for --mode states");
     if (options.mode == Mode::States && options.settings.trace != Trace::Query)

@@ -24,7 +24,8 @@ struct RenderOptions {
     BakeOptions bake;
     std::uint32_t instances = 1;
     std::optional<std::uint32_t> frames; // to time, or pairs of them; without, as many as it takes
-    bool sideBySide = false;             // Mode::States: to the left of it, the picture by micromaps
+    Colors colors = Colors::All;
+    bool sideBySide = false; // Mode::States: to the left of it, the picture by micromaps
     std::optional<std::string> device;
     bool layer = true;
     std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program

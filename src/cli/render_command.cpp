@@ -72,9 +72,9 @@ BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
     return bakeScene(scene, bake);
 }
 
-void writePicture(const std::filesystem::path &path, const Picture &picture)
+void writePicture(const RenderOptions &options, const std::filesystem::path &path, const Picture &picture)
 {
-    writePng(path, picture);
+    writePng(path, picture, options.colors);
     fmt::print("wrote       {}\n", path.string());
 }
 
@@ -102,7 +102,7 @@ int renderOne(const RenderOptions &options, Device &device, const RenderScene &s
     fmt::print("candidates  {:.3f} per ray handed to the shader\n", count.perRay());
     if (!micromaps.empty())
         fmt::print("memory      {} bytes of micromaps\n", grouped(renderer->micromapBytes()));
-    writePicture(options.output, renderer->picture());
+    writePicture(options, options.output, renderer->picture());
     return 0;
 }
 
@@ -118,10 +118,11 @@ struct Contest {
 };
 
 // Pairs of frames, as many as the options say. Otherwise until the ratio is known well enough for another run to come
-// to the same within 2 %, in all likelihood: a third of that for the error of each.
+// to the same within 2 %, in all likelihood: a third of that for the error of each. Not for ever, though.
 PairedTiming timeFrames(const RenderOptions &options, Contest &contest)
 {
     constexpr std::size_t kFewest = 9;
+    constexpr double kMost = 99;
     constexpr double kUncertainty = 0.007;
     constexpr double kMilliseconds = 60'000;
     Progress progress("timing");
@@ -143,8 +144,8 @@ PairedTiming timeFrames(const RenderOptions &options, Contest &contest)
         else if (timing.pairs() < kFewest)
             done = std::min(spent / kMilliseconds, 0.9);
         else
-            done = std::max(spent / kMilliseconds, std::pow(kUncertainty / timing.uncertainty(), 2));
-        progress.update(static_cast<std::size_t>(1000 * done), 1000);
+            done = std::max({pairs / kMost, spent / kMilliseconds, std::pow(kUncertainty / timing.uncertainty(), 2)});
+        progress.update(static_cast<std::size_t>(1000 * std::min(done, 1.0)), 1000);
     }
     return timing;
 }
@@ -185,10 +186,10 @@ int renderBoth(const RenderOptions &options, const DeviceInfo &info, const Rende
         pictures[1] = contest->omm.picture();
     }
     const Difference difference = compare(pictures[0], pictures[1]);
-    writePicture(options.output, pictures[1]);
-    writePicture(withSuffix(options.output, "-alpha"), pictures[0]);
+    writePicture(options, options.output, pictures[1]);
+    writePicture(options, withSuffix(options.output, "-alpha"), pictures[0]);
     if (difference.pixels != 0)
-        writePicture(withSuffix(options.output, "-difference"), difference.amplified);
+        writePicture(options, withSuffix(options.output, "-difference"), difference.amplified);
     printComparison(options, *contest, timeFrames(options, *contest), difference.pixels);
     return 0;
 }
@@ -215,7 +216,7 @@ int renderStates(const RenderOptions &options, const DeviceInfo &info, const Ren
     fmt::print(
         "states      opaque #{:06x}, transparent #{:06x} (a veil), unknown: opaque #{:06x}, transparent #{:06x}\n",
         color(State::Opaque), color(State::Transparent), color(State::UnknownOpaque), color(State::UnknownTransparent));
-    writePicture(options.output, picture);
+    writePicture(options, options.output, picture);
     return 0;
 }
 

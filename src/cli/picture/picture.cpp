@@ -6,27 +6,44 @@
 #include <unistd.h>
 
 #include "cli/base/error.h"
+#include "cli/picture/palette.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-std::vector<std::uint8_t> encode(const Picture &picture)
+std::vector<std::uint8_t> toRgb(const std::vector<std::uint32_t> &pixels)
+{
+    std::vector<std::uint8_t> rgb;
+    rgb.reserve(pixels.size() * 3);
+    for (const std::uint32_t pixel : pixels)
+        for (unsigned shift = 0; shift < 24; shift += 8)
+            rgb.push_back(static_cast<std::uint8_t>(pixel >> shift));
+    return rgb;
+}
+
+std::vector<std::uint8_t> encode(const Picture &picture, Colors colors)
 {
     png_image image{};
     image.version = PNG_IMAGE_VERSION;
     image.width = picture.width;
     image.height = picture.height;
     image.format = PNG_FORMAT_RGB;
-    std::vector<std::uint8_t> rgb;
-    rgb.reserve(picture.pixels.size() * 3);
-    for (const std::uint32_t pixel : picture.pixels)
-        for (unsigned shift = 0; shift < 24; shift += 8)
-            rgb.push_back(static_cast<std::uint8_t>(pixel >> shift));
+    std::vector<std::uint8_t> bytesOfPixels;
+    std::vector<std::uint8_t> map;
+    if (colors == Colors::Few) {
+        Palette palette = makePalette(picture);
+        image.format = PNG_FORMAT_RGB_COLORMAP;
+        image.colormap_entries = static_cast<png_uint_32>(palette.colors.size());
+        map = toRgb(palette.colors);
+        bytesOfPixels = std::move(palette.indices);
+    } else {
+        bytesOfPixels = toRgb(picture.pixels);
+    }
     std::vector<std::uint8_t> file(PNG_IMAGE_PNG_SIZE_MAX(image));
     png_alloc_size_t bytes = file.size();
-    if (png_image_write_to_memory(&image, file.data(), &bytes, 0, rgb.data(), 0, nullptr) == 0)
+    if (png_image_write_to_memory(&image, file.data(), &bytes, 0, bytesOfPixels.data(), 0, map.data()) == 0)
         throw Error(std::string("the picture cannot be encoded: ") + image.message);
     file.resize(bytes);
     return file;
@@ -59,9 +76,9 @@ void checkWritable(const std::filesystem::path &path)
         throw Error(path.string() + " cannot be written: " + std::strerror(errno));
 }
 
-void writePng(const std::filesystem::path &path, const Picture &picture)
+void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors)
 {
-    const std::vector<std::uint8_t> file = encode(picture);
+    const std::vector<std::uint8_t> file = encode(picture, colors);
     Unfinished unfinished;
     std::string name = path.string() + ".XXXXXX";
     unfinished.descriptor = mkstemp(name.data());

@@ -17,8 +17,10 @@ struct Picture {
 // Throws Error where a picture could not be written to `path` later: so that nobody waits for one in vain.
 void checkWritable(const std::filesystem::path &path);
 
+enum class Colors { All, Few }; // Few: at most 256, for a small file
+
 // Writes beside `path` and renames: whatever happens, `path` is never half of a picture. Throws Error.
-void writePng(const std::filesystem::path &path, const Picture &picture);
+void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors = Colors::All);
 
 // Both pictures must have the same height.
 Picture sideBySide(const Picture &left, const Picture &right);
