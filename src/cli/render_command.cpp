@@ -76,6 +76,7 @@ void writePicture(const RenderOptions &options, const std::filesystem::path &pat
 {
     writePng(path, picture, options.colors);
     fmt::print("wrote       {}\n", path.string());
+    std::fflush(stdout); // timing may follow
 }
 
 DeviceNeeds needsOf(const RenderOptions &options, bool micromaps)
