@@ -22,7 +22,8 @@ function(vellum_embed_glsl TARGET)
   file(MAKE_DIRECTORY ${dir})
   add_custom_command(
     OUTPUT ${spv} ${header} # the first must be what glslang's list of included files names
-    COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core ${ARG_FLAGS}
+    COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core
+            -I${PROJECT_SOURCE_DIR}/src/shaders ${ARG_FLAGS}
             --depfile ${spv}.d -o ${spv} ${ARG_SOURCE}
     COMMAND ${SPIRV_VAL} --target-env vulkan1.2 --scalar-block-layout ${spv}
     ${set_mode}
