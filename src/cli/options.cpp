@@ -73,6 +73,7 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
                     "compare: both, with a table of times, candidates per ray and differing pixels.\n"
                     "states: the micromaps' states in colours, which are printed [omm]")
         ->check(CLI::IsMember(kModes).description(""))
+        ->take_last() // scripts/demo puts its own before its user's
         ->type_name("MODE");
     command
         .add_option("-t,--trace", raw.trace,
@@ -86,9 +87,11 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
                     "VK_EXT_opacity_micromap [khr]")
         ->check(CLI::IsMember(micromapApis()).description(""))
         ->type_name("API");
-    command.add_option("-o,--output", options.output,
-                       "The PNG to write; compare writes <name>-alpha.png too, and\n"
-                       "<name>-difference.png if there is any [vellum.png]");
+    command
+        .add_option("-o,--output", options.output,
+                    "The PNG to write; compare writes <name>-alpha.png too, and\n"
+                    "<name>-difference.png if there is any [vellum.png]")
+        ->take_last();
     command.add_option("-s,--size", raw.size, "Width and height in pixels [1280x720]")->type_name("WxH");
     command.add_option("--samples", options.settings.samples, "Rays per pixel, averaged: 1 to 256 [1]")
         ->check(CLI::Range(1, 256).description(""));
