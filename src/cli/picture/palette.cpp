@@ -52,19 +52,19 @@ std::uint32_t meanOf(const Picture &picture, const Box &box)
     return color;
 }
 
-// The pixels at and above the mean of the box's widest channel move to a box of their own.
+// The pixels above the mean of the box's widest channel, of which there are some and not all, move to a box of their
+// own.
 void split(const Picture &picture, std::vector<Box> &boxes, std::size_t which)
 {
     const Box box = boxes[which];
-    const std::uint32_t mean = channelOf(meanOf(picture, box), box.widest);
-    const auto below = std::partition(box.pixels.begin(), box.pixels.end(), [&](std::uint32_t pixel) {
-        return channelOf(picture.pixels[pixel], box.widest) < std::max(mean, 1u);
+    std::uint64_t sum = 0;
+    for (const std::uint32_t pixel : box.pixels)
+        sum += channelOf(picture.pixels[pixel], box.widest);
+    const std::uint64_t mean = sum / box.pixels.size();
+    const auto above = std::partition(box.pixels.begin(), box.pixels.end(), [&](std::uint32_t pixel) {
+        return channelOf(picture.pixels[pixel], box.widest) <= mean;
     });
-    const auto count = static_cast<std::size_t>(below - box.pixels.begin());
-    if (count == 0 || count == box.pixels.size()) {
-        boxes[which].error = 0; // nothing to gain
-        return;
-    }
+    const auto count = static_cast<std::size_t>(above - box.pixels.begin());
     boxes[which] = makeBox(picture, box.pixels.first(count));
     boxes.push_back(makeBox(picture, box.pixels.subspan(count)));
 }
@@ -80,7 +80,7 @@ Palette makePalette(const Picture &picture)
     while (boxes.size() < kMostColors) {
         const auto worst =
             std::max_element(boxes.begin(), boxes.end(), [](const Box &a, const Box &b) { return a.error < b.error; });
-        if (worst->error < 0.5)
+        if (worst->error < 0.25) // two pixels that differ by 1 make 0.5
             break;
         split(picture, boxes, static_cast<std::size_t>(worst - boxes.begin()));
     }
