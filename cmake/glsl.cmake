@@ -14,7 +14,7 @@ function(vellum_embed_glsl TARGET)
   add_custom_command(
     OUTPUT ${spv}
     COMMAND ${CMAKE_COMMAND} -E make_directory ${dir}
-    COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core ${ARG_FLAGS}
+    COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core -I${PROJECT_SOURCE_DIR}/src/shaders ${ARG_FLAGS}
             --depfile ${spv}.d -o ${spv} ${ARG_SOURCE}
     COMMAND ${SPIRV_VAL} --target-env vulkan1.2 --scalar-block-layout ${spv}
     DEPENDS ${ARG_SOURCE}

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "layer/device.h"
+#include "layer/door/device.h"
 
 namespace vellum::fuzz
 {

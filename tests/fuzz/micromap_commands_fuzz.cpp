@@ -4,7 +4,7 @@
 #include "check.h"
 #include "core/records.h"
 #include "fake_device.h"
-#include "layer/micromap.h"
+#include "layer/micromaps/micromap.h"
 #include "micromap_fuzz.h"
 #include "micromap_model.h"
 #include "reader.h"

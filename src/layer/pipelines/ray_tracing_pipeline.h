@@ -1,0 +1,57 @@
+// Ray tracing pipelines. In those that use micromaps every hit group has an any-hit shader that looks them up, and ray
+// flags that would keep hits from it are hidden from the driver.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <mutex>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+#include "spirv/rewrite.h"
+
+namespace vellum::layer
+{
+
+inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is always this
+
+// What the layer keeps of a pipeline that uses micromaps.
+struct RayTracingPipeline {
+    uint32_t ownGroups = 0; // of the application's, without those of libraries, which come after
+    // The driver's pipeline has one group more after these: the one that stands in for null handles.
+    bool hasNullGroup = false;
+    std::array<uint32_t, kGroupHandleBytes / 4> nullHandle{};
+
+    [[nodiscard]] uint32_t driverGroup(uint32_t group) const
+    {
+        return hasNullGroup && group >= ownGroups ? group + 1 : group;
+    }
+};
+
+// The layer's own any-hit shaders, for groups that have none; each is made when it is needed first.
+class AnyHitModules
+{
+public:
+    void create(const GpuContext &context) { context_ = context; }
+    ~AnyHitModules();
+    // VK_NULL_HANDLE where the driver could not make it.
+    VkShaderModule get(spirv::Decides decides, const spirv::RewriteOptions &options);
+
+private:
+    GpuContext context_;
+    std::mutex mutex_;
+    std::array<VkShaderModule, 2> modules_{}; // for triangles, for boxes
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
+                                                         const VkRayTracingPipelineCreateInfoKHR *,
+                                                         const VkAllocationCallbacks *, VkPipeline *);
+VKAPI_ATTR void VKAPI_CALL destroyPipeline(VkDevice, VkPipeline, const VkAllocationCallbacks *);
+VKAPI_ATTR VkResult VKAPI_CALL getShaderGroupHandles(VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
+VKAPI_ATTR VkResult VKAPI_CALL getCaptureReplayShaderGroupHandles(VkDevice, VkPipeline, uint32_t, uint32_t, size_t,
+                                                                  void *);
+VKAPI_ATTR VkDeviceSize VKAPI_CALL getShaderGroupStackSize(VkDevice, VkPipeline, uint32_t, VkShaderGroupShaderKHR);
+VKAPI_ATTR void VKAPI_CALL cmdSetRayTracingPipelineStackSize(VkCommandBuffer, uint32_t);
+
+} // namespace vellum::layer

@@ -1,0 +1,52 @@
+// Query pools whose results the driver cannot give, or not alone.
+//
+// A pool of micromap sizes has the handle of a driver pool of a type that every driver knows (so that names, private
+// data and the handle's destruction need no care) and that is never used. A pool of acceleration structure sizes is the
+// driver's; each answer of the driver is taken over and corrected (structure_size.h), because the records of micromaps
+// lie in the structure's own memory but the driver knows nothing of them. Values and availability of both lie in
+// host-visible memory.
+#pragma once
+
+#include <memory>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+struct Device;
+
+struct QueryPool {
+    VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
+    uint32_t count = 0;
+    GpuBuffer memory; // 64-bit values, then 32-bit availability
+
+    [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
+    [[nodiscard]] VkDeviceSize availabilityOffset(uint32_t query) const { return count * 8ull + query * 4ull; }
+    [[nodiscard]] uint64_t value(uint32_t query) const;
+    [[nodiscard]] bool available(uint32_t query) const;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
+                                               VkQueryPool *);
+VKAPI_ATTR void VKAPI_CALL destroyQueryPool(VkDevice, VkQueryPool, const VkAllocationCallbacks *);
+VKAPI_ATTR void VKAPI_CALL resetQueryPool(VkDevice, VkQueryPool, uint32_t, uint32_t);
+VKAPI_ATTR void VKAPI_CALL cmdResetQueryPool(VkCommandBuffer, VkQueryPool, uint32_t, uint32_t);
+VKAPI_ATTR VkResult VKAPI_CALL getQueryPoolResults(VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *,
+                                                   VkDeviceSize, VkQueryResultFlags);
+VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResults(VkCommandBuffer, VkQueryPool, uint32_t, uint32_t, VkBuffer,
+                                                   VkDeviceSize, VkDeviceSize, VkQueryResultFlags);
+
+VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
+                                                       VkQueryPool, uint32_t);
+VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuffer, uint32_t,
+                                                                    const VkAccelerationStructureKHR *, VkQueryType,
+                                                                    VkQueryPool, uint32_t);
+// On the host: reports that it is not there, as for the other host commands of acceleration structures.
+VKAPI_ATTR VkResult VKAPI_CALL writeAccelerationStructuresProperties(VkDevice, uint32_t,
+                                                                     const VkAccelerationStructureKHR *, VkQueryType,
+                                                                     size_t, void *, size_t);
+
+} // namespace vellum::layer

@@ -1,0 +1,47 @@
+// Copies of acceleration structures: clone, compact, serialize, deserialize.
+//
+// A copy of a bottom-level structure is the driver's, and a shader adds the records behind it. A copy of a top-level
+// structure is a build from the instances that the source keeps, so that it has slots of its own: it stays as it is
+// when the source is built again or destroyed. What was built into the source is read on the GPU, when the copy
+// executes: commands may be recorded in any order.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/work/injected_work.h"
+
+namespace vellum::layer
+{
+
+struct AccelerationStructure;
+
+// Commands of injected work that run over a whole structure: enough invocations to keep a GPU busy, few for a small
+// one.
+uint64_t copyInvocations(VkDeviceSize bytes);
+
+// Builds `target` from the instances that the cell at `source` leads to, of which there are at most `most`.
+// `from`: Structure or Serialized. False, after a message: nothing was recorded.
+bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer commandBuffer, const char *command,
+                        VkAccelerationStructureKHR target, VkDeviceAddress source, uint32_t most, InstancesFrom from);
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
+// structure_serialize.cpp
+VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer,
+                                                                const VkCopyMemoryToAccelerationStructureInfoKHR *);
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer,
+                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *);
+// On the host: each reports that it is not there and does nothing, since the driver alone would lose the records.
+VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructure(VkDevice, VkDeferredOperationKHR,
+                                                         const VkCopyAccelerationStructureInfoKHR *);
+VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructureToMemory(VkDevice, VkDeferredOperationKHR,
+                                                                 const VkCopyAccelerationStructureToMemoryInfoKHR *);
+VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToAccelerationStructure(VkDevice, VkDeferredOperationKHR,
+                                                                 const VkCopyMemoryToAccelerationStructureInfoKHR *);
+VKAPI_ATTR void VKAPI_CALL getDeviceAccelerationStructureCompatibility(VkDevice,
+                                                                       const VkAccelerationStructureVersionInfoKHR *,
+                                                                       VkAccelerationStructureCompatibilityKHR *);
+
+} // namespace vellum::layer

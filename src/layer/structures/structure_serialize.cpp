@@ -1,0 +1,291 @@
+// Serialized acceleration structures (core/records.h). The driver writes to and reads from memory of the layer's; what
+// goes to or comes from the application's memory goes through shaders, which know where it ends and believe nothing.
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "core/records.h"
+#include "layer/door/device.h"
+#include "layer/micromaps/micromap_serialized.h"
+#include "layer/micromaps/micromap_structure.h"
+#include "layer/structures/acceleration_structure.h"
+#include "layer/structures/structure_copy.h"
+#include "layer/structures/structure_layout.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+constexpr VkDeviceSize kPlanBytes = 256;        // before the driver's data: shaders/serialized.glsl
+constexpr VkDeviceSize kDriverOverhead = 65536; // of serialized data over the structure; 56 bytes on known drivers
+constexpr uint32_t kUuidWords = 2 * VK_UUID_SIZE / 4;
+
+void refuse(const Device &device, const char *id, const char *command, const std::string &text,
+            VkAccelerationStructureKHR structure)
+{
+    device.report().error(id, std::string(command) + ": " + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                          reinterpret_cast<uint64_t>(structure));
+}
+
+void saveTopLevel(InjectedWork &work, const Device &device, const AccelerationStructure &source, VkDeviceAddress cell,
+                  VkDeviceAddress target)
+{
+    TopSavePush push{};
+    push.cell = cell;
+    push.begin = beginOf(device, source);
+    push.blob = target;
+    push.root = device.root.address();
+    push.blank = device.blank.memory.address();
+    push.structureUnits = unitsOf(source.size);
+    push.leastUnits = unitsOf(topLevelTailOffset(device, 0, 0));
+    push.capacity = unitsOf(device.addresses.bytesFrom(target));
+    for (push.pass = 0; push.pass < 2; ++push.pass) {
+        work.dispatch(InjectedShader::TopSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
+        work.barrier();
+    }
+}
+
+void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer commandBuffer, CommandState &state,
+                     const VkCopyAccelerationStructureToMemoryInfoKHR &info, const AccelerationStructure &source,
+                     VkDeviceAddress cell)
+{
+    const VkDeviceSize stagingBytes = source.size + kDriverOverhead;
+    state.scratch.restart();
+    const VkDeviceAddress staging = state.scratch.allocate(device.gpu, kPlanBytes + stagingBytes);
+    if (!staging) {
+        refuse(device, "VELLUM-out-of-memory", "vkCmdCopyAccelerationStructureToMemoryKHR",
+               "no memory for the driver's serialized data", info.src);
+        return;
+    }
+    VkCopyAccelerationStructureToMemoryInfoKHR driverInfo = info;
+    driverInfo.dst.deviceAddress = staging + kPlanBytes;
+    device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
+    work.barrier();
+    StructureSavePush push{};
+    push.cell = cell;
+    push.begin = beginOf(device, source);
+    push.staging = staging;
+    push.blob = info.dst.deviceAddress;
+    push.root = device.root.address();
+    push.structureUnits = unitsOf(source.size);
+    push.stagingUnits = unitsOf(stagingBytes);
+    push.leastUnits = unitsOf(device.blank.structureBytes);
+    push.capacity = unitsOf(device.addresses.bytesFrom(push.blob));
+    push.wholeCopies = device.blank.wholeCopies;
+    push.blocks = device.asked.khr;
+    for (push.pass = 0; push.pass < 2; ++push.pass) {
+        work.dispatch(InjectedShader::StructureSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
+        work.barrier();
+    }
+}
+
+// Checks the data and, of a bottom-level structure, brings the driver's part to staging memory.
+void checkSerialized(InjectedWork &work, StructureRestorePush &push, VkDeviceSize bytes)
+{
+    const uint32_t passes = push.kind == kCellBottom ? 4 : 3;
+    for (push.pass = 0; push.pass < passes; ++push.pass) {
+        const bool one = push.pass == 0 || push.pass == 2;
+        work.dispatch(InjectedShader::StructureRestore, push, one ? 1 : copyInvocations(bytes), 64);
+        work.barrier();
+    }
+}
+
+struct Restore {
+    Device &device;
+    VkCommandBuffer commandBuffer;
+    const VkCopyMemoryToAccelerationStructureInfoKHR &info;
+    std::shared_ptr<AccelerationStructure> target;
+    std::shared_ptr<CommandState> state;
+
+    [[nodiscard]] VkDeviceSize readable() const { return device.addresses.bytesFrom(info.src.deviceAddress); }
+
+    [[nodiscard]] bool topLevel() const
+    {
+        if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+            return target->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+        return target->size % 256 == kTopLevelSizeMark;
+    }
+
+    void refused(const char *id, const char *text) const
+    {
+        refuse(device, id, "vkCmdCopyMemoryToAccelerationStructureKHR", text, info.dst);
+    }
+
+    [[nodiscard]] bool valid() const
+    {
+        if (!target)
+            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter",
+                    "dst is not an acceleration structure of this device");
+        else if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR)
+            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
+                    "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR");
+        else if (info.src.deviceAddress == 0)
+            refused("VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742", "src is a null address");
+        else if (info.src.deviceAddress % 256 != 0)
+            refused("VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743",
+                    "src is not aligned to 256 bytes");
+        else if (device.blank.units == 0)
+            device.report().notAvailable("vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
+                                         "data could not be looked at when the device was made,");
+        else if (!topLevel() && target->size < device.blank.structureBytes)
+            // Not even what stands in for data that is refused has room.
+            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+                    "dst is smaller than any deserialized structure");
+        else
+            return true;
+        return false;
+    }
+
+    void record() const
+    {
+        const bool top = topLevel();
+        const CellPlace cell = cellOf(device, *target, info.dst);
+        const VkDeviceSize stagingBytes =
+            top ? 0
+                : std::max(VkDeviceSize{device.blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
+        if (state)
+            state->scratch.restart();
+        const VkDeviceAddress staging =
+            state && cell.address ? state->scratch.allocate(device.gpu, kPlanBytes + stagingBytes) : 0;
+        if (!staging) {
+            refused("VELLUM-out-of-memory", "no memory for the serialized data");
+            return;
+        }
+        StructureRestorePush push{};
+        push.blob = info.src.deviceAddress;
+        push.staging = staging;
+        push.cell = cell.address;
+        push.begin = beginOf(device, *target);
+        push.root = device.root.address();
+        push.blank = device.blank.memory.address();
+        push.blankUnits = device.blank.units;
+        push.capacity = unitsOf(readable());
+        push.stagingUnits = unitsOf(stagingBytes);
+        push.targetUnits = unitsOf(target->size);
+        push.kind = top ? kCellTop : kCellBottom;
+        InjectedWork work(device, commandBuffer);
+        work.barrier();
+        checkSerialized(work, push, target->size);
+        if (top)
+            restoreTopLevel(work, staging);
+        else
+            restoreBottomLevel(work, push);
+    }
+
+    void restoreTopLevel(InjectedWork &work, VkDeviceAddress staging) const
+    {
+        constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
+        const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
+        const uint32_t most = std::min(topLevelCapacity(device, target->size), static_cast<uint32_t>(inMemory));
+        recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst,
+                           staging + VkDeviceSize{kPlanCellWord} * 4, most, InstancesFrom::Serialized);
+    }
+
+    void restoreBottomLevel(InjectedWork &work, StructureRestorePush &push) const
+    {
+        {
+            std::lock_guard lock(target->mutex);
+            target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        }
+        VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
+        driverInfo.src.deviceAddress = push.staging + kPlanBytes;
+        device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
+        work.barrier();
+        push.pass = kFinishPass;
+        work.dispatch(InjectedShader::StructureRestore, push, copyInvocations(target->size), 64);
+        work.barrier();
+    }
+
+    static constexpr uint32_t kPlanCellWord = 8; // shaders/serialized.glsl
+    static constexpr uint32_t kFinishPass = 4;   // shaders/structure_restore.comp
+};
+
+} // namespace
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer commandBuffer,
+                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *info)
+{
+    constexpr const char *kCommand = "vkCmdCopyAccelerationStructureToMemoryKHR";
+    Device &device = deviceOf(commandBuffer);
+    reportNotices(device);
+    if (InjectedWork::refusedIn(device, commandBuffer, kCommand) ||
+        savesMicromapStructure(device, commandBuffer, *info))
+        return;
+    const auto source = device.accelerationStructures.get(info->src);
+    const auto state = commandState(commandBuffer);
+    if (!source || !state) {
+        refuse(device, "VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter", kCommand,
+               "src is not an acceleration structure of this device", info->src);
+        return;
+    }
+    if (info->mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR) {
+        refuse(device, "VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", kCommand,
+               "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR", info->src);
+        return;
+    }
+    if (info->dst.deviceAddress == 0 || info->dst.deviceAddress % 256 != 0) {
+        refuse(device,
+               info->dst.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739"
+                                            : "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740",
+               kCommand, "dst is a null address or not aligned to 256 bytes", info->src);
+        return;
+    }
+    VkAccelerationStructureTypeKHR content;
+    {
+        std::lock_guard lock(source->mutex);
+        content = source->content;
+    }
+    const CellPlace cell = cellOf(device, *source, info->src);
+    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || device.blank.units == 0) {
+        device.report().notAvailable("vkCmdCopyAccelerationStructureToMemoryKHR of a GENERIC structure recorded before "
+                                     "any build of it, or without memory for the layer's tables,");
+        return;
+    }
+    InjectedWork work(device, commandBuffer);
+    work.barrier();
+    if (content == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
+        saveTopLevel(work, device, *source, cell.address, info->dst.deviceAddress);
+    else
+        saveBottomLevel(work, device, commandBuffer, *state, *info, *source, cell.address);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer commandBuffer,
+                                                                const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    Device &device = deviceOf(commandBuffer);
+    reportNotices(device);
+    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR") ||
+        restoresMicromapStructure(device, commandBuffer, *info))
+        return;
+    const Restore restore{device, commandBuffer, *info, device.accelerationStructures.get(info->dst),
+                          commandState(commandBuffer)};
+    if (restore.valid())
+        restore.record();
+}
+
+VKAPI_ATTR void VKAPI_CALL
+getDeviceAccelerationStructureCompatibility(VkDevice handle, const VkAccelerationStructureVersionInfoKHR *info,
+                                            VkAccelerationStructureCompatibilityKHR *compatibility)
+{
+    Device &device = deviceOf(handle);
+    const SerializedMicromapHeader micromap = serializedHeader(device.driverUuid, 0);
+    if (std::memcmp(info->pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0) {
+        *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
+        return;
+    }
+    // Whether the driver can read it is the driver's to say. Data of the driver alone is not compatible.
+    uint32_t words[kUuidWords];
+    std::memcpy(words, info->pVersionData, sizeof words);
+    for (uint32_t w = VK_UUID_SIZE / 4; w < kUuidWords; ++w)
+        words[w] ^= kCompatibilityWord;
+    VkAccelerationStructureVersionInfoKHR driverInfo = *info;
+    driverInfo.pVersionData = reinterpret_cast<const uint8_t *>(words);
+    device.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, &driverInfo, compatibility);
+    if (device.blank.units == 0 || std::memcmp(words, device.blank.memory.words(), sizeof words) != 0)
+        *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+}
+
+} // namespace vellum::layer
