@@ -11,8 +11,6 @@
 #include <vulkan/vk_layer.h>
 
 #include "layer/ground/pnext.h"
-#include "layer/pipelines/ray_flag_probe.h"
-#include "layer/structures/acceleration_structure.h"
 
 namespace vellum::layer
 {
@@ -181,27 +179,6 @@ VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
 
 } // namespace
 
-VkDeviceAddress Device::bufferAddress(VkBuffer buffer) const
-{
-    const VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
-    return next.GetBufferDeviceAddress(handle, &info);
-}
-
-VkDeviceAddress Device::structureAddress(VkAccelerationStructureKHR structure) const
-{
-    const VkAccelerationStructureDeviceAddressInfoKHR info{
-        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, structure};
-    return next.GetAccelerationStructureDeviceAddressKHR(handle, &info);
-}
-
-bool Device::ownObject(VkObjectType type, uint64_t object) const
-{
-    if (!emulated || type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
-        return emulated && type == VK_OBJECT_TYPE_MICROMAP_EXT;
-    const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(object));
-    return structure && structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-}
-
 Device *deviceOfKey(void *key)
 {
     std::shared_lock lock(devicesMutex);
@@ -228,17 +205,17 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (result != VK_SUCCESS)
         return result;
     auto device = std::make_unique<Device>();
-    device->emulated = emulated;
+    device->driver.emulated = emulated;
     if (emulated) {
-        device->asked = askedFor(*info);
-        if (device->asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
+        device->driver.asked = askedFor(*info);
+        if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;
         }
-        device->ownAddressCommands =
-            device->asked.addressCommands &&
+        device->driver.ownAddressCommands =
+            device->driver.asked.addressCommands &&
             implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
-        const DriverDeviceInfo driverInfo(*info, device->ownAddressCommands);
+        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -246,33 +223,39 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (result != VK_SUCCESS)
         return result;
 
-    device->handle = *handle;
-    device->physicalDevice = physicalDevice;
+    device->driver.handle = *handle;
+    device->driver.physicalDevice = physicalDevice;
     device->instance = &instance;
-    device->next.load(*handle, nextDeviceGet);
-    if (device->emulated) {
-        device->gpu = {*handle, &device->next, {}};
-        device->nullIndexBuffer = enablesNullIndexBuffer(*info);
-        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->gpu.memory);
-        device->anyHitModules.create(device->gpu);
-        result = device->root.create(device->gpu);
+    device->driver.instance = &instance.next;
+    device->driver.settings = &instance.settings;
+    device->driver.reporter = &instance.report;
+    device->driver.next.load(*handle, nextDeviceGet);
+    if (device->driver.emulated) {
+        device->buffers.gpu = {*handle, &device->driver.next, {}};
+        device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
+        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
+        device->pipelines.anyHitModules.create(device->buffers.gpu);
+        device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) {
+            bufferHasAddress(objects, buffer);
+        };
+        result = device->objects.root.create(device->buffers.gpu);
         if (result == VK_SUCCESS)
-            result = device->injected.create(device->gpu);
+            result = device->commands.injected.create(device->buffers.gpu);
         if (result == VK_SUCCESS && instance.settings.validate)
-            result = device->complaints.create(device->gpu);
-        device->threads = threadsOf(instance, physicalDevice);
-        device->driverUuid = driverUuidOf(instance, physicalDevice);
+            result = device->commands.complaints.create(device->buffers.gpu);
+        device->driver.threads = threadsOf(instance, physicalDevice);
+        device->driver.driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
-            const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
+            const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
             device.reset();
             destroy(*handle, allocator);
             *handle = VK_NULL_HANDLE;
             return result;
         }
-        device->queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-        makeBlankStructure(*device, *info, loaderDataCallback(*info));
-        device->carriesRayFlagBits = probeRayFlagBits(*device, *info, loaderDataCallback(*info));
+        device->driver.queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+        makeBlankStructure(device->structures, *info, loaderDataCallback(*info));
+        device->pipelines.carriesRayFlagBits = probeRayFlagBits(device->pipelines, *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);
@@ -293,10 +276,9 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         device = std::move(it->second);
         devices.erase(it);
     }
-    reportNotices(*device);
-    device->complaints.drain(device->instance->report);
-    forgetCommandBuffers(*device);
-    const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
+    reportNotices(device->objects);
+    device->commands.complaints.drain(device->driver.report());
+    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
     device.reset();
     destroy(handle, allocator);
 }

@@ -14,6 +14,7 @@
 #include "core/curve.h"
 #include "core/records.h"
 #include "layer/ground/pnext.h"
+#include "layer/memory/buffers.h"
 #include "layer/pipelines/shader_binary.h"
 
 namespace vellum::layer
@@ -304,6 +305,17 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     }
     if (auto *none = displacement.get<newer::DisplacementMicromapProperties>())
         none->maxDisplacementMicromapSubdivisionLevel = 0;
+}
+
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice physicalDevice,
+                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
+                                                                     VkExternalBufferProperties *properties)
+{
+    Instance &instance = instanceOf(physicalDevice);
+    VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
+    if (implementationsOn(instance, physicalDevice).anyEmulated())
+        driverInfo.usage = static_cast<VkBufferUsageFlags>(driverUsage(info->usage));
+    instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,

@@ -65,6 +65,9 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features);
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
                                                         VkPhysicalDeviceProperties2 *properties);
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice device,
+                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
+                                                                     VkExternalBufferProperties *properties);
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,
                                                                VkPhysicalDeviceToolProperties *properties);
 VKAPI_ATTR VkResult VKAPI_CALL createDebugUtilsMessenger(VkInstance instance,

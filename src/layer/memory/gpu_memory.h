@@ -8,6 +8,8 @@
 namespace vellum::layer
 {
 
+struct DeviceTable;
+
 struct GpuContext {
     VkDevice device = VK_NULL_HANDLE;
     const DeviceTable *next = nullptr;

@@ -3,10 +3,10 @@
 #include <cstring>
 
 #include "core/ray_flags.h"
-#include "layer/door/device.h"
+#include "layer/commands/start_up_commands.h"
 #include "layer/ground/pnext.h"
+#include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/ray_flag_probe_pipeline.h"
-#include "layer/work/start_up_commands.h"
 
 namespace vellum::layer
 {
@@ -34,13 +34,16 @@ bool enablesPipelines(const VkDeviceCreateInfo &info)
 class Probe
 {
 public:
-    explicit Probe(Device &device) : device_(device), next_(device.next), commands_(device), pipeline_(device.gpu) {}
+    explicit Probe(DevicePipelines &device)
+        : device_(device), next_(device.driver.next), commands_(device.driver), pipeline_(device.buffers.gpu)
+    {
+    }
 
     ~Probe()
     {
         for (const VkAccelerationStructureKHR structure : {bottom_, top_}) {
             if (structure)
-                next_.DestroyAccelerationStructureKHR(device_.handle, structure, nullptr);
+                next_.DestroyAccelerationStructureKHR(device_.driver.handle, structure, nullptr);
         }
     }
 
@@ -52,7 +55,7 @@ public:
             return {}; // no queue that could trace a ray
         CarriedRayFlagBits carried{!asked.inQueries, !asked.inPipelines};
         if (!commands_.begin(setLoaderData) || !buildTriangle() || !buildInstance() ||
-            results_.create(device_.gpu, 16) != VK_SUCCESS)
+            results_.create(device_.buffers.gpu, 16) != VK_SUCCESS)
             return carried;
         const bool query = asked.inQueries && traceQuery();
         const bool pipeline = asked.inPipelines && tracePipeline();
@@ -92,7 +95,7 @@ private:
         for (int i = 0; i < 3; ++i)
             instance.transform.matrix[i][i] = 1;
         instance.mask = 0xff;
-        instance.accelerationStructureReference = device_.structureAddress(bottom_);
+        instance.accelerationStructureReference = device_.driver.structureAddress(bottom_);
         if (!makeInput(instances_, &instance, sizeof instance))
             return false;
         VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
@@ -104,8 +107,8 @@ private:
 
     bool makeInput(GpuBuffer &buffer, const void *data, size_t bytes)
     {
-        if (buffer.create(device_.gpu, bytes, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR) !=
-            VK_SUCCESS)
+        if (buffer.create(device_.buffers.gpu, bytes,
+                          VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR) != VK_SUCCESS)
             return false;
         std::memcpy(buffer.words(), data, bytes);
         return true;
@@ -122,31 +125,31 @@ private:
         info.pGeometries = &geometry;
         const uint32_t one = 1;
         VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-        next_.GetAccelerationStructureBuildSizesKHR(device_.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                    &info, &one, &sizes);
-        if (memory.create(device_.gpu, sizes.accelerationStructureSize,
+        next_.GetAccelerationStructureBuildSizesKHR(
+            device_.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &one, &sizes);
+        if (memory.create(device_.buffers.gpu, sizes.accelerationStructureSize,
                           VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR) != VK_SUCCESS ||
-            scratch.create(device_.gpu, sizes.buildScratchSize + kScratchAlignment) != VK_SUCCESS)
+            scratch.create(device_.buffers.gpu, sizes.buildScratchSize + kScratchAlignment) != VK_SUCCESS)
             return false;
         VkAccelerationStructureCreateInfoKHR create{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
         create.buffer = memory.buffer();
         create.size = sizes.accelerationStructureSize;
         create.type = type;
-        if (next_.CreateAccelerationStructureKHR(device_.handle, &create, nullptr, &structure) != VK_SUCCESS)
+        if (next_.CreateAccelerationStructureKHR(device_.driver.handle, &create, nullptr, &structure) != VK_SUCCESS)
             return false;
         info.dstAccelerationStructure = structure;
         info.scratchData.deviceAddress = (scratch.address() + kScratchAlignment - 1) & ~(kScratchAlignment - 1);
         const VkAccelerationStructureBuildRangeInfoKHR range{1, 0, 0, 0};
         const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
         next_.CmdBuildAccelerationStructuresKHR(commands_.handle(), 1, &info, &ranges);
-        InjectedWork(device_, commands_.handle()).barrier();
+        InjectedWork(device_.commands, commands_.handle()).barrier();
         return true;
     }
 
     bool traceQuery()
     {
-        const RayFlagProbePush push{device_.structureAddress(top_), results_.address(), kProbedBits, 0};
-        InjectedWork work(device_, commands_.handle());
+        const RayFlagProbePush push{device_.driver.structureAddress(top_), results_.address(), kProbedBits, 0};
+        InjectedWork work(device_.commands, commands_.handle());
         const bool traced = work.dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
         work.barrier();
         return traced;
@@ -154,13 +157,13 @@ private:
 
     bool tracePipeline()
     {
-        const RayFlagProbePush push{device_.structureAddress(top_), results_.address() + 8, kProbedBits, 0};
+        const RayFlagProbePush push{device_.driver.structureAddress(top_), results_.address() + 8, kProbedBits, 0};
         const bool traced = pipeline_.record(commands_.handle(), push);
-        InjectedWork(device_, commands_.handle()).barrier();
+        InjectedWork(device_.commands, commands_.handle()).barrier();
         return traced;
     }
 
-    Device &device_;
+    DevicePipelines &device_;
     const DeviceTable &next_;
     StartUpCommands commands_;
     GpuBuffer vertices_, instances_, results_;
@@ -172,7 +175,7 @@ private:
 
 } // namespace
 
-CarriedRayFlagBits probeRayFlagBits(Device &device, const VkDeviceCreateInfo &info,
+CarriedRayFlagBits probeRayFlagBits(DevicePipelines &device, const VkDeviceCreateInfo &info,
                                     PFN_vkSetDeviceLoaderData setLoaderData)
 {
     const CarriedRayFlagBits asked{enablesRayQueries(info), enablesPipelines(info)};

@@ -8,7 +8,7 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DevicePipelines;
 
 // True where the bits come back and change no hit; also where the application did not enable that way of tracing, so
 // that nothing depends on it.
@@ -17,7 +17,7 @@ struct CarriedRayFlagBits {
     bool inPipelines = true;
 };
 // `info` as the application passed it to vkCreateDevice.
-CarriedRayFlagBits probeRayFlagBits(Device &device, const VkDeviceCreateInfo &info,
+CarriedRayFlagBits probeRayFlagBits(DevicePipelines &device, const VkDeviceCreateInfo &info,
                                     PFN_vkSetDeviceLoaderData setLoaderData);
 
 } // namespace vellum::layer

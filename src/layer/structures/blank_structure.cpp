@@ -3,10 +3,10 @@
 #include <cstring>
 
 #include "core/records.h"
-#include "layer/door/device.h"
+#include "layer/commands/start_up_commands.h"
 #include "layer/ground/pnext.h"
+#include "layer/structures/device_structures.h"
 #include "layer/structures/structure_layout.h"
-#include "layer/work/start_up_commands.h"
 
 namespace vellum::layer
 {
@@ -19,11 +19,11 @@ constexpr VkDeviceSize kSpareBytes = 4096;
 class Trial
 {
 public:
-    explicit Trial(Device &device) : device_(device), next_(device.next), commands_(device) {}
+    explicit Trial(DeviceStructures &device) : device_(device), next_(device.driver.next), commands_(device.driver) {}
     ~Trial()
     {
         if (structure_)
-            next_.DestroyAccelerationStructureKHR(device_.handle, structure_, nullptr);
+            next_.DestroyAccelerationStructureKHR(device_.driver.handle, structure_, nullptr);
     }
     Trial(const Trial &) = delete;
     Trial &operator=(const Trial &) = delete;
@@ -39,7 +39,7 @@ private:
     bool build()
     {
         constexpr float kVertices[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
-        if (vertices_.create(device_.gpu, sizeof kVertices,
+        if (vertices_.create(device_.buffers.gpu, sizeof kVertices,
                              VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR) != VK_SUCCESS)
             return false;
         std::memcpy(vertices_.words(), kVertices, sizeof kVertices);
@@ -59,30 +59,31 @@ private:
         info.pGeometries = &geometry;
         const uint32_t one = 1;
         VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-        next_.GetAccelerationStructureBuildSizesKHR(device_.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                    &info, &one, &sizes);
+        next_.GetAccelerationStructureBuildSizesKHR(
+            device_.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &one, &sizes);
         bytes_ = sizes.accelerationStructureSize + kSpareBytes;
-        if (memory_.create(device_.gpu, bytes_, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR) != VK_SUCCESS ||
-            scratch_.create(device_.gpu, sizes.buildScratchSize + kPartAlignment) != VK_SUCCESS)
+        if (memory_.create(device_.buffers.gpu, bytes_, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR) !=
+                VK_SUCCESS ||
+            scratch_.create(device_.buffers.gpu, sizes.buildScratchSize + kPartAlignment) != VK_SUCCESS)
             return false;
         VkAccelerationStructureCreateInfoKHR create{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
         create.buffer = memory_.buffer();
         create.size = bytes_;
         create.type = info.type;
-        if (next_.CreateAccelerationStructureKHR(device_.handle, &create, nullptr, &structure_) != VK_SUCCESS)
+        if (next_.CreateAccelerationStructureKHR(device_.driver.handle, &create, nullptr, &structure_) != VK_SUCCESS)
             return false;
         info.dstAccelerationStructure = structure_;
         info.scratchData.deviceAddress = alignUp(scratch_.address(), kPartAlignment);
         const VkAccelerationStructureBuildRangeInfoKHR range{1, 0, 0, 0};
         const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
         next_.CmdBuildAccelerationStructuresKHR(commands_.handle(), 1, &info, &ranges);
-        InjectedWork(device_, commands_.handle()).barrier();
+        InjectedWork(device_.commands, commands_.handle()).barrier();
         return true;
     }
 
     bool serialize()
     {
-        if (serialized_.create(device_.gpu, bytes_ + 2 * kSpareBytes) != VK_SUCCESS)
+        if (serialized_.create(device_.buffers.gpu, bytes_ + 2 * kSpareBytes) != VK_SUCCESS)
             return false;
         VkCopyAccelerationStructureToMemoryInfoKHR info{
             VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR};
@@ -90,7 +91,7 @@ private:
         info.dst.deviceAddress = alignUp(serialized_.address(), kPartAlignment);
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
         next_.CmdCopyAccelerationStructureToMemoryKHR(commands_.handle(), &info);
-        InjectedWork(device_, commands_.handle()).barrier();
+        InjectedWork(device_.commands, commands_.handle()).barrier();
         return true;
     }
 
@@ -109,7 +110,7 @@ private:
             bytes -= kSpareBytes;
             size -= kSpareBytes;
         }
-        if (blank.memory.create(device_.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
+        if (blank.memory.create(device_.buffers.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
             return;
         uint32_t *kept = blank.memory.words();
         std::memcpy(kept, words, bytes);
@@ -119,7 +120,7 @@ private:
         blank.structureBytes = alignUp(size, kPartAlignment);
     }
 
-    Device &device_;
+    DeviceStructures &device_;
     const DeviceTable &next_;
     StartUpCommands commands_;
     GpuBuffer vertices_, memory_, scratch_, serialized_;
@@ -129,7 +130,8 @@ private:
 
 } // namespace
 
-void makeBlankStructure(Device &device, const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData)
+void makeBlankStructure(DeviceStructures &device, const VkDeviceCreateInfo &info,
+                        PFN_vkSetDeviceLoaderData setLoaderData)
 {
     const auto *features = findInChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
         info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);

@@ -10,7 +10,7 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceStructures;
 
 // It begins with the driver's UUIDs, and stands in for serialized data that the driver must not see.
 struct BlankStructure {
@@ -23,6 +23,7 @@ struct BlankStructure {
 
 // Sets Device::blank, where the application enabled acceleration structures and has a queue that can build them.
 // `info` as the application passed it to vkCreateDevice.
-void makeBlankStructure(Device &device, const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData);
+void makeBlankStructure(DeviceStructures &device, const VkDeviceCreateInfo &info,
+                        PFN_vkSetDeviceLoaderData setLoaderData);
 
 } // namespace vellum::layer

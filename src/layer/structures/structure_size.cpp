@@ -1,7 +1,7 @@
 #include "layer/structures/structure_size.h"
 
-#include "layer/door/device.h"
-#include "layer/structures/acceleration_structure.h"
+#include "layer/objects/acceleration_structure.h"
+#include "layer/structures/device_structures.h"
 
 namespace vellum::layer
 {
@@ -27,15 +27,15 @@ bool isStructureProperty(VkQueryType type)
     return propertyOf(type) != UINT32_MAX;
 }
 
-void recordStructureProperty(InjectedWork &work, Device &device, VkAccelerationStructureKHR structure, VkQueryType type,
-                             VkDeviceAddress value)
+void recordStructureProperty(InjectedWork &work, DeviceStructures &device, VkAccelerationStructureKHR structure,
+                             VkQueryType type, VkDeviceAddress value)
 {
-    const auto known = device.accelerationStructures.get(structure);
+    const auto known = device.objects.accelerationStructures.get(structure);
     if (!known)
         return;
     StructureSizePush push{};
-    push.cell = cellOf(device, *known, structure).address;
-    push.begin = beginOf(device, *known);
+    push.cell = cellOf(device.objects, *known, structure).address;
+    push.begin = beginOf(device.driver, *known);
     push.value = value;
     push.structureUnits = unitsOf(known->size);
     push.property = propertyOf(type);

@@ -1,6 +1,6 @@
-#include "layer/work/address_barriers.h"
+#include "layer/commands/address_barriers.h"
 
-#include "layer/door/device.h"
+#include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
 {
@@ -16,7 +16,7 @@ void addMemoryBarrier(const VkMemoryRangeBarrierKHR &range, std::vector<VkMemory
 }
 
 // Memory goes to another queue family buffer by buffer: what each has of the range.
-bool addTransfers(const Device &device, const VkMemoryRangeBarrierKHR &range,
+bool addTransfers(const DeviceBuffers &device, const VkMemoryRangeBarrierKHR &range,
                   std::vector<VkBufferMemoryBarrier2> &buffers)
 {
     const auto places = device.addresses.within(range.addressRange.address, range.addressRange.size);
@@ -29,7 +29,7 @@ bool addTransfers(const Device &device, const VkMemoryRangeBarrierKHR &range,
 
 } // namespace
 
-void addRangeBarriers(const Device &device, const VkMemoryRangeBarriersInfoKHR &info,
+void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersInfoKHR &info,
                       std::vector<VkMemoryBarrier2> &memory, std::vector<VkBufferMemoryBarrier2> &buffers)
 {
     for (uint32_t i = 0; i < info.memoryRangeBarrierCount; ++i) {
@@ -39,9 +39,10 @@ void addRangeBarriers(const Device &device, const VkMemoryRangeBarriersInfoKHR &
             continue;
         addMemoryBarrier(range, memory);
         if (transfer)
-            device.report().error("VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
-                                  "VkMemoryRangeBarrierKHR: addressRange lies in no buffer; it goes to no other queue "
-                                  "family");
+            device.driver.report().error(
+                "VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
+                "VkMemoryRangeBarrierKHR: addressRange lies in no buffer; it goes to no other queue "
+                "family");
     }
 }
 

@@ -1,6 +1,6 @@
-#include "layer/work/injected_work.h"
+#include "layer/commands/injected_work.h"
 
-#include "layer/door/device.h"
+#include "layer/commands/device_commands.h"
 #include "shaders/blas_records.h"
 #include "shaders/hit_records.h"
 #include "shaders/micromap_analyse.h"
@@ -125,18 +125,18 @@ VkPipeline InjectedPipelines::get(InjectedShader shader)
     return pipeline;
 }
 
-InjectedWork::InjectedWork(Device &device, VkCommandBuffer commandBuffer)
-    : device_(device), commandBuffer_(commandBuffer), state_(commandState(commandBuffer))
+InjectedWork::InjectedWork(DeviceCommands &device, VkCommandBuffer commandBuffer)
+    : device_(device), commandBuffer_(commandBuffer), state_(device.states.get(commandBuffer))
 {
 }
 
-bool InjectedWork::refusedIn(const Device &device, VkCommandBuffer commandBuffer, const char *command)
+bool InjectedWork::refusedIn(const DeviceCommands &device, VkCommandBuffer commandBuffer, const char *command)
 {
-    const auto state = commandState(commandBuffer);
+    const auto state = device.states.get(commandBuffer);
     if (!state || !state->inheritsConditionalRendering)
         return false;
-    device.report().notAvailable(std::string(command) +
-                                 " in a secondary command buffer that inherits conditional rendering");
+    device.driver.report().notAvailable(std::string(command) +
+                                        " in a secondary command buffer that inherits conditional rendering");
     return true;
 }
 
@@ -144,11 +144,11 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
 {
     const VkPipeline pipeline = device_.injected.get(shader);
     if (!pipeline) {
-        device_.report().error("VELLUM-injected-pipeline",
-                               "the driver could not make a pipeline of the layer's own shaders");
+        device_.driver.report().error("VELLUM-injected-pipeline",
+                                      "the driver could not make a pipeline of the layer's own shaders");
         return false;
     }
-    const DeviceTable &next = device_.next;
+    const DeviceTable &next = device_.driver.next;
     if (!disturbed_ && state_ && state_->conditionalRendering) {
         // The application's condition is about its own draws and dispatches, not about builds.
         next.CmdEndConditionalRenderingEXT(commandBuffer_);
@@ -172,7 +172,7 @@ bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushByt
 {
     if (!bind(shader, push, pushBytes))
         return false;
-    device_.next.CmdDispatch(commandBuffer_, groups.x, groups.y, groups.z);
+    device_.driver.next.CmdDispatch(commandBuffer_, groups.x, groups.y, groups.z);
     return true;
 }
 
@@ -181,7 +181,7 @@ bool InjectedWork::runIndirect(InjectedShader shader, const void *push, uint32_t
 {
     if (!bind(shader, push, pushBytes))
         return false;
-    device_.next.CmdDispatchIndirect(commandBuffer_, buffer, offset);
+    device_.driver.next.CmdDispatchIndirect(commandBuffer_, buffer, offset);
     return true;
 }
 
@@ -191,8 +191,9 @@ void InjectedWork::barrier(bool forHost)
     const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
-    device_.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
-                                    VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | host, 0, 1, &memory, 0, nullptr, 0, nullptr);
+    device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
+                                           VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | host, 0, 1, &memory, 0, nullptr, 0,
+                                           nullptr);
 }
 
 ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
@@ -200,14 +201,14 @@ ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
     if (!state_)
         return {};
     state_->scratch.restart();
-    return state_->scratch.place(device_.gpu, bytes);
+    return state_->scratch.place(device_.buffers.gpu, bytes);
 }
 
 InjectedWork::~InjectedWork()
 {
     if (!disturbed_ || !state_)
         return;
-    const DeviceTable &next = device_.next;
+    const DeviceTable &next = device_.driver.next;
     if (state_->computePipeline) {
         next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, state_->computePipeline);
     } else if (state_->computeShader && next.CmdBindShadersEXT) {

@@ -8,12 +8,12 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct Driver;
 
 class StartUpCommands
 {
 public:
-    explicit StartUpCommands(const Device &device) : device_(device) {}
+    explicit StartUpCommands(const Driver &driver) : driver_(driver) {}
     ~StartUpCommands();
     StartUpCommands(const StartUpCommands &) = delete;
     StartUpCommands &operator=(const StartUpCommands &) = delete;
@@ -28,7 +28,7 @@ public:
     [[nodiscard]] VkCommandBuffer handle() const { return commands_; }
 
 private:
-    const Device &device_;
+    const Driver &driver_;
     uint32_t family_ = 0;
     VkDeviceQueueCreateFlags flags_ = 0;
     VkQueue queue_ = VK_NULL_HANDLE;

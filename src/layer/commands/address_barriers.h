@@ -8,10 +8,10 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceBuffers;
 
 // Appends the range barriers of a dependency info, as barriers that every driver knows.
-void addRangeBarriers(const Device &device, const VkMemoryRangeBarriersInfoKHR &info,
+void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersInfoKHR &info,
                       std::vector<VkMemoryBarrier2> &memory, std::vector<VkBufferMemoryBarrier2> &buffers);
 
 } // namespace vellum::layer

@@ -8,13 +8,13 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/commands/command_state.h"
 #include "layer/memory/gpu_memory.h"
-#include "layer/work/command_state.h"
 
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceCommands;
 
 enum class InjectedShader {
     BlasRecords,
@@ -139,7 +139,7 @@ private:
 class InjectedWork
 {
 public:
-    InjectedWork(Device &device, VkCommandBuffer commandBuffer);
+    InjectedWork(DeviceCommands &device, VkCommandBuffer commandBuffer);
     ~InjectedWork();
     InjectedWork(const InjectedWork &) = delete;
     InjectedWork &operator=(const InjectedWork &) = delete;
@@ -147,7 +147,7 @@ public:
     // True, with a message, where `command` cannot be carried out because a secondary command buffer inherits
     // conditional rendering: it cannot be suspended there, and would discard the layer's dispatches but not the
     // driver's builds.
-    static bool refusedIn(const Device &device, VkCommandBuffer commandBuffer, const char *command);
+    static bool refusedIn(const DeviceCommands &device, VkCommandBuffer commandBuffer, const char *command);
 
     // Runs at least `invocations` invocations of a shader. Returns false, and reports, where it has no pipeline.
     template <typename Push>
@@ -183,7 +183,7 @@ private:
     // Makes ready for a dispatch of the shader.
     bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
 
-    Device &device_;
+    DeviceCommands &device_;
     VkCommandBuffer commandBuffer_;
     std::shared_ptr<CommandState> state_;
     bool disturbed_ = false;

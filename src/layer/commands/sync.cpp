@@ -1,11 +1,11 @@
-#include "layer/work/sync.h"
+#include "layer/commands/sync.h"
 
 #include <deque>
 #include <vector>
 
-#include "layer/door/device.h"
+#include "layer/commands/address_barriers.h"
+#include "layer/commands/device_commands.h"
 #include "layer/ground/pnext.h"
-#include "layer/work/address_barriers.h"
 
 namespace vellum::layer
 {
@@ -49,7 +49,7 @@ void translate(Barrier &barrier)
 class DriverDependency
 {
 public:
-    DriverDependency(const Device &device, const VkDependencyInfo &application)
+    DriverDependency(const DeviceCommands &device, const VkDependencyInfo &application)
         : info_(application), chain_(application.pNext),
           memory_(application.pMemoryBarriers, application.pMemoryBarriers + application.memoryBarrierCount),
           buffers_(application.pBufferMemoryBarriers,
@@ -76,14 +76,14 @@ private:
         count = static_cast<uint32_t>(barriers.size());
         return barriers.data();
     }
-    void addRanges(const Device &device)
+    void addRanges(const DeviceCommands &device)
     {
         const auto *ranges =
             findInChain<VkMemoryRangeBarriersInfoKHR>(info_.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
         if (!ranges)
             return;
-        if (device.ownAddressCommands) {
-            addRangeBarriers(device, *ranges, memory_, buffers_);
+        if (device.driver.ownAddressCommands) {
+            addRangeBarriers(device.buffers, *ranges, memory_, buffers_);
             chain_.remove(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
         } else if (auto *own =
                        chain_.edit<VkMemoryRangeBarriersInfoKHR>(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)) {
@@ -116,54 +116,51 @@ VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
 
 } // namespace
 
-VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
+void cmdPipelineBarrier2(DeviceCommands &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
-    const Device &device = deviceOf(commandBuffer);
     const DriverDependency driver(device, *info);
-    device.next.CmdPipelineBarrier2(commandBuffer, &driver.info());
+    device.driver.next.CmdPipelineBarrier2(commandBuffer, &driver.info());
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdSetEvent2(VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
+void cmdSetEvent2(DeviceCommands &device, VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
 {
-    const Device &device = deviceOf(commandBuffer);
     const DriverDependency driver(device, *info);
-    device.next.CmdSetEvent2(commandBuffer, event, &driver.info());
+    device.driver.next.CmdSetEvent2(commandBuffer, event, &driver.info());
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags2 stages)
+void cmdResetEvent2(DeviceCommands &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags2 stages)
 {
-    deviceOf(commandBuffer).next.CmdResetEvent2(commandBuffer, event, driverStages(stages));
+    device.driver.next.CmdResetEvent2(commandBuffer, event, driverStages(stages));
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
-                                          const VkDependencyInfo *infos)
+void cmdWaitEvents2(DeviceCommands &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
+                    const VkDependencyInfo *infos)
 {
-    const Device &device = deviceOf(commandBuffer);
     std::deque<DriverDependency> own;
     std::vector<VkDependencyInfo> driverInfos;
     for (uint32_t i = 0; i < count; ++i)
         driverInfos.push_back(own.emplace_back(device, infos[i]).info());
-    device.next.CmdWaitEvents2(commandBuffer, count, events, driverInfos.data());
+    device.driver.next.CmdWaitEvents2(commandBuffer, count, events, driverInfos.data());
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
-                                              VkQueryPool pool, uint32_t query)
+void cmdWriteTimestamp2(DeviceCommands &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                        VkQueryPool pool, uint32_t query)
 {
     // VUID-vkCmdWriteTimestamp2-stage-03859
-    deviceOf(commandBuffer).next.CmdWriteTimestamp2(commandBuffer, driverStage(stage), pool, query);
+    device.driver.next.CmdWriteTimestamp2(commandBuffer, driverStage(stage), pool, query);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
-                                                 VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
+void cmdWriteBufferMarker2(DeviceCommands &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                           VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
 {
     // A marker is written when a stage is complete, as a timestamp is.
-    deviceOf(commandBuffer).next.CmdWriteBufferMarker2AMD(commandBuffer, driverStage(stage), buffer, offset, marker);
+    device.driver.next.CmdWriteBufferMarker2AMD(commandBuffer, driverStage(stage), buffer, offset, marker);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)
+VkResult queueSubmit2(DeviceCommands &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
+                      VkFence fence)
 {
-    Device &device = deviceOf(queue);
-    device.complaints.drain(device.report());
+    device.complaints.drain(device.driver.report());
     std::vector<VkSubmitInfo2> own(submits, submits + count);
     std::deque<std::vector<VkSemaphoreSubmitInfo>> semaphores;
     for (VkSubmitInfo2 &submit : own) {
@@ -172,11 +169,11 @@ VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue queue, uint32_t count, const
         semaphores.push_back(driverSemaphores(submit.pSignalSemaphoreInfos, submit.signalSemaphoreInfoCount));
         submit.pSignalSemaphoreInfos = semaphores.back().data();
     }
-    return device.next.QueueSubmit2(queue, count, own.data(), fence);
+    return device.driver.next.QueueSubmit2(queue, count, own.data(), fence);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRenderPassCreateInfo2 *info,
-                                                 const VkAllocationCallbacks *allocator, VkRenderPass *renderPass)
+VkResult createRenderPass2(DeviceCommands &device, VkDevice handle, const VkRenderPassCreateInfo2 *info,
+                           const VkAllocationCallbacks *allocator, VkRenderPass *renderPass)
 {
     // A subpass dependency can carry a VkMemoryBarrier2.
     VkRenderPassCreateInfo2 driverInfo = *info;
@@ -189,7 +186,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRender
         dependency.pNext = chain.head();
     }
     driverInfo.pDependencies = dependencies.data();
-    return deviceOf(handle).next.CreateRenderPass2(handle, &driverInfo, allocator, renderPass);
+    return device.driver.next.CreateRenderPass2(handle, &driverInfo, allocator, renderPass);
 }
 
 } // namespace vellum::layer

@@ -9,7 +9,7 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceCommands;
 
 // Something to be done, once, when an operation is complete.
 class DeferredWork
@@ -26,8 +26,8 @@ struct DeferredOperation {
     std::unique_ptr<DeferredWork> work; // null where there is none, or it is done
 };
 
-VKAPI_ATTR VkResult VKAPI_CALL deferredOperationJoin(VkDevice, VkDeferredOperationKHR);
-VKAPI_ATTR VkResult VKAPI_CALL getDeferredOperationResult(VkDevice, VkDeferredOperationKHR);
-VKAPI_ATTR void VKAPI_CALL destroyDeferredOperation(VkDevice, VkDeferredOperationKHR, const VkAllocationCallbacks *);
+VkResult deferredOperationJoin(DeviceCommands &, VkDevice, VkDeferredOperationKHR);
+VkResult getDeferredOperationResult(DeviceCommands &, VkDevice, VkDeferredOperationKHR);
+void destroyDeferredOperation(DeviceCommands &, VkDevice, VkDeferredOperationKHR, const VkAllocationCallbacks *);
 
 } // namespace vellum::layer

@@ -12,6 +12,8 @@
 namespace vellum::layer
 {
 
+struct DeviceCommands;
+
 // What the log names a micromap by: its handle, which is a pointer, and this bit where it is an acceleration structure.
 inline constexpr uint64_t kStructureObject = 1;
 constexpr uint64_t complaintObject(VkObjectType type, uint64_t handle)
@@ -42,11 +44,11 @@ private:
     bool toldOfOverflow_ = false;
 };
 
-VKAPI_ATTR VkResult VKAPI_CALL queueWaitIdle(VkQueue);
-VKAPI_ATTR VkResult VKAPI_CALL deviceWaitIdle(VkDevice);
-VKAPI_ATTR VkResult VKAPI_CALL waitForFences(VkDevice, uint32_t, const VkFence *, VkBool32, uint64_t);
-VKAPI_ATTR VkResult VKAPI_CALL getFenceStatus(VkDevice, VkFence);
-VKAPI_ATTR VkResult VKAPI_CALL waitSemaphores(VkDevice, const VkSemaphoreWaitInfo *, uint64_t);
-VKAPI_ATTR VkResult VKAPI_CALL queueSubmit(VkQueue, uint32_t, const VkSubmitInfo *, VkFence);
+VkResult queueWaitIdle(DeviceCommands &, VkQueue);
+VkResult deviceWaitIdle(DeviceCommands &, VkDevice);
+VkResult waitForFences(DeviceCommands &, VkDevice, uint32_t, const VkFence *, VkBool32, uint64_t);
+VkResult getFenceStatus(DeviceCommands &, VkDevice, VkFence);
+VkResult waitSemaphores(DeviceCommands &, VkDevice, const VkSemaphoreWaitInfo *, uint64_t);
+VkResult queueSubmit(DeviceCommands &, VkQueue, uint32_t, const VkSubmitInfo *, VkFence);
 
 } // namespace vellum::layer

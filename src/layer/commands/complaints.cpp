@@ -1,11 +1,11 @@
-#include "layer/work/complaints.h"
+#include "layer/commands/complaints.h"
 
 #include <algorithm>
 #include <cstring>
 #include <string>
 
 #include "core/records.h"
-#include "layer/door/device.h"
+#include "layer/commands/device_commands.h"
 
 namespace vellum::layer
 {
@@ -127,53 +127,47 @@ void Complaints::drainIdle(Reporter &report)
     toldOfOverflow_ = false;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL queueWaitIdle(VkQueue queue)
+VkResult queueWaitIdle(DeviceCommands &device, VkQueue queue)
 {
-    Device &device = deviceOf(queue);
-    const VkResult result = device.next.QueueWaitIdle(queue);
-    device.complaints.drain(device.report());
+    const VkResult result = device.driver.next.QueueWaitIdle(queue);
+    device.complaints.drain(device.driver.report());
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL deviceWaitIdle(VkDevice handle)
+VkResult deviceWaitIdle(DeviceCommands &device, VkDevice handle)
 {
-    Device &device = deviceOf(handle);
-    const VkResult result = device.next.DeviceWaitIdle(handle);
+    const VkResult result = device.driver.next.DeviceWaitIdle(handle);
     if (result == VK_SUCCESS)
-        device.complaints.drainIdle(device.report());
+        device.complaints.drainIdle(device.driver.report());
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL waitForFences(VkDevice handle, uint32_t count, const VkFence *fences, VkBool32 all,
-                                             uint64_t timeout)
+VkResult waitForFences(DeviceCommands &device, VkDevice handle, uint32_t count, const VkFence *fences, VkBool32 all,
+                       uint64_t timeout)
 {
-    Device &device = deviceOf(handle);
-    const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
-    device.complaints.drain(device.report());
+    const VkResult result = device.driver.next.WaitForFences(handle, count, fences, all, timeout);
+    device.complaints.drain(device.driver.report());
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL getFenceStatus(VkDevice handle, VkFence fence)
+VkResult getFenceStatus(DeviceCommands &device, VkDevice handle, VkFence fence)
 {
-    Device &device = deviceOf(handle);
-    const VkResult result = device.next.GetFenceStatus(handle, fence);
-    device.complaints.drain(device.report());
+    const VkResult result = device.driver.next.GetFenceStatus(handle, fence);
+    device.complaints.drain(device.driver.report());
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL waitSemaphores(VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
+VkResult waitSemaphores(DeviceCommands &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
 {
-    Device &device = deviceOf(handle);
-    const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
-    device.complaints.drain(device.report());
+    const VkResult result = device.driver.next.WaitSemaphores(handle, info, timeout);
+    device.complaints.drain(device.driver.report());
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL queueSubmit(VkQueue queue, uint32_t count, const VkSubmitInfo *submits, VkFence fence)
+VkResult queueSubmit(DeviceCommands &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits, VkFence fence)
 {
-    Device &device = deviceOf(queue);
-    device.complaints.drain(device.report());
-    return device.next.QueueSubmit(queue, count, submits, fence);
+    device.complaints.drain(device.driver.report());
+    return device.driver.next.QueueSubmit(queue, count, submits, fence);
 }
 
 } // namespace vellum::layer
