@@ -65,6 +65,8 @@ Text textOf(const Entry &e)
         return {"VELLUM-micromap-index", triangle + "its index lies outside the buffer of indexBuffer"};
     case kComplaintNotBuilt:
         return {"VELLUM-micromap-not-constructed", "the micromap was not constructed before it is used"};
+    case kComplaintOverlap:
+        return {"VELLUM-micromap-copy-overlap", "src and dst of a copy overlap; the target is as it was"};
     case kComplaintTooLarge: return {"VELLUM-micromap-copy-size", "the target of a copy is too small"};
     default:
         return {structure ? "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960"

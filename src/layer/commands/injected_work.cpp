@@ -204,11 +204,27 @@ ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
     return state_->scratch.place(device_.buffers.gpu, bytes);
 }
 
+// A dispatch of nothing, with what the application has pushed; zeros, as in a new command buffer, where it has not.
+void InjectedWork::uploadPushConstants()
+{
+    std::array<std::byte, kPushBytes> bytes{};
+    for (const CommandState::PushedConstants &push : state_->pushes) {
+        if (push.offset < bytes.size())
+            std::copy_n(push.bytes.begin(), std::min(push.bytes.size(), bytes.size() - push.offset),
+                        bytes.begin() + push.offset);
+    }
+    device_.driver.next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
+                                         kPushBytes, bytes.data());
+    device_.driver.next.CmdDispatch(commandBuffer_, 0, 1, 1);
+}
+
 InjectedWork::~InjectedWork()
 {
     if (!disturbed_ || !state_)
         return;
     const DeviceTable &next = device_.driver.next;
+    if (device_.driver.keepsOldPushConstants)
+        uploadPushConstants();
     if (state_->computePipeline) {
         next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, state_->computePipeline);
     } else if (state_->computeShader && next.CmdBindShadersEXT) {

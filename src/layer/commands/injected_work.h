@@ -180,6 +180,7 @@ public:
 private:
     bool run(InjectedShader shader, const void *push, uint32_t pushBytes, const VkDispatchIndirectCommand &groups);
     bool runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer, VkDeviceSize offset);
+    void uploadPushConstants();
     // Makes ready for a dispatch of the shader.
     bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
 

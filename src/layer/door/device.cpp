@@ -1,6 +1,7 @@
 #include "layer/door/device.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <shared_mutex>
 #include <string>
@@ -147,6 +148,17 @@ struct DriverDeviceInfo {
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
 
+// Driver::keepsOldPushConstants. Only its text tells the version: driverVersion is always 0.0.1.
+bool isLavapipeBefore26(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceDriverProperties driver{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &driver, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    unsigned major = 0;
+    return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && std::sscanf(driver.driverInfo, "Mesa %u", &major) == 1 &&
+           major < 26;
+}
+
 std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysicalDevice physicalDevice)
 {
     VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
@@ -244,6 +256,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         if (result == VK_SUCCESS && instance.settings.validate)
             result = device->commands.complaints.create(device->buffers.gpu);
         device->driver.threads = threadsOf(instance, physicalDevice);
+        device->driver.keepsOldPushConstants = isLavapipeBefore26(instance, physicalDevice);
         device->driver.driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");

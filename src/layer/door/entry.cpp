@@ -281,8 +281,10 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
     const Row *r = find(name);
     if (r && r->scope == Scope::Global)
         return r->function;
+    // Layers above ask without an instance for what they call with one, as MangoHud 0.6.8 and vkBasalt 0.3.2 do for
+    // vkCreateDevice.
     if (!handle)
-        return nullptr;
+        return r && (r->scope == Scope::Instance || r->scope == Scope::Device) ? r->function : nullptr;
     Instance &instance = instanceOf(handle);
     const PFN_vkVoidFunction next = instance.next.GetInstanceProcAddr(handle, name);
     const bool ours = r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);

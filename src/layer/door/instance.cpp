@@ -86,7 +86,10 @@ bool contains(const std::vector<VkExtensionProperties> &list, const char *name)
 // What the layer's way of having micromaps takes.
 bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<VkExtensionProperties> &list)
 {
-    if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.next.GetPhysicalDeviceFeatures2)
+    // An instance of Vulkan 1.0 without VK_KHR_get_physical_device_properties2 has no devices that trace rays, either:
+    // VK_KHR_acceleration_structure depends on Vulkan 1.1.
+    if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.hasProperties2 ||
+        !instance.next.GetPhysicalDeviceFeatures2)
         return false;
     // VK_EXT_opacity_micromap depends on VK_KHR_synchronization2 or Vulkan 1.3.
     VkPhysicalDeviceProperties properties{};
@@ -100,6 +103,20 @@ bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<V
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(device, &features);
     return structures.accelerationStructure && addresses.bufferDeviceAddress;
+}
+
+bool isVulkan11(const VkInstanceCreateInfo &info)
+{
+    return info.pApplicationInfo && info.pApplicationInfo->apiVersion >= VK_API_VERSION_1_1;
+}
+
+bool allowsProperties2(const VkInstanceCreateInfo &info)
+{
+    return isVulkan11(info) ||
+           std::any_of(info.ppEnabledExtensionNames, info.ppEnabledExtensionNames + info.enabledExtensionCount,
+                       [](const char *name) {
+                           return std::strcmp(name, VK_KHR_GET_PHYSICAL_DEVICE_PROPERTIES_2_EXTENSION_NAME) == 0;
+                       });
 }
 
 Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
@@ -177,7 +194,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     if (result != VK_SUCCESS)
         return result;
     instance->handle = *handle;
-    instance->next.load(*handle, nextGet);
+    instance->hasProperties2 = allowsProperties2(*info);
+    instance->next.load(*handle, nextGet, isVulkan11(*info));
     std::unique_lock lock(instancesMutex);
     instances[dispatchKey(*handle)] = std::move(instance);
     return VK_SUCCESS;

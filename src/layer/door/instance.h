@@ -21,6 +21,8 @@ void *dispatchKey(DispatchableHandle handle)
 struct Instance {
     VkInstance handle = VK_NULL_HANDLE;
     InstanceTable next;
+    // The application's version or extensions allow vkGetPhysicalDeviceFeatures2 and its like to be called.
+    bool hasProperties2 = false;
     Settings settings;
     Reporter report;
 };

@@ -134,7 +134,9 @@ struct InstanceTable {
 #define VELLUM_MEMBER(name, alias) PFN_vk##name name = nullptr;
     VELLUM_INSTANCE_COMMANDS(VELLUM_MEMBER)
     PFN_vkGetInstanceProcAddr GetInstanceProcAddr = nullptr;
-    void load(VkInstance instance, PFN_vkGetInstanceProcAddr next);
+    // `core`: the instance is one of Vulkan 1.1 or later. In others, commands that 1.1 has taken over are those of their
+    // extensions.
+    void load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core);
 };
 
 struct DeviceTable {

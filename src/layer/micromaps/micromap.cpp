@@ -23,11 +23,11 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
         return VK_ERROR_VALIDATION_FAILED_EXT;
     }
     const bool replayable = (info->createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
-    if (info->deviceAddress != 0 && !replayable) {
+    // Drivers ignore the address then, and NVRHI always gives one.
+    if (info->deviceAddress != 0 && !replayable)
         device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
-                                     "vkCreateMicromapEXT: deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY");
-        return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
-    }
+                                     "vkCreateMicromapEXT: deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY is "
+                                     "ignored");
     if (replayable && !device.driver.asked.captureReplay) {
         device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
                                      "vkCreateMicromapEXT: the feature micromapCaptureReplay is not enabled");
@@ -48,7 +48,8 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
         return VK_ERROR_VALIDATION_FAILED_EXT;
     }
     // A micromap is where its buffer is, which the driver was told to put where it was.
-    if (info->deviceAddress != 0 && info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
+    if (replayable && info->deviceAddress != 0 &&
+        info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
         device.driver.report().error(
             "VELLUM-micromap-replay",
             "vkCreateMicromapEXT: the buffer is not at the address that it had at the time of capture");

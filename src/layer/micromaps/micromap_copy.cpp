@@ -1,5 +1,6 @@
 // Copies of micromaps: clone, compact, serialize, deserialize. A micromap is self-contained and nothing in it depends
-// on where it lies, so the first two are buffer copies; how much of it is in use, only the device knows.
+// on where it lies, so the first two copy bytes. How many are in use, only the device knows: the size of a handle says
+// nothing about it, and behind what is in use may lie what is not the micromap's.
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -34,11 +35,14 @@ MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &microma
     return push;
 }
 
-void move(InjectedWork &work, MicromapMovePush push)
+// How much there is to move, only the device knows: a handle may be far larger than what was built there.
+void move(InjectedWork &work, const Driver &driver, MicromapMovePush push)
 {
     const uint64_t units = push.micromapBytes / kDataUnitBytes;
     const uint64_t invocations = (units + kMoveUnitsPerInvocation - 1) / kMoveUnitsPerInvocation;
-    push.invocations = static_cast<uint32_t>(std::clamp<uint64_t>((invocations + 63) / 64 * 64, 64, 1u << 20));
+    // So many keep a GPU busy; a CPU, four workgroups for each of its threads.
+    const uint64_t most = driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(driver.threads, 64u);
+    push.invocations = static_cast<uint32_t>(std::clamp<uint64_t>((invocations + 63) / 64 * 64, 64, most));
     work.barrier();
     work.dispatch(InjectedShader::MicromapMove, push, push.invocations, 64);
     work.barrier(true);
@@ -59,11 +63,6 @@ void refuseTooSmall(const DeviceMicromaps &device, const char *command, const Mi
                                  micromap.object.type, micromap.object.handle);
 }
 
-bool overlap(const Micromap &a, const Micromap &b, VkDeviceSize size)
-{
-    return a.buffer == b.buffer && a.offset < b.offset + size && b.offset < a.offset + size;
-}
-
 } // namespace
 
 void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command,
@@ -71,23 +70,17 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
 {
     if (tooSmall(source) || tooSmall(target))
         return refuseTooSmall(device, command, tooSmall(source) ? source : target, !tooSmall(source));
-    // What is in use comes first (core/records.h): the bytes that fit the target are all that a compact copy needs.
-    const VkBufferCopy region{source.offset, target.offset, std::min(source.size, target.size)};
-    if (overlap(source, target, region.size)) {
+    // Handles may overlap, where what is in use does not; that, the shader checks.
+    if (source.buffer == target.buffer && source.offset == target.offset) {
         device.driver.report().error("VELLUM-micromap-copy-overlap", std::string(command) + ": src and dst overlap",
                                      target.object.type, target.object.handle);
         return;
     }
+    MicromapMovePush push = movePush(device, target, kMoveCopy);
+    push.serialized = micromapAddress(device.driver, source);
+    push.serializedBytes = source.size;
     InjectedWork work(device.commands, commandBuffer);
-    work.barrier();
-    device.driver.next.CmdCopyBuffer(commandBuffer, source.buffer, target.buffer, 1, &region);
-    work.barrier();
-    if (target.size >= source.size)
-        return;
-    MicromapMovePush push = movePush(device, target, kMoveCheck);
-    push.invocations = 1;
-    work.dispatch(InjectedShader::MicromapMove, push, 1, 64);
-    work.barrier();
+    move(work, device.driver, push);
 }
 
 void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &source,
@@ -102,7 +95,7 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
     static_assert(sizeof push.driverUuid == VK_UUID_SIZE);
     std::memcpy(push.driverUuid, device.driver.driverUuid.data(), VK_UUID_SIZE);
     InjectedWork work(device.commands, commandBuffer);
-    move(work, push);
+    move(work, device.driver, push);
 }
 
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
@@ -114,7 +107,7 @@ void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffe
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
     InjectedWork work(device.commands, commandBuffer);
-    move(work, push);
+    move(work, device.driver, push);
 }
 
 void getDeviceMicromapCompatibility(DeviceMicromaps &device, VkDevice, const VkMicromapVersionInfoEXT *info,

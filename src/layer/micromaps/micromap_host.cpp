@@ -43,12 +43,13 @@ void complainAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT m
     complain(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
 }
 
-// A micromap's memory as the host sees it.
+// A micromap's memory as the host sees it; of it the first `most` bytes, since a handle may be far larger than what is
+// written, and what lies behind that is not to be flushed.
 class View
 {
 public:
-    View(DeviceMicromaps &device, VkMicromapEXT handle)
-        : size_(handle ? micromapOf(handle)->size : 0),
+    View(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t most = UINT64_MAX)
+        : size_(handle ? std::min(micromapOf(handle)->size, most) : 0),
           view_(device.buffers, handle ? micromapOf(handle)->buffer : VK_NULL_HANDLE,
                 handle ? micromapOf(handle)->offset : 0, size_)
     {
@@ -109,7 +110,7 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
             result = refuse(device, offence->id, where + offence->text, infos[i].dstMicromap);
             continue;
         }
-        const View view(device, infos[i].dstMicromap);
+        const View view(device, infos[i].dstMicromap, extentOf(infos[i]).bytes());
         if (!view.bytes())
             result = refuse(device, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
                             where + "dstMicromap is not bound to host-visible memory", infos[i].dstMicromap);
@@ -132,17 +133,19 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
         return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
                       "vkCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
     const View source(device, info->src);
-    const View target(device, info->dst);
+    const uint64_t used = source.bytes() ? source.used() : 0;
+    const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
+    const View target(device, info->dst, std::max<uint64_t>(used, kMicromapHeaderWords * 4));
     if (!source.bytes() || !target.bytes())
         return refuse(device,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapEXT-buffer-07559"
                                      : "VELLUM-VUID-vkCopyMicromapEXT-buffer-07558",
                       "vkCopyMicromapEXT: src or dst is not bound to host-visible memory", info->dst);
-    const uint64_t used = source.used();
-    std::memmove(target.bytes(), source.bytes(), std::min(source.size(), target.size()));
-    if (used > target.size()) {
+    if (used == 0 || used > room) {
         target.invalidate();
-        complainAbout(device, kComplaintTooLarge, info->dst);
+        complainAbout(device, used == 0 ? kComplaintNotBuilt : kComplaintTooLarge, info->dst);
+    } else {
+        std::memmove(target.bytes(), source.bytes(), used);
     }
     return done(operation);
 }

@@ -52,6 +52,8 @@ constexpr Notice kNoticeTexts[kNotices] = {
     {"VELLUM-micromap-serialized",
      "a micromap was deserialized from memory that does not hold a serialized micromap of "
      "this version of the layer, or not all of it. It holds nothing now"},
+    {"VELLUM-micromap-copy-overlap",
+     "a micromap was to be copied to where it would overlap its source. The target is as it was"},
 };
 
 } // namespace

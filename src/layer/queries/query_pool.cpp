@@ -128,7 +128,7 @@ void recordMicromapProperty(InjectedWork &work, const DeviceQueries &device, con
         return askMicromap(work, device, micromap, kQueryMicromapSerialized, value);
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
         // That of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
-        return askMicromap(work, device, micromap, kQueryMicromapSize, value);
+        return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
     default:
         // The bottom-level pointers of a top-level structure.
         device.driver.report().error(
