@@ -437,7 +437,7 @@ MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
         }
     }
     // Sharing reads all data twice more, so that compaction has something to save. No frame was found that is faster
-    // with it (docs/layer.md): PREFER_FAST_TRACE does not ask for it.
+    // with it (docs/measurements.md): PREFER_FAST_TRACE does not ask for it.
     extent.share = (info.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                    (info.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 && extent.triangles > 0 &&
                    extent.triangles <= kMostSharing;
