@@ -37,7 +37,7 @@ protected:
     {
         Random random(23);
         MicromapInput input;
-        for (std::uint32_t t = 0; t < 9; ++t) {
+        for (std::uint32_t t = 0; t < 60; ++t) {
             const std::uint32_t level = t % 6;
             const std::uint16_t format = t % 2 == 0 ? kFourState : kTwoState;
             input.add(level, format, randomStates(random, level, format));
@@ -78,7 +78,7 @@ TEST_F(Packing, CopiesMoveWhatIsInUse)
     copy(source_.handle(), first);
     copy(first, second);
     copy(second, third, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
-    for (const VkDeviceSize offset : {256, 4096, 8192})
+    for (const VkDeviceSize offset : {VkDeviceSize{256}, VkDeviceSize{4096}, VkDeviceSize{8192}})
         EXPECT_TRUE(holdsCopy(offset)) << offset;
     EXPECT_TRUE(untouched(0, 256));
     EXPECT_TRUE(untouched(256 + used_, 4096));
