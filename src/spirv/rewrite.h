@@ -72,6 +72,8 @@ struct RewriteResult {
     Status status = Status::Unchanged;
     std::vector<std::uint32_t> words; // only when Rewritten
     std::string error;                // only when Failed
+    // It has ray queries, and only declarations could let them consume micromaps, but no entry point declares anything.
+    bool queriesForget = false;
 };
 
 // True if an entry point is a stage of ray tracing pipelines. False for what is no SPIR-V.

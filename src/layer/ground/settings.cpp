@@ -46,6 +46,8 @@ void apply(Settings &settings, const std::string &key, const std::string &value)
         settings.forceEmulation = isTrue(value);
     else if (key == "validate")
         settings.validate = isTrue(value);
+    else if (key == "assume_micromaps")
+        settings.assumeMicromaps = isTrue(value);
     else if (key == "report")
         settings.report = reportLevel(value);
     else if (key == "dump_shaders")
@@ -101,6 +103,7 @@ Settings readSettings(const void *instanceChain)
         {"VELLUM_FORCE_EMULATION", "force_emulation"},
         {"VELLUM_REPORT", "report"},
         {"VELLUM_VALIDATE", "validate"},
+        {"VELLUM_ASSUME_MICROMAPS", "assume_micromaps"},
         {"VELLUM_DUMP_SHADERS", "dump_shaders"},
     };
     for (const auto &[variable, key] : variables) {

@@ -14,7 +14,10 @@ enum class ReportLevel { None, Error, Warning, Info };
 struct Settings {
     bool forceEmulation = false;            // VELLUM_FORCE_EMULATION, vellum_opacity_micromap.force_emulation
     ReportLevel report = ReportLevel::None; // VELLUM_REPORT, .report: what also goes to stderr
-    bool validate = false;   // VELLUM_VALIDATE, .validate: shaders look for wrong input, and the layer tells of it
+    bool validate = false; // VELLUM_VALIDATE, .validate: shaders look for wrong input, and the layer tells of it
+    // VELLUM_ASSUME_MICROMAPS, .assume_micromaps: ray tracing pipelines without the micromap bit and ray queries
+    // without the execution mode use micromaps all the same, where the feature is enabled
+    bool assumeMicromaps = false;
     std::string dumpShaders; // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
 };
 

@@ -28,8 +28,9 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
 {
     return {.rootAddress = device.objects.root.address(),
             .firstSlots = device.objects.root.firstSlots(),
-            .queriesConsume = device.driver.asked.everyQueryUsesMicromaps() ? spirv::QueriesConsume::Always
-                                                                            : spirv::QueriesConsume::WhereDeclared,
+            .queriesConsume = device.driver.asked.everyQueryUsesMicromaps() || device.driver.settings->assumeMicromaps
+                                  ? spirv::QueriesConsume::Always
+                                  : spirv::QueriesConsume::WhereDeclared,
             .queriesCarryFlagBits = [&device] { return device.rayFlagBits.inQueries(); },
             .pipelinesCarryFlagBits = [&device] { return device.rayFlagBits.inPipelines(); },
             .pipelineStage = pipelineStage};
@@ -52,6 +53,13 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
                                      "a shader that traces rays cannot be rewritten: " + result.error);
         return false;
     }
+    // Harmless where they meet no micromaps. Applications forget it all the same, like the Vulkan tutorial's engine.
+    if (result.queriesForget && device.driver.asked.khrFeature)
+        device.driver.report().warning(
+            "VELLUM-queries-without-micromaps",
+            "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every hit "
+            "on "
+            "their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
     if (result.status == spirv::RewriteResult::Status::Unchanged)
         return true;
     storage = std::move(result.words);

@@ -68,8 +68,10 @@ public:
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
-        const bool asked = (flagsOf(info) & kMicromapPipelineFlag) != 0;
-        if (asked && !device_.driver.asked.extFeature && !device_.driver.asked.khrFeature) {
+        const bool available = device_.driver.asked.extFeature || device_.driver.asked.khrFeature;
+        const bool asked =
+            (flagsOf(info) & kMicromapPipelineFlag) != 0 || (available && device_.driver.settings->assumeMicromaps);
+        if (asked && !available) {
             refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
                    "uses opacity micromaps, but the feature micromap is not enabled");
             return VK_ERROR_VALIDATION_FAILED_EXT;
@@ -101,6 +103,13 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
+        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one.
+        if (available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+            device_.driver.report().warning(
+                "VELLUM-pipeline-without-micromaps",
+                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
+                    " was created without RAY_TRACING_OPACITY_MICROMAP: where it meets micromaps, every hit on their "
+                    "geometry is non-opaque. The setting assume_micromaps creates all pipelines with it");
         // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
         flagsChanged_ = flagsChanged_ || own.flags != info.flags;
