@@ -13,6 +13,7 @@ import argparse
 import collections
 import os
 import re
+import resource
 import selectors
 import signal
 import subprocess
@@ -171,8 +172,9 @@ class Run:
         if failed:
             variables = [f"{name}={value}" for name, value in os.environ.items() if name.startswith("VELLUM_TEST_")]
             print("one of them alone:", *variables, *self.options.program, f"--gtest_filter={failed[0]}")
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
         print(f"{counts['passed']} passed, {counts['failed'] + len(self.elsewhere)} failed, {counts['skipped']} skipped,"
-              f" {seconds:.1f} s")
+              f" {seconds:.1f} s, {used.ru_utime + used.ru_stime:.1f} s of CPU")
         if failed or self.elsewhere:
             return 1
         return ALL_SKIPPED if counts["skipped"] and not counts["passed"] else 0
