@@ -2,7 +2,7 @@
 #include <benchmark/benchmark.h>
 
 #include "bake/bake.h"
-#include "cli/leaf_texture.h"
+#include "cli/scene/leaf_texture.h"
 
 namespace
 {

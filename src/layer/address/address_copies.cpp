@@ -6,9 +6,9 @@
 
 #include "layer/address/address_lookup.h"
 #include "layer/address/device_address_commands.h"
-#include "layer/door/device.h"
+#include "layer/address/device_addresses.h"
+#include "layer/commands/sync.h"
 #include "layer/queries/query_pool.h"
-#include "layer/work/sync.h"
 
 namespace vellum::layer
 {
@@ -39,10 +39,9 @@ ImageRegions imageRegions(const AddressLookup &lookup, const VkCopyDeviceMemoryI
 
 } // namespace
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyMemory(VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
+void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdCopyMemoryKHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyMemoryKHR");
     std::map<std::pair<VkBuffer, VkBuffer>, std::vector<VkBufferCopy>> groups;
     for (uint32_t i = 0; i < info->regionCount; ++i) {
         const VkDeviceMemoryCopyKHR &region = info->pRegions[i];
@@ -64,76 +63,71 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMemory(VkCommandBuffer commandBuffer, const Vk
         groups[{source->buffer, target->buffer}].push_back({source->offset, target->offset, region.srcRange.size});
     }
     for (const auto &[buffers, regions] : groups)
-        device.next.CmdCopyBuffer(commandBuffer, buffers.first, buffers.second, static_cast<uint32_t>(regions.size()),
-                                  regions.data());
+        device.driver.next.CmdCopyBuffer(commandBuffer, buffers.first, buffers.second,
+                                         static_cast<uint32_t>(regions.size()), regions.data());
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToImage(VkCommandBuffer commandBuffer,
-                                                const VkCopyDeviceMemoryImageInfoKHR *info)
+void cmdCopyMemoryToImage(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdCopyMemoryToImageKHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyMemoryToImageKHR");
     const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
                                              "VELLUM-VUID-vkCmdCopyMemoryToImageKHR-addressRange-13128");
     for (const auto &[key, regions] : groups) {
         const VkCopyBufferToImageInfo2 copy{
             VK_STRUCTURE_TYPE_COPY_BUFFER_TO_IMAGE_INFO_2, nullptr,       key.first, info->image, key.second,
             static_cast<uint32_t>(regions.size()),         regions.data()};
-        device.next.CmdCopyBufferToImage2(commandBuffer, &copy);
+        device.driver.next.CmdCopyBufferToImage2(commandBuffer, &copy);
     }
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyImageToMemory(VkCommandBuffer commandBuffer,
-                                                const VkCopyDeviceMemoryImageInfoKHR *info)
+void cmdCopyImageToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdCopyImageToMemoryKHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyImageToMemoryKHR");
     const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                              "VELLUM-VUID-vkCmdCopyImageToMemoryKHR-addressRange-13129");
     for (const auto &[key, regions] : groups) {
         const VkCopyImageToBufferInfo2 copy{
             VK_STRUCTURE_TYPE_COPY_IMAGE_TO_BUFFER_INFO_2, nullptr,       info->image, key.second, key.first,
             static_cast<uint32_t>(regions.size()),         regions.data()};
-        device.next.CmdCopyImageToBuffer2(commandBuffer, &copy);
+        device.driver.next.CmdCopyImageToBuffer2(commandBuffer, &copy);
     }
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdUpdateMemory(VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
-                                           VkAddressCommandFlagsKHR, VkDeviceSize size, const void *data)
+void cmdUpdateMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                     VkAddressCommandFlagsKHR, VkDeviceSize size, const void *data)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdUpdateMemoryKHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdUpdateMemoryKHR");
     const auto target = lookup.find(*range, {.member = "pDstRange",
                                              .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                              .usageId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dstRange-13005",
                                              .least = size,
                                              .leastId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dataSize-13008"});
     if (target)
-        device.next.CmdUpdateBuffer(commandBuffer, target->buffer, target->offset, size, data);
+        device.driver.next.CmdUpdateBuffer(commandBuffer, target->buffer, target->offset, size, data);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdFillMemory(VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
-                                         VkAddressCommandFlagsKHR, uint32_t data)
+void cmdFillMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                   VkAddressCommandFlagsKHR, uint32_t data)
 {
-    const Device &device = deviceOf(commandBuffer);
     if (range->size == 0) // which vkCmdFillBuffer cannot say
         return;
-    const AddressLookup lookup(device, commandBuffer, "vkCmdFillMemoryKHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdFillMemoryKHR");
     const auto target = lookup.find(*range, {.member = "pDstRange",
                                              .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                              .usageId = "VELLUM-VUID-vkCmdFillMemoryKHR-dstRange-13000"});
     if (target)
-        device.next.CmdFillBuffer(commandBuffer, target->buffer, target->offset, range->size, data);
+        device.driver.next.CmdFillBuffer(commandBuffer, target->buffer, target->offset, range->size, data);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResultsToMemory(VkCommandBuffer commandBuffer, VkQueryPool pool,
-                                                           uint32_t first, uint32_t count,
-                                                           const VkStridedDeviceAddressRangeKHR *range,
-                                                           VkAddressCommandFlagsKHR, VkQueryResultFlags flags)
+void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, VkQueryPool pool,
+                                     uint32_t first, uint32_t count, const VkStridedDeviceAddressRangeKHR *range,
+                                     VkAddressCommandFlagsKHR, VkQueryResultFlags flags)
 {
     if (count == 0)
         return;
-    const AddressLookup lookup(deviceOf(commandBuffer), commandBuffer, "vkCmdCopyQueryPoolResultsToMemoryKHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyQueryPoolResultsToMemoryKHR");
     // Of a result only the least is known: a pool's type decides how many values it has.
     const VkDeviceSize value = (flags & VK_QUERY_RESULT_64_BIT) != 0 ? 8 : 4;
     const bool both = (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0;
@@ -146,20 +140,21 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResultsToMemory(VkCommandBuffer comma
                              .least = tooMany ? UINT64_MAX : (count - 1) * range->stride + value * (both ? 2 : 1),
                              .leastId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079"});
     if (target)
-        cmdCopyQueryPoolResults(commandBuffer, pool, first, count, target->buffer, target->offset, range->stride,
-                                flags);
+        cmdCopyQueryPoolResults(device.queries, commandBuffer, pool, first, count, target->buffer, target->offset,
+                                range->stride, flags);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdWriteMarkerToMemory(VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
+void cmdWriteMarkerToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
 {
-    const AddressLookup lookup(deviceOf(commandBuffer), commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
     const auto target = lookup.find(info->dstRange, {.member = "dstRange",
                                                      .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                                      .usageId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13039",
                                                      .least = sizeof(uint32_t),
                                                      .leastId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13041"});
     if (target)
-        cmdWriteBufferMarker2(commandBuffer, info->stage, target->buffer, target->offset, info->marker);
+        cmdWriteBufferMarker2(device.commands, commandBuffer, info->stage, target->buffer, target->offset,
+                              info->marker);
 }
 
 } // namespace vellum::layer

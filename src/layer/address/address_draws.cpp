@@ -4,9 +4,9 @@
 
 #include "layer/address/address_lookup.h"
 #include "layer/address/device_address_commands.h"
-#include "layer/door/device.h"
+#include "layer/address/device_addresses.h"
+#include "layer/commands/command_state.h"
 #include "layer/ground/pnext.h"
-#include "layer/work/command_state.h"
 
 namespace vellum::layer
 {
@@ -72,24 +72,24 @@ std::optional<Draws> findDraws(const AddressLookup &lookup, const Kind &kind,
     return found ? std::optional(Draws{*found, *stride}) : std::nullopt;
 }
 
-void drawIndirect(VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR &info, const Kind &kind,
-                  PFN_vkCmdDrawIndirect next)
+void drawIndirect(const DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR &info,
+                  const Kind &kind, PFN_vkCmdDrawIndirect next)
 {
     if (info.drawCount == 0)
         return;
-    const AddressLookup lookup(deviceOf(commandBuffer), commandBuffer, kind.command);
+    const AddressLookup lookup(device.buffers, commandBuffer, kind.command);
     const auto draws = findDraws(lookup, kind, info.addressRange, info.drawCount,
                                  "VELLUM-VUID-VkDrawIndirect2InfoKHR-addressRange-13107");
     if (draws)
         next(commandBuffer, draws->at.buffer, draws->at.offset, info.drawCount, draws->stride);
 }
 
-void drawIndirectCount(VkCommandBuffer commandBuffer, const VkDrawIndirectCount2InfoKHR &info, const Kind &kind,
-                       PFN_vkCmdDrawIndirectCount next)
+void drawIndirectCount(const DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                       const VkDrawIndirectCount2InfoKHR &info, const Kind &kind, PFN_vkCmdDrawIndirectCount next)
 {
     if (info.maxDrawCount == 0)
         return;
-    const AddressLookup lookup(deviceOf(commandBuffer), commandBuffer, kind.command);
+    const AddressLookup lookup(device.buffers, commandBuffer, kind.command);
     if (!next)
         return lookup.refuse("VELLUM-VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119",
                              "the driver has no indirect draws with counts");
@@ -123,15 +123,15 @@ bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info)
     return (own && own->maintenance6) || (core && core->maintenance6);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBindIndexBuffer3(VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR *info)
+void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR *info)
 {
-    Device &device = deviceOf(commandBuffer);
     const VkDeviceAddressRangeKHR &range = info->addressRange;
     if (isNull(range.address, range.size)) {
-        const VkBuffer null = device.nullIndexBuffer ? VK_NULL_HANDLE : device.zeroIndices.get(device.gpu);
-        return device.next.CmdBindIndexBuffer(commandBuffer, null, 0, info->indexType);
+        const VkBuffer null =
+            device.driver.nullIndexBuffer ? VK_NULL_HANDLE : device.zeroIndices.get(device.buffers.gpu);
+        return device.driver.next.CmdBindIndexBuffer(commandBuffer, null, 0, info->indexType);
     }
-    const AddressLookup lookup(device, commandBuffer, "vkCmdBindIndexBuffer3KHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindIndexBuffer3KHR");
     const auto found = lookup.find(range, {.member = "addressRange",
                                            .usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
                                            .usageId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051",
@@ -139,18 +139,17 @@ VKAPI_ATTR void VKAPI_CALL cmdBindIndexBuffer3(VkCommandBuffer commandBuffer, co
                                            .leastId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13056"});
     if (!found)
         return;
-    if (!device.next.CmdBindIndexBuffer2)
-        return device.next.CmdBindIndexBuffer(commandBuffer, found->buffer, found->offset, info->indexType);
+    if (!device.driver.next.CmdBindIndexBuffer2)
+        return device.driver.next.CmdBindIndexBuffer(commandBuffer, found->buffer, found->offset, info->indexType);
     // Whole indices (VUID-vkCmdBindIndexBuffer2-size-08767).
     const VkDeviceSize size = range.size - range.size % indexBytes(info->indexType);
-    device.next.CmdBindIndexBuffer2(commandBuffer, found->buffer, found->offset, size, info->indexType);
+    device.driver.next.CmdBindIndexBuffer2(commandBuffer, found->buffer, found->offset, size, info->indexType);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBindVertexBuffers3(VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
-                                                 const VkBindVertexBuffer3InfoKHR *infos)
+void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                           const VkBindVertexBuffer3InfoKHR *infos)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdBindVertexBuffers3KHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindVertexBuffers3KHR");
     std::vector<VkBuffer> buffers(count);
     std::vector<VkDeviceSize> offsets(count), sizes(count), strides(count);
     for (uint32_t i = 0; i < count; ++i) {
@@ -170,71 +169,74 @@ VKAPI_ATTR void VKAPI_CALL cmdBindVertexBuffers3(VkCommandBuffer commandBuffer, 
         offsets[i] = found->offset;
         sizes[i] = range.size;
     }
-    if (!device.next.CmdBindVertexBuffers2) // no dynamic strides either
-        return device.next.CmdBindVertexBuffers(commandBuffer, first, count, buffers.data(), offsets.data());
+    if (!device.driver.next.CmdBindVertexBuffers2) // no dynamic strides either
+        return device.driver.next.CmdBindVertexBuffers(commandBuffer, first, count, buffers.data(), offsets.data());
     // Each stretch of bindings whose stride is set, or is not.
     for (uint32_t begin = 0, end = 0; begin < count; begin = end) {
         while (end < count && infos[end].setStride == infos[begin].setStride)
             ++end;
-        device.next.CmdBindVertexBuffers2(commandBuffer, first + begin, end - begin, &buffers[begin], &offsets[begin],
-                                          &sizes[begin], infos[begin].setStride ? &strides[begin] : nullptr);
+        device.driver.next.CmdBindVertexBuffers2(commandBuffer, first + begin, end - begin, &buffers[begin],
+                                                 &offsets[begin], &sizes[begin],
+                                                 infos[begin].setStride ? &strides[begin] : nullptr);
     }
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndirect2(VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+void cmdDrawIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
     drawIndirect(
-        commandBuffer, *info,
+        device, commandBuffer, *info,
         {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand), "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13110"},
-        deviceOf(commandBuffer).next.CmdDrawIndirect);
+        device.driver.next.CmdDrawIndirect);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndexedIndirect2(VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+void cmdDrawIndexedIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(commandBuffer, *info,
+    drawIndirect(device, commandBuffer, *info,
                  {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand),
                   "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110"},
-                 deviceOf(commandBuffer).next.CmdDrawIndexedIndirect);
+                 device.driver.next.CmdDrawIndexedIndirect);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDrawMeshTasksIndirect2(VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+void cmdDrawMeshTasksIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                               const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(commandBuffer, *info,
+    drawIndirect(device, commandBuffer, *info,
                  {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
                   "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13110"},
-                 deviceOf(commandBuffer).next.CmdDrawMeshTasksIndirectEXT);
+                 device.driver.next.CmdDrawMeshTasksIndirectEXT);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndirectCount2(VkCommandBuffer commandBuffer, const VkDrawIndirectCount2InfoKHR *info)
+void cmdDrawIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                           const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(commandBuffer, *info,
+    drawIndirectCount(device, commandBuffer, *info,
                       {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
                        "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110"},
-                      deviceOf(commandBuffer).next.CmdDrawIndirectCount);
+                      device.driver.next.CmdDrawIndirectCount);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndexedIndirectCount2(VkCommandBuffer commandBuffer,
-                                                        const VkDrawIndirectCount2InfoKHR *info)
+void cmdDrawIndexedIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                                  const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(commandBuffer, *info,
+    drawIndirectCount(device, commandBuffer, *info,
                       {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand),
                        "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110"},
-                      deviceOf(commandBuffer).next.CmdDrawIndexedIndirectCount);
+                      device.driver.next.CmdDrawIndexedIndirectCount);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDrawMeshTasksIndirectCount2(VkCommandBuffer commandBuffer,
-                                                          const VkDrawIndirectCount2InfoKHR *info)
+void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                                    const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(commandBuffer, *info,
+    drawIndirectCount(device, commandBuffer, *info,
                       {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
                        "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13110"},
-                      deviceOf(commandBuffer).next.CmdDrawMeshTasksIndirectCountEXT);
+                      device.driver.next.CmdDrawMeshTasksIndirectCountEXT);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDispatchIndirect2(VkCommandBuffer commandBuffer, const VkDispatchIndirect2InfoKHR *info)
+void cmdDispatchIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                          const VkDispatchIndirect2InfoKHR *info)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdDispatchIndirect2KHR");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdDispatchIndirect2KHR");
     const auto found =
         lookup.find(info->addressRange, {.member = "addressRange",
                                          .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
@@ -242,13 +244,13 @@ VKAPI_ATTR void VKAPI_CALL cmdDispatchIndirect2(VkCommandBuffer commandBuffer, c
                                          .least = sizeof(VkDispatchIndirectCommand),
                                          .leastId = "VELLUM-VUID-vkCmdDispatchIndirect2KHR-pInfo-13050"});
     if (found)
-        device.next.CmdDispatchIndirect(commandBuffer, found->buffer, found->offset);
+        device.driver.next.CmdDispatchIndirect(commandBuffer, found->buffer, found->offset);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBeginConditionalRendering2(VkCommandBuffer commandBuffer,
-                                                         const VkConditionalRenderingBeginInfo2EXT *info)
+void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                                   const VkConditionalRenderingBeginInfo2EXT *info)
 {
-    const AddressLookup lookup(deviceOf(commandBuffer), commandBuffer, "vkCmdBeginConditionalRendering2EXT");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBeginConditionalRendering2EXT");
     const auto found = lookup.find(info->addressRange,
                                    {.member = "addressRange",
                                     .usage = VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT,
@@ -260,7 +262,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBeginConditionalRendering2(VkCommandBuffer command
     // The layer's own, which remembers it for injected work.
     const VkConditionalRenderingBeginInfoEXT begin{VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT, nullptr,
                                                    found->buffer, found->offset, info->flags};
-    cmdBeginConditionalRendering(commandBuffer, &begin);
+    cmdBeginConditionalRendering(device.commands, commandBuffer, &begin);
 }
 
 } // namespace vellum::layer

@@ -3,15 +3,15 @@
 #include <cinttypes>
 #include <cstdio>
 
-#include "layer/door/device.h"
+#include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
 {
 
 void AddressLookup::refuse(const std::string &id, const std::string &text) const
 {
-    device_.report().error(id.c_str(), std::string(command_) + ": " + text + "; " + otherwise_,
-                           VK_OBJECT_TYPE_COMMAND_BUFFER, reinterpret_cast<uint64_t>(commandBuffer_));
+    device_.driver.report().error(id.c_str(), std::string(command_) + ": " + text + "; " + otherwise_,
+                                  VK_OBJECT_TYPE_COMMAND_BUFFER, reinterpret_cast<uint64_t>(commandBuffer_));
 }
 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,

@@ -9,7 +9,7 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceBuffers;
 
 // Finds the buffers of one command's ranges, and tells what is wrong with a range that has none: the command must then
 // record nothing.
@@ -17,7 +17,7 @@ class AddressLookup
 {
 public:
     // `otherwise`: for messages, what happens to the command then.
-    AddressLookup(const Device &device, VkCommandBuffer commandBuffer, const char *command,
+    AddressLookup(const DeviceBuffers &device, VkCommandBuffer commandBuffer, const char *command,
                   const char *otherwise = "nothing is recorded")
         : device_(device), commandBuffer_(commandBuffer), command_(command), otherwise_(otherwise)
     {
@@ -45,7 +45,7 @@ private:
     [[nodiscard]] std::optional<Found> find(const VkDeviceAddressRangeKHR &range, const Need &need,
                                             const char *structure) const;
 
-    const Device &device_;
+    const DeviceBuffers &device_;
     VkCommandBuffer commandBuffer_;
     const char *command_;
     const char *otherwise_;

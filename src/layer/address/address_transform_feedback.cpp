@@ -3,8 +3,8 @@
 
 #include "layer/address/address_lookup.h"
 #include "layer/address/device_address_commands.h"
-#include "layer/door/device.h"
-#include "layer/work/command_state.h"
+#include "layer/address/device_addresses.h"
+#include "layer/commands/command_state.h"
 
 namespace vellum::layer
 {
@@ -48,12 +48,10 @@ std::optional<Counters> findCounters(const AddressLookup &lookup, uint32_t count
 
 } // namespace
 
-VKAPI_ATTR void VKAPI_CALL cmdBindTransformFeedbackBuffers2(VkCommandBuffer commandBuffer, uint32_t first,
-                                                            uint32_t count,
-                                                            const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+void cmdBindTransformFeedbackBuffers2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first,
+                                      uint32_t count, const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdBindTransformFeedbackBuffers2EXT");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindTransformFeedbackBuffers2EXT");
     std::vector<VkBuffer> buffers(count);
     std::vector<VkDeviceSize> offsets(count), sizes(count);
     for (uint32_t i = 0; i < count; ++i) {
@@ -68,49 +66,46 @@ VKAPI_ATTR void VKAPI_CALL cmdBindTransformFeedbackBuffers2(VkCommandBuffer comm
         offsets[i] = found->offset;
         sizes[i] = infos[i].addressRange.size;
     }
-    device.next.CmdBindTransformFeedbackBuffersEXT(commandBuffer, first, count, buffers.data(), offsets.data(),
-                                                   sizes.data());
+    device.driver.next.CmdBindTransformFeedbackBuffersEXT(commandBuffer, first, count, buffers.data(), offsets.data(),
+                                                          sizes.data());
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBeginTransformFeedback2(VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
-                                                      const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+void cmdBeginTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                                const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdBeginTransformFeedback2EXT");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBeginTransformFeedback2EXT");
     const auto counters =
         findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094",
                      "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13093");
-    if (const auto state = commandState(commandBuffer))
+    if (const auto state = device.commands.states.get(commandBuffer))
         state->refusedTransformFeedback = !counters;
     if (counters)
-        device.next.CmdBeginTransformFeedbackEXT(commandBuffer, first, count, counters->bufferData(),
-                                                 counters->offsetData());
+        device.driver.next.CmdBeginTransformFeedbackEXT(commandBuffer, first, count, counters->bufferData(),
+                                                        counters->offsetData());
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdEndTransformFeedback2(VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
-                                                    const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+void cmdEndTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                              const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    const Device &device = deviceOf(commandBuffer);
-    if (const auto state = commandState(commandBuffer); state && state->refusedTransformFeedback) {
+    if (const auto state = device.commands.states.get(commandBuffer); state && state->refusedTransformFeedback) {
         state->refusedTransformFeedback = false;
         return;
     }
     // What was begun has to end.
-    const AddressLookup lookup(device, commandBuffer, "vkCmdEndTransformFeedback2EXT", "no counter is written");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdEndTransformFeedback2EXT", "no counter is written");
     const auto counters =
         findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13096",
                      "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13095")
             .value_or(Counters{});
-    device.next.CmdEndTransformFeedbackEXT(commandBuffer, first, count, counters.bufferData(), counters.offsetData());
+    device.driver.next.CmdEndTransformFeedbackEXT(commandBuffer, first, count, counters.bufferData(),
+                                                  counters.offsetData());
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndirectByteCount2(VkCommandBuffer commandBuffer, uint32_t instanceCount,
-                                                     uint32_t firstInstance,
-                                                     const VkBindTransformFeedbackBuffer2InfoEXT *info,
-                                                     uint32_t counterOffset, uint32_t vertexStride)
+void cmdDrawIndirectByteCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t instanceCount,
+                               uint32_t firstInstance, const VkBindTransformFeedbackBuffer2InfoEXT *info,
+                               uint32_t counterOffset, uint32_t vertexStride)
 {
-    const Device &device = deviceOf(commandBuffer);
-    const AddressLookup lookup(device, commandBuffer, "vkCmdDrawIndirectByteCount2EXT");
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdDrawIndirectByteCount2EXT");
     const auto found =
         lookup.find(info->addressRange, {.member = "addressRange of pCounterInfo",
                                          .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
@@ -118,8 +113,8 @@ VKAPI_ATTR void VKAPI_CALL cmdDrawIndirectByteCount2(VkCommandBuffer commandBuff
                                          .least = sizeof(uint32_t),
                                          .leastId = "VELLUM-counter-range"});
     if (found)
-        device.next.CmdDrawIndirectByteCountEXT(commandBuffer, instanceCount, firstInstance, found->buffer,
-                                                found->offset, counterOffset, vertexStride);
+        device.driver.next.CmdDrawIndirectByteCountEXT(commandBuffer, instanceCount, firstInstance, found->buffer,
+                                                       found->offset, counterOffset, vertexStride);
 }
 
 } // namespace vellum::layer

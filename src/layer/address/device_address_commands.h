@@ -10,6 +10,8 @@
 namespace vellum::layer
 {
 
+struct DeviceAddresses;
+
 // Stands for a null index buffer where the driver cannot be given one (VK_KHR_maintenance6 is not enabled).
 class ZeroIndices
 {
@@ -24,39 +26,38 @@ private:
 bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info);
 
 // address_copies.cpp
-VKAPI_ATTR void VKAPI_CALL cmdCopyMemory(VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToImage(VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdCopyImageToMemory(VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdUpdateMemory(VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                                           VkDeviceSize, const void *);
-VKAPI_ATTR void VKAPI_CALL cmdFillMemory(VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                                         uint32_t);
-VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResultsToMemory(VkCommandBuffer, VkQueryPool, uint32_t, uint32_t,
-                                                           const VkStridedDeviceAddressRangeKHR *,
-                                                           VkAddressCommandFlagsKHR, VkQueryResultFlags);
-VKAPI_ATTR void VKAPI_CALL cmdWriteMarkerToMemory(VkCommandBuffer, const VkMemoryMarkerInfoAMD *);
+void cmdCopyMemory(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR *);
+void cmdCopyMemoryToImage(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
+void cmdCopyImageToMemory(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
+void cmdUpdateMemory(DeviceAddresses &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
+                     VkDeviceSize, const void *);
+void cmdFillMemory(DeviceAddresses &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
+                   uint32_t);
+void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t,
+                                     const VkStridedDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
+                                     VkQueryResultFlags);
+void cmdWriteMarkerToMemory(DeviceAddresses &, VkCommandBuffer, const VkMemoryMarkerInfoAMD *);
 
 // address_draws.cpp
-VKAPI_ATTR void VKAPI_CALL cmdBindIndexBuffer3(VkCommandBuffer, const VkBindIndexBuffer3InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdBindVertexBuffers3(VkCommandBuffer, uint32_t, uint32_t,
-                                                 const VkBindVertexBuffer3InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndirect2(VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndexedIndirect2(VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdDrawMeshTasksIndirect2(VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndirectCount2(VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndexedIndirectCount2(VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdDrawMeshTasksIndirectCount2(VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdDispatchIndirect2(VkCommandBuffer, const VkDispatchIndirect2InfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdBeginConditionalRendering2(VkCommandBuffer, const VkConditionalRenderingBeginInfo2EXT *);
+void cmdBindIndexBuffer3(DeviceAddresses &, VkCommandBuffer, const VkBindIndexBuffer3InfoKHR *);
+void cmdBindVertexBuffers3(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t, const VkBindVertexBuffer3InfoKHR *);
+void cmdDrawIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
+void cmdDrawIndexedIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
+void cmdDrawMeshTasksIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
+void cmdDrawIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
+void cmdDrawIndexedIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
+void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
+void cmdDispatchIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDispatchIndirect2InfoKHR *);
+void cmdBeginConditionalRendering2(DeviceAddresses &, VkCommandBuffer, const VkConditionalRenderingBeginInfo2EXT *);
 
 // address_transform_feedback.cpp
-VKAPI_ATTR void VKAPI_CALL cmdBindTransformFeedbackBuffers2(VkCommandBuffer, uint32_t, uint32_t,
-                                                            const VkBindTransformFeedbackBuffer2InfoEXT *);
-VKAPI_ATTR void VKAPI_CALL cmdBeginTransformFeedback2(VkCommandBuffer, uint32_t, uint32_t,
-                                                      const VkBindTransformFeedbackBuffer2InfoEXT *);
-VKAPI_ATTR void VKAPI_CALL cmdEndTransformFeedback2(VkCommandBuffer, uint32_t, uint32_t,
-                                                    const VkBindTransformFeedbackBuffer2InfoEXT *);
-VKAPI_ATTR void VKAPI_CALL cmdDrawIndirectByteCount2(VkCommandBuffer, uint32_t, uint32_t,
-                                                     const VkBindTransformFeedbackBuffer2InfoEXT *, uint32_t, uint32_t);
+void cmdBindTransformFeedbackBuffers2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                                      const VkBindTransformFeedbackBuffer2InfoEXT *);
+void cmdBeginTransformFeedback2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                                const VkBindTransformFeedbackBuffer2InfoEXT *);
+void cmdEndTransformFeedback2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                              const VkBindTransformFeedbackBuffer2InfoEXT *);
+void cmdDrawIndirectByteCount2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                               const VkBindTransformFeedbackBuffer2InfoEXT *, uint32_t, uint32_t);
 
 } // namespace vellum::layer

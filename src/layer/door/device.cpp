@@ -1,6 +1,7 @@
 #include "layer/door/device.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <shared_mutex>
 #include <string>
@@ -11,8 +12,6 @@
 #include <vulkan/vk_layer.h>
 
 #include "layer/ground/pnext.h"
-#include "layer/pipelines/ray_flag_probe.h"
-#include "layer/structures/acceleration_structure.h"
 
 namespace vellum::layer
 {
@@ -71,6 +70,15 @@ Asked askedFor(const VkDeviceCreateInfo &info)
     }
     if (const auto *features = khrFeatures(info))
         asked.khrFeature = features->micromap;
+    if (const auto *features = featuresIn<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
+        asked.structures = features->accelerationStructure;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayQueryFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR))
+        asked.rayQueries = features->rayQuery;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR))
+        asked.rayTracingPipelines = features->rayTracingPipeline;
     return asked;
 }
 
@@ -106,7 +114,7 @@ VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkD
 
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
-    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands)
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, bool importsHostMemory)
         : info(application), chain(application.pNext)
     {
         const auto provided = [ownAddressCommands](const char *name) {
@@ -120,6 +128,8 @@ struct DriverDeviceInfo {
             if (!provided(application.ppEnabledExtensionNames[i]))
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
+        if (importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
+            extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
@@ -149,6 +159,17 @@ struct DriverDeviceInfo {
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
 
+// Driver::keepsOldPushConstants. Only its text tells the version: driverVersion is always 0.0.1.
+bool isLavapipeBefore26(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceDriverProperties driver{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &driver, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    unsigned major = 0;
+    return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && std::sscanf(driver.driverInfo, "Mesa %u", &major) == 1 &&
+           major < 26;
+}
+
 std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysicalDevice physicalDevice)
 {
     VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
@@ -157,6 +178,21 @@ std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysi
     std::array<uint8_t, VK_UUID_SIZE> uuid;
     std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
     return uuid;
+}
+
+std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    uint32_t count = 0;
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, nullptr);
+    std::vector<VkQueueFamilyProperties> families(count);
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, families.data());
+    return families;
+}
+
+DriverHabits &habitsOf(Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    std::lock_guard lock(instance.habitsMutex);
+    return instance.habits[physicalDevice];
 }
 
 const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
@@ -180,27 +216,6 @@ VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
 }
 
 } // namespace
-
-VkDeviceAddress Device::bufferAddress(VkBuffer buffer) const
-{
-    const VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
-    return next.GetBufferDeviceAddress(handle, &info);
-}
-
-VkDeviceAddress Device::structureAddress(VkAccelerationStructureKHR structure) const
-{
-    const VkAccelerationStructureDeviceAddressInfoKHR info{
-        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, structure};
-    return next.GetAccelerationStructureDeviceAddressKHR(handle, &info);
-}
-
-bool Device::ownObject(VkObjectType type, uint64_t object) const
-{
-    if (!emulated || type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
-        return emulated && type == VK_OBJECT_TYPE_MICROMAP_EXT;
-    const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(object));
-    return structure && structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-}
 
 Device *deviceOfKey(void *key)
 {
@@ -228,17 +243,19 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (result != VK_SUCCESS)
         return result;
     auto device = std::make_unique<Device>();
-    device->emulated = emulated;
+    device->driver.emulated = emulated;
     if (emulated) {
-        device->asked = askedFor(*info);
-        if (device->asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
+        device->driver.asked = askedFor(*info);
+        if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;
         }
-        device->ownAddressCommands =
-            device->asked.addressCommands &&
+        device->driver.ownAddressCommands =
+            device->driver.asked.addressCommands &&
             implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
-        const DriverDeviceInfo driverInfo(*info, device->ownAddressCommands);
+        device->buffers.gpu.importsHostMemory = importsHostMemory(instance, physicalDevice);
+        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands,
+                                          device->buffers.gpu.importsHostMemory);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -246,33 +263,42 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (result != VK_SUCCESS)
         return result;
 
-    device->handle = *handle;
-    device->physicalDevice = physicalDevice;
+    device->driver.handle = *handle;
+    device->driver.physicalDevice = physicalDevice;
     device->instance = &instance;
-    device->next.load(*handle, nextDeviceGet);
-    if (device->emulated) {
-        device->gpu = {*handle, &device->next, {}};
-        device->nullIndexBuffer = enablesNullIndexBuffer(*info);
-        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->gpu.memory);
-        device->anyHitModules.create(device->gpu);
-        result = device->root.create(device->gpu);
+    device->driver.instance = &instance.next;
+    device->driver.settings = &instance.settings;
+    device->driver.reporter = &instance.report;
+    device->driver.habits = &habitsOf(instance, physicalDevice);
+    device->driver.next.load(*handle, nextDeviceGet);
+    if (device->driver.emulated) {
+        device->buffers.gpu.device = *handle;
+        device->buffers.gpu.next = &device->driver.next;
+        device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
+        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
+        device->pipelines.anyHitModules.create(device->buffers.gpu);
+        device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) {
+            bufferHasAddress(objects, buffer);
+        };
+        result = device->objects.root.create(device->buffers.gpu);
         if (result == VK_SUCCESS)
-            result = device->injected.create(device->gpu);
+            result = device->commands.injected.create(device->buffers.gpu);
         if (result == VK_SUCCESS && instance.settings.validate)
-            result = device->complaints.create(device->gpu);
-        device->threads = threadsOf(instance, physicalDevice);
-        device->driverUuid = driverUuidOf(instance, physicalDevice);
+            result = device->commands.complaints.create(device->buffers.gpu);
+        device->driver.threads = threadsOf(instance, physicalDevice);
+        device->driver.keepsOldPushConstants = isLavapipeBefore26(instance, physicalDevice);
+        device->driver.driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
-            const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
+            const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
             device.reset();
             destroy(*handle, allocator);
             *handle = VK_NULL_HANDLE;
             return result;
         }
-        device->queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-        makeBlankStructure(*device, *info, loaderDataCallback(*info));
-        device->carriesRayFlagBits = probeRayFlagBits(*device, *info, loaderDataCallback(*info));
+        device->driver.queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+        device->commands.trials.choose(device->buffers.gpu, instance.report, queueFamiliesOf(instance, physicalDevice),
+                                       *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);
@@ -293,10 +319,9 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         device = std::move(it->second);
         devices.erase(it);
     }
-    reportNotices(*device);
-    device->complaints.drain(device->instance->report);
-    forgetCommandBuffers(*device);
-    const PFN_vkDestroyDevice destroy = device->next.DestroyDevice;
+    reportNotices(device->objects);
+    device->commands.complaints.drain(device->driver.report());
+    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
     device.reset();
     destroy(handle, allocator);
 }

@@ -6,24 +6,17 @@
 
 #include <vulkan/vk_layer.h>
 
-#include "layer/address/device_address_commands.h"
+#include "layer/commands/sync.h"
 #include "layer/door/device.h"
-#include "layer/door/instance.h"
 #include "layer/memory/buffers.h"
-#include "layer/memory/host_memory.h"
 #include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_structure.h"
-#include "layer/objects/private_data.h"
+#include "layer/objects/object_names.h"
 #include "layer/pipelines/hit_records.h"
 #include "layer/pipelines/shader_binary.h"
 #include "layer/pipelines/shaders.h"
-#include "layer/queries/query_pool.h"
-#include "layer/structures/acceleration_structure.h"
 #include "layer/structures/structure_build.h"
 #include "layer/structures/structure_copy.h"
-#include "layer/work/command_state.h"
-#include "layer/work/complaints.h"
-#include "layer/work/sync.h"
+#include "layer/structures/structure_create.h"
 
 namespace vellum::layer
 {
@@ -52,29 +45,46 @@ struct Row {
 };
 
 // No exception crosses the Vulkan ABI. The layer throws nothing itself; the library does when memory runs out.
-template <auto function>
-struct Guarded;
+template <typename Result, typename Function>
+Result guarded(Function function) noexcept
+{
+    try {
+        return function();
+    } catch (const std::exception &) {
+        std::fputs("vellum: VELLUM-out-of-memory: out of host memory; the command was not carried out\n", stderr);
+    }
+    if constexpr (std::is_same_v<Result, VkResult>)
+        return VK_ERROR_OUT_OF_HOST_MEMORY;
+    else if constexpr (!std::is_void_v<Result>)
+        return Result{};
+}
 
-template <typename Result, typename... Arguments, Result(VKAPI_PTR *function)(Arguments...)>
-struct Guarded<function> {
-    static VKAPI_ATTR Result VKAPI_CALL call(Arguments... arguments) noexcept
+// A function as Vulkan calls it.
+template <auto function>
+struct Command;
+
+template <typename Result, typename First, typename... Others, Result(VKAPI_PTR *function)(First, Others...)>
+requires(!std::is_reference_v<First>) struct Command<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(First first, Others... others) noexcept
     {
-        try {
-            return function(arguments...);
-        } catch (const std::exception &) {
-            std::fputs("vellum: VELLUM-out-of-memory: out of host memory; the command was not carried out\n", stderr);
-        }
-        if constexpr (std::is_same_v<Result, VkResult>)
-            return VK_ERROR_OUT_OF_HOST_MEMORY;
-        else if constexpr (!std::is_void_v<Result>)
-            return Result{};
+        return guarded<Result>([&] { return function(first, others...); });
+    }
+};
+
+// One of a room, which works on what the room has of a device.
+template <typename Result, typename Room, typename Handle, typename... Arguments,
+          Result (*function)(Room &, Handle, Arguments...)>
+struct Command<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
+    {
+        return guarded<Result>([&] { return function(roomOf<Room>(deviceOf(handle)), handle, arguments...); });
     }
 };
 
 template <auto function>
 Row row(const char *name, Scope scope, const char *from = nullptr)
 {
-    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(&Guarded<function>::call), from};
+    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(&Command<function>::call), from};
 }
 
 const Row kRows[] = {
@@ -134,6 +144,8 @@ const Row kRows[] = {
     row<waitSemaphores>("vkWaitSemaphores", Scope::Emulated),
     row<waitSemaphores>("vkWaitSemaphoresKHR", Scope::Emulated),
     row<queueSubmit>("vkQueueSubmit", Scope::Emulated),
+    row<queueBindSparse>("vkQueueBindSparse", Scope::Emulated),
+    row<queuePresent>("vkQueuePresentKHR", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateData", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateDataEXT", Scope::Emulated),
     row<getPrivateData>("vkGetPrivateData", Scope::Emulated),
@@ -271,8 +283,10 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
     const Row *r = find(name);
     if (r && r->scope == Scope::Global)
         return r->function;
+    // Layers above ask without an instance for what they call with one, as MangoHud 0.6.8 and vkBasalt 0.3.2 do for
+    // vkCreateDevice.
     if (!handle)
-        return nullptr;
+        return r && (r->scope == Scope::Instance || r->scope == Scope::Device) ? r->function : nullptr;
     Instance &instance = instanceOf(handle);
     const PFN_vkVoidFunction next = instance.next.GetInstanceProcAddr(handle, name);
     const bool ours = r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
@@ -289,14 +303,15 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     Device *device = deviceOfKey(dispatchKey(handle));
     if (!device)
         return nullptr;
-    if (device->emulated && r && r->from && !device->next.GetDeviceProcAddr(handle, r->from))
+    if (device->driver.emulated && r && r->from && !device->driver.next.GetDeviceProcAddr(handle, r->from))
         return nullptr;
-    if (device->emulated && r &&
-        ((r->scope == Scope::Own && device->asked.ext) || (r->scope == Scope::Address && device->ownAddressCommands) ||
-         (r->scope == Scope::Create2 && device->asked.addressCommands)))
+    if (device->driver.emulated && r &&
+        ((r->scope == Scope::Own && device->driver.asked.ext) ||
+         (r->scope == Scope::Address && device->driver.ownAddressCommands) ||
+         (r->scope == Scope::Create2 && device->driver.asked.addressCommands)))
         return r->function;
-    const PFN_vkVoidFunction next = device->next.GetDeviceProcAddr(handle, name);
-    const bool ours = r && (r->scope == Scope::Debug || (device->emulated && r->scope == Scope::Emulated));
+    const PFN_vkVoidFunction next = device->driver.next.GetDeviceProcAddr(handle, name);
+    const bool ours = r && (r->scope == Scope::Debug || (device->driver.emulated && r->scope == Scope::Emulated));
     return ours && next ? r->function : next;
 }
 

@@ -14,6 +14,8 @@
 #include "core/curve.h"
 #include "core/records.h"
 #include "layer/ground/pnext.h"
+#include "layer/memory/buffers.h"
+#include "layer/memory/fixed_memory.h"
 #include "layer/pipelines/shader_binary.h"
 
 namespace vellum::layer
@@ -85,7 +87,10 @@ bool contains(const std::vector<VkExtensionProperties> &list, const char *name)
 // What the layer's way of having micromaps takes.
 bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<VkExtensionProperties> &list)
 {
-    if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.next.GetPhysicalDeviceFeatures2)
+    // An instance of Vulkan 1.0 without VK_KHR_get_physical_device_properties2 has no devices that trace rays, either:
+    // VK_KHR_acceleration_structure depends on Vulkan 1.1.
+    if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.hasProperties2 ||
+        !instance.next.GetPhysicalDeviceFeatures2)
         return false;
     // VK_EXT_opacity_micromap depends on VK_KHR_synchronization2 or Vulkan 1.3.
     VkPhysicalDeviceProperties properties{};
@@ -99,6 +104,20 @@ bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<V
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(device, &features);
     return structures.accelerationStructure && addresses.bufferDeviceAddress;
+}
+
+bool isVulkan11(const VkInstanceCreateInfo &info)
+{
+    return info.pApplicationInfo && info.pApplicationInfo->apiVersion >= VK_API_VERSION_1_1;
+}
+
+bool allowsProperties2(const VkInstanceCreateInfo &info)
+{
+    return isVulkan11(info) ||
+           std::any_of(info.ppEnabledExtensionNames, info.ppEnabledExtensionNames + info.enabledExtensionCount,
+                       [](const char *name) {
+                           return std::strcmp(name, VK_KHR_GET_PHYSICAL_DEVICE_PROPERTIES_2_EXTENSION_NAME) == 0;
+                       });
 }
 
 Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
@@ -123,6 +142,28 @@ bool replaysAddresses(Instance &instance, VkPhysicalDevice device)
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(device, &features);
     return addresses.bufferDeviceAddressCaptureReplay;
+}
+
+bool importsHostMemory(Instance &instance, VkPhysicalDevice device)
+{
+    if (!contains(driverExtensions(instance, device), VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME) ||
+        !instance.next.GetPhysicalDeviceProperties2 || !instance.next.GetPhysicalDeviceExternalBufferProperties)
+        return false;
+    VkPhysicalDeviceExternalMemoryHostPropertiesEXT host{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_MEMORY_HOST_PROPERTIES_EXT};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &host, {}};
+    instance.next.GetPhysicalDeviceProperties2(device, &properties);
+    const VkPhysicalDeviceExternalBufferInfo info{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO, nullptr, 0,
+                                                  VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                                                      VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+                                                  VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT};
+    VkExternalBufferProperties buffers{VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES, nullptr, {}};
+    instance.next.GetPhysicalDeviceExternalBufferProperties(device, &info, &buffers);
+    const VkExternalMemoryFeatureFlags features = buffers.externalMemoryProperties.externalMemoryFeatures;
+    return properties.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU &&
+           host.minImportedHostPointerAlignment <= FixedMemory::kAlignment &&
+           (features & VK_EXTERNAL_MEMORY_FEATURE_IMPORTABLE_BIT) != 0 &&
+           (features & VK_EXTERNAL_MEMORY_FEATURE_DEDICATED_ONLY_BIT) == 0;
 }
 
 Instance *instanceOfKey(void *key)
@@ -176,7 +217,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     if (result != VK_SUCCESS)
         return result;
     instance->handle = *handle;
-    instance->next.load(*handle, nextGet);
+    instance->hasProperties2 = allowsProperties2(*info);
+    instance->next.load(*handle, nextGet, isVulkan11(*info));
     std::unique_lock lock(instancesMutex);
     instances[dispatchKey(*handle)] = std::move(instance);
     return VK_SUCCESS;
@@ -304,6 +346,17 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     }
     if (auto *none = displacement.get<newer::DisplacementMicromapProperties>())
         none->maxDisplacementMicromapSubdivisionLevel = 0;
+}
+
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice physicalDevice,
+                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
+                                                                     VkExternalBufferProperties *properties)
+{
+    Instance &instance = instanceOf(physicalDevice);
+    VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
+    if (implementationsOn(instance, physicalDevice).anyEmulated())
+        driverInfo.usage = static_cast<VkBufferUsageFlags>(driverUsage(info->usage));
+    instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,

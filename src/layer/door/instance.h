@@ -1,9 +1,12 @@
 // Per-instance state: what the layer knows of the instance and its physical devices.
 #pragma once
 
+#include <map>
+#include <mutex>
+
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/dispatch.h"
+#include "layer/ground/driver.h"
 #include "layer/ground/report.h"
 #include "layer/ground/settings.h"
 
@@ -21,8 +24,12 @@ void *dispatchKey(DispatchableHandle handle)
 struct Instance {
     VkInstance handle = VK_NULL_HANDLE;
     InstanceTable next;
+    // The application's version or extensions allow vkGetPhysicalDeviceFeatures2 and its like to be called.
+    bool hasProperties2 = false;
     Settings settings;
     Reporter report;
+    std::mutex habitsMutex;
+    std::map<VkPhysicalDevice, DriverHabits> habits;
 };
 
 // The state of the instance that a VkInstance or VkPhysicalDevice belongs to.
@@ -54,6 +61,10 @@ Implementations implementationsOn(Instance &instance, VkPhysicalDevice physicalD
 // Whether the driver gives buffers the addresses that they had before: then micromaps have theirs.
 bool replaysAddresses(Instance &instance, VkPhysicalDevice physicalDevice);
 
+// Whether buffers can be made on memory of the host's (VK_EXT_external_memory_host) whose device addresses may well be
+// the host's: on a CPU.
+bool importsHostMemory(Instance &instance, VkPhysicalDevice device);
+
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance);
 VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance instance, const VkAllocationCallbacks *allocator);
@@ -65,6 +76,9 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features);
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
                                                         VkPhysicalDeviceProperties2 *properties);
+VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice device,
+                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
+                                                                     VkExternalBufferProperties *properties);
 VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,
                                                                VkPhysicalDeviceToolProperties *properties);
 VKAPI_ATTR VkResult VKAPI_CALL createDebugUtilsMessenger(VkInstance instance,

@@ -3,13 +3,13 @@
 namespace vellum::layer
 {
 
-void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next)
+void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core)
 {
     GetInstanceProcAddr = next;
 #define VELLUM_LOAD(name, alias)                                                                                       \
-    name = reinterpret_cast<PFN_vk##name>(next(instance, "vk" #name));                                                 \
+    name = reinterpret_cast<PFN_vk##name>(next(instance, core ? "vk" #name : "vk" #alias));                            \
     if (!name)                                                                                                         \
-        name = reinterpret_cast<PFN_vk##name>(next(instance, "vk" #alias));
+        name = reinterpret_cast<PFN_vk##name>(next(instance, core ? "vk" #alias : "vk" #name));
     VELLUM_INSTANCE_COMMANDS(VELLUM_LOAD)
 #undef VELLUM_LOAD
 }

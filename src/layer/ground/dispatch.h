@@ -26,6 +26,10 @@ namespace vellum::layer
     X(DestroyDevice, DestroyDevice)                                                                                    \
     X(GetDeviceQueue2, GetDeviceQueue2)                                                                                \
     X(QueueSubmit, QueueSubmit)                                                                                        \
+    X(QueueBindSparse, QueueBindSparse)                                                                                \
+    X(QueuePresentKHR, QueuePresentKHR)                                                                                \
+    X(CreateFence, CreateFence)                                                                                        \
+    X(DestroyFence, DestroyFence)                                                                                      \
     X(QueueWaitIdle, QueueWaitIdle)                                                                                    \
     X(CreateCommandPool, CreateCommandPool)                                                                            \
     X(EndCommandBuffer, EndCommandBuffer)                                                                              \
@@ -34,6 +38,7 @@ namespace vellum::layer
     X(GetBufferMemoryRequirements, GetBufferMemoryRequirements)                                                        \
     X(GetDeviceBufferMemoryRequirements, GetDeviceBufferMemoryRequirementsKHR)                                         \
     X(AllocateMemory, AllocateMemory)                                                                                  \
+    X(GetMemoryHostPointerPropertiesEXT, GetMemoryHostPointerPropertiesEXT)                                            \
     X(FreeMemory, FreeMemory)                                                                                          \
     X(BindBufferMemory, BindBufferMemory)                                                                              \
     X(MapMemory, MapMemory)                                                                                            \
@@ -134,7 +139,9 @@ struct InstanceTable {
 #define VELLUM_MEMBER(name, alias) PFN_vk##name name = nullptr;
     VELLUM_INSTANCE_COMMANDS(VELLUM_MEMBER)
     PFN_vkGetInstanceProcAddr GetInstanceProcAddr = nullptr;
-    void load(VkInstance instance, PFN_vkGetInstanceProcAddr next);
+    // `core`: the instance is one of Vulkan 1.1 or later. In others, commands that 1.1 has taken over are those of their
+    // extensions.
+    void load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core);
 };
 
 struct DeviceTable {

@@ -2,9 +2,8 @@
 
 #include <vector>
 
-#include "layer/door/device.h"
 #include "layer/ground/pnext.h"
-#include "layer/micromaps/micromap_structure.h"
+#include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
 {
@@ -14,8 +13,26 @@ namespace
 constexpr VkFlags64 kMicromapUsages =
     VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT;
 
-// The layer's shaders read the inputs and write the storage of micromaps and acceleration structures by address, and
-// copies of micromaps are buffer copies.
+// The application's create info as the driver is to see it.
+struct DriverBufferInfo {
+    explicit DriverBufferInfo(const VkBufferCreateInfo &application) : info(application), chain(application.pNext)
+    {
+        usage = driverUsage(application.usage);
+        info.usage = static_cast<VkBufferUsageFlags>(usage);
+        // Where it is given, it replaces the 32-bit flags (VK_KHR_maintenance5).
+        if (findInChain(application.pNext, newer::kBufferUsageFlags2CreateInfo)) {
+            if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
+                usage = flags2->usage = driverUsage(flags2->usage);
+        }
+        info.pNext = chain.head();
+    }
+    VkBufferCreateInfo info;
+    Chain chain;
+    VkFlags64 usage;
+};
+
+} // namespace
+
 VkFlags64 driverUsage(VkFlags64 usage)
 {
     const VkFlags64 storage =
@@ -43,61 +60,37 @@ VkFlags64 driverUsage(VkFlags64 usage)
     return result;
 }
 
-// The application's create info as the driver is to see it.
-struct DriverBufferInfo {
-    explicit DriverBufferInfo(const VkBufferCreateInfo &application) : info(application), chain(application.pNext)
-    {
-        usage = driverUsage(application.usage);
-        info.usage = static_cast<VkBufferUsageFlags>(usage);
-        // Where it is given, it replaces the 32-bit flags (VK_KHR_maintenance5).
-        if (findInChain(application.pNext, newer::kBufferUsageFlags2CreateInfo)) {
-            if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
-                usage = flags2->usage = driverUsage(flags2->usage);
-        }
-        info.pNext = chain.head();
-    }
-    VkBufferCreateInfo info;
-    Chain chain;
-    VkFlags64 usage;
-};
-
-} // namespace
-
-VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
-                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCreateInfo *info,
+                      const VkAllocationCallbacks *allocator, VkBuffer *buffer)
 {
-    Device &device = deviceOf(handle);
     const DriverBufferInfo driverInfo(*info);
-    const VkResult result = device.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
+    const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
     if (result == VK_SUCCESS)
-        device.buffers.set(*buffer, {info->size, driverInfo.usage});
+        device.infos.set(*buffer, {info->size, driverInfo.usage});
     return result;
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
+void destroyBuffer(DeviceBuffers &device, VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
 {
-    Device &device = deviceOf(handle);
     device.addresses.remove(buffer);
-    device.buffers.take(buffer);
-    device.hostMemory.destroyed(buffer);
-    device.next.DestroyBuffer(handle, buffer, allocator);
+    device.infos.take(buffer);
+    device.host.destroyed(buffer);
+    device.driver.next.DestroyBuffer(handle, buffer, allocator);
 }
 
-VKAPI_ATTR void VKAPI_CALL getDeviceBufferMemoryRequirements(VkDevice handle,
-                                                             const VkDeviceBufferMemoryRequirements *info,
-                                                             VkMemoryRequirements2 *requirements)
+void getDeviceBufferMemoryRequirements(DeviceBuffers &device, VkDevice handle,
+                                       const VkDeviceBufferMemoryRequirements *info,
+                                       VkMemoryRequirements2 *requirements)
 {
-    Device &device = deviceOf(handle);
     const DriverBufferInfo driverInfo(*info->pCreateInfo);
     VkDeviceBufferMemoryRequirements driverQuery = *info;
     driverQuery.pCreateInfo = &driverInfo.info;
-    device.next.GetDeviceBufferMemoryRequirements(handle, &driverQuery, requirements);
+    device.driver.next.GetDeviceBufferMemoryRequirements(handle, &driverQuery, requirements);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
-                                              const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+VkResult allocateMemory(DeviceBuffers &device, VkDevice handle, const VkMemoryAllocateInfo *info,
+                        const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
-    Device &device = deviceOf(handle);
     // Acceleration structure storage gets a device address (driverUsage above), which its memory must allow
     // (VUID-vkBindBufferMemory-bufferDeviceAddress-03339). Which memory that will be is not known here.
     VkMemoryAllocateInfo driverInfo = *info;
@@ -110,92 +103,38 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
         chain.prepend(reinterpret_cast<VkBaseInStructure *>(&flags));
     }
     driverInfo.pNext = chain.head();
-    const VkResult result = device.next.AllocateMemory(handle, &driverInfo, allocator, memory);
+    const VkResult result = device.driver.next.AllocateMemory(handle, &driverInfo, allocator, memory);
     if (result == VK_SUCCESS)
-        device.hostMemory.allocated(*memory, info->allocationSize,
-                                    device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+        device.host.allocated(*memory, info->allocationSize,
+                              device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
     return result;
 }
 
-void rememberAddress(Device &device, VkBuffer buffer)
+void rememberAddress(DeviceBuffers &device, VkBuffer buffer)
 {
-    const BufferInfo info = device.buffers.get(buffer);
-    if (device.asked.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
-        device.addresses.add(device.bufferAddress(buffer), buffer, info.size, info.usage);
-    bufferHasAddress(device, buffer);
+    const BufferInfo info = device.infos.get(buffer);
+    if (device.driver.asked.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
+        device.addresses.add(device.driver.bufferAddress(buffer), buffer, info.size, info.usage);
+    device.onAddress(buffer);
 }
 
-VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice handle, const VkBufferDeviceAddressInfo *info)
+VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &device, VkDevice handle, const VkBufferDeviceAddressInfo *info)
 {
-    Device &device = deviceOf(handle);
-    const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
-    const BufferInfo buffer = device.buffers.get(info->buffer);
+    const VkDeviceAddress address = device.driver.next.GetBufferDeviceAddress(handle, info);
+    const BufferInfo buffer = device.infos.get(info->buffer);
     device.addresses.add(address, info->buffer, buffer.size, buffer.usage);
-    bufferHasAddress(device, info->buffer);
+    device.onAddress(info->buffer);
     return address;
 }
 
-VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice physicalDevice,
-                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
-                                                                     VkExternalBufferProperties *properties)
-{
-    Instance &instance = instanceOf(physicalDevice);
-    VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
-    if (implementationsOn(instance, physicalDevice).anyEmulated())
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(driverUsage(info->usage));
-    instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
-}
-
-VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer commandBuffer, uint32_t count,
-                                                    const VkDescriptorBufferBindingInfoEXT *infos)
+void cmdBindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
+                              const VkDescriptorBufferBindingInfoEXT *infos)
 {
     // The usage here is that of the buffer (VUID-VkDescriptorBufferBindingInfoEXT-usage).
     std::vector<VkDescriptorBufferBindingInfoEXT> own(infos, infos + count);
     for (VkDescriptorBufferBindingInfoEXT &info : own)
         info.usage = static_cast<VkBufferUsageFlags>(driverUsage(info.usage));
-    deviceOf(commandBuffer).next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
-{
-    // A micromap is the layer's own object: its handle means nothing below, its name is used in the layer's messages.
-    Device &device = deviceOf(handle);
-    if (device.ownObject(info->objectType, info->objectHandle)) {
-        device.report().setName(info->objectHandle, info->pObjectName ? info->pObjectName : "");
-        return VK_SUCCESS;
-    }
-    return device.next.SetDebugUtilsObjectNameEXT(handle, info);
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
-{
-    Device &device = deviceOf(handle);
-    if (device.ownObject(info->objectType, info->objectHandle))
-        return VK_SUCCESS;
-    return device.next.SetDebugUtilsObjectTagEXT(handle, info);
-}
-
-// VK_EXT_debug_marker has the object types of VK_EXT_debug_report: the same numbers, as far as acceleration structures
-// go, and none for VkMicromapEXT.
-static_assert(VkObjectType(VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT) ==
-              VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR);
-
-VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectName(VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
-{
-    Device &device = deviceOf(handle);
-    if (device.ownObject(static_cast<VkObjectType>(info->objectType), info->object)) {
-        device.report().setName(info->object, info->pObjectName ? info->pObjectName : "");
-        return VK_SUCCESS;
-    }
-    return device.next.DebugMarkerSetObjectNameEXT(handle, info);
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectTag(VkDevice handle, const VkDebugMarkerObjectTagInfoEXT *info)
-{
-    Device &device = deviceOf(handle);
-    if (device.ownObject(static_cast<VkObjectType>(info->objectType), info->object))
-        return VK_SUCCESS;
-    return device.next.DebugMarkerSetObjectTagEXT(handle, info);
+    device.driver.next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
 }
 
 } // namespace vellum::layer

@@ -6,28 +6,23 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceBuffers;
+
+// Usage flags as the driver is to see them. The layer's shaders read the inputs and write the storage of micromaps and
+// acceleration structures by address, and copies of micromaps are buffer copies.
+VkFlags64 driverUsage(VkFlags64 usage);
 
 // Called when a buffer is bound. A range of device address commands may come from a buffer whose address was not asked
 // for: it is asked for of another one, which shares the memory, or was known from a captured replay.
-void rememberAddress(Device &device, VkBuffer buffer);
+void rememberAddress(DeviceBuffers &device, VkBuffer buffer);
 
-VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *,
-                                            VkBuffer *);
-VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice, VkBuffer, const VkAllocationCallbacks *);
-VKAPI_ATTR void VKAPI_CALL getDeviceBufferMemoryRequirements(VkDevice, const VkDeviceBufferMemoryRequirements *,
-                                                             VkMemoryRequirements2 *);
-VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
-                                              VkDeviceMemory *);
-VKAPI_ATTR VkDeviceAddress VKAPI_CALL getBufferDeviceAddress(VkDevice, const VkBufferDeviceAddressInfo *);
-VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice,
-                                                                     const VkPhysicalDeviceExternalBufferInfo *,
-                                                                     VkExternalBufferProperties *);
-VKAPI_ATTR void VKAPI_CALL cmdBindDescriptorBuffers(VkCommandBuffer, uint32_t,
-                                                    const VkDescriptorBufferBindingInfoEXT *);
-VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectName(VkDevice, const VkDebugUtilsObjectNameInfoEXT *);
-VKAPI_ATTR VkResult VKAPI_CALL setDebugUtilsObjectTag(VkDevice, const VkDebugUtilsObjectTagInfoEXT *);
-VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectName(VkDevice, const VkDebugMarkerObjectNameInfoEXT *);
-VKAPI_ATTR VkResult VKAPI_CALL debugMarkerSetObjectTag(VkDevice, const VkDebugMarkerObjectTagInfoEXT *);
+VkResult createBuffer(DeviceBuffers &, VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *, VkBuffer *);
+void destroyBuffer(DeviceBuffers &, VkDevice, VkBuffer, const VkAllocationCallbacks *);
+void getDeviceBufferMemoryRequirements(DeviceBuffers &, VkDevice, const VkDeviceBufferMemoryRequirements *,
+                                       VkMemoryRequirements2 *);
+VkResult allocateMemory(DeviceBuffers &, VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
+                        VkDeviceMemory *);
+VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &, VkDevice, const VkBufferDeviceAddressInfo *);
+void cmdBindDescriptorBuffers(DeviceBuffers &, VkCommandBuffer, uint32_t, const VkDescriptorBufferBindingInfoEXT *);
 
 } // namespace vellum::layer

@@ -9,6 +9,8 @@ namespace vellum::layer
 namespace
 {
 
+constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+
 // The types that a buffer's memory may have, the better ones first: memory that is also local to the device is
 // preferred, since shaders read these buffers at every hit. There may be little of it that the host can see.
 std::vector<uint32_t> memoryTypes(const VkPhysicalDeviceMemoryProperties &memory, uint32_t allowed)
@@ -49,7 +51,7 @@ VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBuff
     const DeviceTable &next = *context.next;
     VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
     bufferInfo.size = bytes;
-    bufferInfo.usage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | extraUsage;
+    bufferInfo.usage = kUsage | extraUsage;
     VkResult result = next.CreateBuffer(context.device, &bufferInfo, nullptr, &buffer_);
     if (result != VK_SUCCESS)
         return result;
@@ -82,6 +84,54 @@ VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBuff
     const VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer_};
     address_ = next.GetBufferDeviceAddress(context.device, &addressInfo);
     return VK_SUCCESS;
+}
+
+VkResult GpuBuffer::createOn(const GpuContext &context, void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage)
+{
+    reset();
+    context_ = context;
+    const VkResult result =
+        context.importsHostMemory ? makeOn(memory, bytes, extraUsage) : VK_ERROR_FEATURE_NOT_PRESENT;
+    if (result != VK_SUCCESS)
+        reset();
+    return result;
+}
+
+VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage)
+{
+    constexpr VkExternalMemoryHandleTypeFlagBits kHost = VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT;
+    const DeviceTable &next = *context_.next;
+    const VkExternalMemoryBufferCreateInfo external{VK_STRUCTURE_TYPE_EXTERNAL_MEMORY_BUFFER_CREATE_INFO, nullptr,
+                                                    kHost};
+    VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, &external};
+    bufferInfo.size = bytes;
+    bufferInfo.usage = kUsage | extraUsage;
+    VkResult result = next.CreateBuffer(context_.device, &bufferInfo, nullptr, &buffer_);
+    if (result != VK_SUCCESS)
+        return result;
+    VkMemoryRequirements requirements{};
+    next.GetBufferMemoryRequirements(context_.device, buffer_, &requirements);
+    VkMemoryHostPointerPropertiesEXT host{VK_STRUCTURE_TYPE_MEMORY_HOST_POINTER_PROPERTIES_EXT};
+    result = next.GetMemoryHostPointerPropertiesEXT(context_.device, kHost, memory, &host);
+    if (result != VK_SUCCESS)
+        return result;
+    const std::vector<uint32_t> types = memoryTypes(context_.memory, requirements.memoryTypeBits & host.memoryTypeBits);
+    if (types.empty() || requirements.size > bytes)
+        return VK_ERROR_INVALID_EXTERNAL_HANDLE;
+    const VkImportMemoryHostPointerInfoEXT import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT, nullptr, kHost,
+                                                  memory};
+    const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, &import,
+                                          VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+    const VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, bytes, types.front()};
+    result = next.AllocateMemory(context_.device, &allocateInfo, nullptr, &memory_);
+    if (result == VK_SUCCESS)
+        result = next.BindBufferMemory(context_.device, buffer_, memory_, 0);
+    if (result != VK_SUCCESS)
+        return result;
+    const VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer_};
+    address_ = next.GetBufferDeviceAddress(context_.device, &addressInfo);
+    mapped_ = static_cast<uint32_t *>(memory);
+    return address_ == reinterpret_cast<uintptr_t>(memory) ? VK_SUCCESS : VK_ERROR_INVALID_EXTERNAL_HANDLE;
 }
 
 void GpuBuffer::reset()

@@ -8,10 +8,13 @@
 namespace vellum::layer
 {
 
+struct DeviceTable;
+
 struct GpuContext {
     VkDevice device = VK_NULL_HANDLE;
     const DeviceTable *next = nullptr;
     VkPhysicalDeviceMemoryProperties memory{};
+    bool importsHostMemory = false; // VK_EXT_external_memory_host is enabled, and device addresses may be the host's
 };
 
 class GpuBuffer
@@ -28,6 +31,9 @@ public:
     // On failure nothing is left behind.
     VkResult create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0,
                     Content content = Content::Zero);
+    // A buffer on memory of the host's, of which begin and size are aligned to FixedMemory::kAlignment, and which
+    // outlives it; the content is what is there. Fails, too, where the device has another address for it.
+    VkResult createOn(const GpuContext &context, void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0);
     void reset();
 
     [[nodiscard]] VkBuffer buffer() const { return buffer_; }
@@ -35,6 +41,8 @@ public:
     [[nodiscard]] uint32_t *words() const { return mapped_; }
 
 private:
+    VkResult makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage);
+
     GpuContext context_;
     VkBuffer buffer_ = VK_NULL_HANDLE;
     VkDeviceMemory memory_ = VK_NULL_HANDLE;

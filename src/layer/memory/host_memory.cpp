@@ -1,7 +1,7 @@
 #include "layer/memory/host_memory.h"
 
-#include "layer/door/device.h"
 #include "layer/memory/buffers.h"
+#include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
 {
@@ -30,11 +30,11 @@ void HostMemory::destroyed(VkBuffer buffer)
     bindings_.erase(buffer);
 }
 
-VkResult HostMemory::open(const Device &device, Memory &memory, VkDeviceMemory handle, VkMemoryMapFlags flags)
+VkResult HostMemory::open(const Driver &driver, Memory &memory, VkDeviceMemory handle, VkMemoryMapFlags flags)
 {
     if (memory.users == 0) {
         void *mapped = nullptr;
-        const VkResult result = device.next.MapMemory(device.handle, handle, 0, VK_WHOLE_SIZE, flags, &mapped);
+        const VkResult result = driver.next.MapMemory(driver.handle, handle, 0, VK_WHOLE_SIZE, flags, &mapped);
         if (result != VK_SUCCESS)
             return result;
         memory.mapped = static_cast<uint8_t *>(mapped);
@@ -45,29 +45,29 @@ VkResult HostMemory::open(const Device &device, Memory &memory, VkDeviceMemory h
     return VK_SUCCESS;
 }
 
-void HostMemory::close(const Device &device, Memory &memory, VkDeviceMemory handle)
+void HostMemory::close(const Driver &driver, Memory &memory, VkDeviceMemory handle)
 {
     if (memory.users == 0 || --memory.users > 0)
         return;
     memory.mapped = nullptr;
-    device.next.UnmapMemory(device.handle, handle);
+    driver.next.UnmapMemory(driver.handle, handle);
 }
 
-VkResult HostMemory::map(const Device &device, VkDeviceMemory handle, VkDeviceSize offset, VkMemoryMapFlags flags,
+VkResult HostMemory::map(const Driver &driver, VkDeviceMemory handle, VkDeviceSize offset, VkMemoryMapFlags flags,
                          void **data)
 {
     std::lock_guard lock(mutex_);
     Memory &memory = memories_[handle];
-    const VkResult result = open(device, memory, handle, flags);
+    const VkResult result = open(driver, memory, handle, flags);
     if (result == VK_SUCCESS)
         *data = memory.mapped + offset;
     return result;
 }
 
-void HostMemory::unmap(const Device &device, VkDeviceMemory handle)
+void HostMemory::unmap(const Driver &driver, VkDeviceMemory handle)
 {
     std::lock_guard lock(mutex_);
-    close(device, memories_[handle], handle);
+    close(driver, memories_[handle], handle);
 }
 
 void HostMemory::mappedByDriver(VkDeviceMemory handle, VkDeviceSize offset, VkDeviceSize bytes, void *data)
@@ -88,16 +88,16 @@ void HostMemory::unmappedByDriver(VkDeviceMemory handle)
     memory.users = 0;
 }
 
-HostView::HostView(Device &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes) : device_(device)
+HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes) : device_(device)
 {
-    HostMemory &host = device.hostMemory;
+    HostMemory &host = device.host;
     std::lock_guard lock(host.mutex_);
     const auto binding = host.bindings_.find(buffer);
     if (binding == host.bindings_.end())
         return;
     HostMemory::Memory &memory = host.memories_[binding->second.memory];
     if ((memory.properties & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) == 0 ||
-        host.open(device, memory, binding->second.memory, 0) != VK_SUCCESS)
+        host.open(device.driver, memory, binding->second.memory, 0) != VK_SUCCESS)
         return;
     memory_ = binding->second.memory;
     const VkDeviceSize begin = binding->second.offset + offset;
@@ -106,9 +106,9 @@ HostView::HostView(Device &device, VkBuffer buffer, VkDeviceSize offset, VkDevic
     bytes_ = memory.mapped + begin;
     if ((memory.properties & VK_MEMORY_PROPERTY_HOST_COHERENT_BIT) == 0 && bytes > 0) {
         VkPhysicalDeviceProperties properties{};
-        device.instance->next.GetPhysicalDeviceProperties(device.physicalDevice, &properties);
+        device.driver.instance->GetPhysicalDeviceProperties(device.driver.physicalDevice, &properties);
         atoms_ = atomsOf(memory_, memory.bytes, begin, bytes, properties.limits.nonCoherentAtomSize);
-        device.next.InvalidateMappedMemoryRanges(device.handle, 1, &atoms_);
+        device.driver.next.InvalidateMappedMemoryRanges(device.driver.handle, 1, &atoms_);
     }
 }
 
@@ -116,87 +116,80 @@ HostView::~HostView()
 {
     if (!memory_)
         return;
-    HostMemory &host = device_.hostMemory;
+    HostMemory &host = device_.host;
     std::lock_guard lock(host.mutex_);
     if (atoms_.size > 0)
-        device_.next.FlushMappedMemoryRanges(device_.handle, 1, &atoms_);
-    host.close(device_, host.memories_[memory_], memory_);
+        device_.driver.next.FlushMappedMemoryRanges(device_.driver.handle, 1, &atoms_);
+    host.close(device_.driver, host.memories_[memory_], memory_);
 }
 
-VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
+void freeMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
 {
-    Device &device = deviceOf(handle);
-    device.hostMemory.freed(memory);
-    device.next.FreeMemory(handle, memory, allocator);
+    device.host.freed(memory);
+    device.driver.next.FreeMemory(handle, memory, allocator);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice handle, VkBuffer buffer, VkDeviceMemory memory,
-                                                VkDeviceSize offset)
+VkResult bindBufferMemory(DeviceBuffers &device, VkDevice handle, VkBuffer buffer, VkDeviceMemory memory,
+                          VkDeviceSize offset)
 {
-    Device &device = deviceOf(handle);
-    const VkResult result = device.next.BindBufferMemory(handle, buffer, memory, offset);
+    const VkResult result = device.driver.next.BindBufferMemory(handle, buffer, memory, offset);
     if (result == VK_SUCCESS) {
-        device.hostMemory.bound(buffer, memory, offset);
+        device.host.bound(buffer, memory, offset);
         rememberAddress(device, buffer);
     }
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
+VkResult bindBufferMemory2(DeviceBuffers &device, VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
 {
-    Device &device = deviceOf(handle);
-    const VkResult result = device.next.BindBufferMemory2(handle, count, infos);
+    const VkResult result = device.driver.next.BindBufferMemory2(handle, count, infos);
     for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
-        device.hostMemory.bound(infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
+        device.host.bound(infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
         rememberAddress(device, infos[i].buffer);
     }
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize size,
-                                         VkMemoryMapFlags flags, void **data)
+VkResult mapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset,
+                   VkDeviceSize size, VkMemoryMapFlags flags, void **data)
 {
-    Device &device = deviceOf(handle);
-    if (!device.asked.hostCommands)
-        return device.next.MapMemory(handle, memory, offset, size, flags, data);
-    return device.hostMemory.map(device, memory, offset, flags, data);
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.MapMemory(handle, memory, offset, size, flags, data);
+    return device.host.map(device.driver, memory, offset, flags, data);
 }
 
-VKAPI_ATTR void VKAPI_CALL unmapMemory(VkDevice handle, VkDeviceMemory memory)
+void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
 {
-    Device &device = deviceOf(handle);
-    if (!device.asked.hostCommands)
-        return device.next.UnmapMemory(handle, memory);
-    device.hostMemory.unmap(device, memory);
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.UnmapMemory(handle, memory);
+    device.host.unmap(device.driver, memory);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const newer::MemoryMapInfo *info, void **data)
+VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryMapInfo *info, void **data)
 {
-    Device &device = deviceOf(handle);
-    if (!device.asked.hostCommands)
-        return device.next.MapMemory2(handle, info, data);
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.MapMemory2(handle, info, data);
     // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
     if (info->pNext) {
-        const VkResult result = device.next.MapMemory2(handle, info, data);
+        const VkResult result = device.driver.next.MapMemory2(handle, info, data);
         if (result == VK_SUCCESS)
-            device.hostMemory.mappedByDriver(info->memory, info->offset, info->size, *data);
+            device.host.mappedByDriver(info->memory, info->offset, info->size, *data);
         return result;
     }
-    return device.hostMemory.map(device, info->memory, info->offset, info->flags, data);
+    return device.host.map(device.driver, info->memory, info->offset, info->flags, data);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL unmapMemory2(VkDevice handle, const newer::MemoryUnmapInfo *info)
+VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryUnmapInfo *info)
 {
-    Device &device = deviceOf(handle);
-    if (!device.asked.hostCommands)
-        return device.next.UnmapMemory2(handle, info);
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.UnmapMemory2(handle, info);
     if (info->pNext || info->flags != 0) {
-        const VkResult result = device.next.UnmapMemory2(handle, info);
+        const VkResult result = device.driver.next.UnmapMemory2(handle, info);
         if (result == VK_SUCCESS)
-            device.hostMemory.unmappedByDriver(info->memory);
+            device.host.unmappedByDriver(info->memory);
         return result;
     }
-    device.hostMemory.unmap(device, info->memory);
+    device.host.unmap(device.driver, info->memory);
     return VK_SUCCESS;
 }
 

@@ -14,7 +14,8 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceBuffers;
+struct Driver;
 
 // What has to be flushed or invalidated for bytes of memory that is not coherent: whole atoms (VkMappedMemoryRange),
 // and no more of them than there must be. The application may have written others and not flushed them yet, and
@@ -37,8 +38,8 @@ public:
     void destroyed(VkBuffer buffer);
 
     // The application's mappings. `map` maps the whole memory and gives the address of `offset`.
-    VkResult map(const Device &device, VkDeviceMemory memory, VkDeviceSize offset, VkMemoryMapFlags flags, void **data);
-    void unmap(const Device &device, VkDeviceMemory memory);
+    VkResult map(const Driver &driver, VkDeviceMemory memory, VkDeviceSize offset, VkMemoryMapFlags flags, void **data);
+    void unmap(const Driver &driver, VkDeviceMemory memory);
     // The driver has mapped or unmapped it as the application wanted: bytes from `offset` on are at `data`.
     void mappedByDriver(VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize bytes, void *data);
     void unmappedByDriver(VkDeviceMemory memory);
@@ -56,8 +57,8 @@ private:
         VkDeviceMemory memory = VK_NULL_HANDLE;
         VkDeviceSize offset = 0;
     };
-    VkResult open(const Device &device, Memory &memory, VkDeviceMemory handle, VkMemoryMapFlags flags);
-    void close(const Device &device, Memory &memory, VkDeviceMemory handle);
+    VkResult open(const Driver &driver, Memory &memory, VkDeviceMemory handle, VkMemoryMapFlags flags);
+    void close(const Driver &driver, Memory &memory, VkDeviceMemory handle);
 
     std::mutex mutex_;
     std::unordered_map<VkDeviceMemory, Memory> memories_;
@@ -68,7 +69,7 @@ private:
 class HostView
 {
 public:
-    HostView(Device &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes);
+    HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes);
     ~HostView();
     HostView(const HostView &) = delete;
     HostView &operator=(const HostView &) = delete;
@@ -76,19 +77,18 @@ public:
     [[nodiscard]] uint8_t *bytes() const { return bytes_; }
 
 private:
-    Device &device_;
+    DeviceBuffers &device_;
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
     VkMappedMemoryRange atoms_{}; // to be flushed at the end; none of coherent memory
     uint8_t *bytes_ = nullptr;
 };
 
-VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice, VkDeviceMemory, const VkAllocationCallbacks *);
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize);
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice, uint32_t, const VkBindBufferMemoryInfo *);
-VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice, VkDeviceMemory, VkDeviceSize, VkDeviceSize, VkMemoryMapFlags,
-                                         void **);
-VKAPI_ATTR void VKAPI_CALL unmapMemory(VkDevice, VkDeviceMemory);
-VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice, const newer::MemoryMapInfo *, void **);
-VKAPI_ATTR VkResult VKAPI_CALL unmapMemory2(VkDevice, const newer::MemoryUnmapInfo *);
+void freeMemory(DeviceBuffers &, VkDevice, VkDeviceMemory, const VkAllocationCallbacks *);
+VkResult bindBufferMemory(DeviceBuffers &, VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize);
+VkResult bindBufferMemory2(DeviceBuffers &, VkDevice, uint32_t, const VkBindBufferMemoryInfo *);
+VkResult mapMemory(DeviceBuffers &, VkDevice, VkDeviceMemory, VkDeviceSize, VkDeviceSize, VkMemoryMapFlags, void **);
+void unmapMemory(DeviceBuffers &, VkDevice, VkDeviceMemory);
+VkResult mapMemory2(DeviceBuffers &, VkDevice, const newer::MemoryMapInfo *, void **);
+VkResult unmapMemory2(DeviceBuffers &, VkDevice, const newer::MemoryUnmapInfo *);
 
 } // namespace vellum::layer

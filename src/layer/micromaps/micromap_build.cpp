@@ -8,7 +8,7 @@
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/records.h"
-#include "layer/door/device.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 
 namespace vellum::layer
@@ -36,7 +36,7 @@ constexpr uint64_t blocksOf(uint64_t triangles)
     return (triangles + kPlaceBlock - 1) / kPlaceBlock;
 }
 
-std::optional<Offence> deviceOffenceOf(const Device &device, const VkMicromapBuildInfoEXT &info)
+std::optional<Offence> deviceOffenceOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
 {
     if (auto offence = buildOffenceOf(info))
         return offence;
@@ -51,7 +51,7 @@ std::optional<Offence> deviceOffenceOf(const Device &device, const VkMicromapBui
         return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address"};
     if (info.scratchData.deviceAddress % 16 != 0)
         return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned"};
-    const uint64_t scratch = device.addresses.bytesFrom(info.scratchData.deviceAddress);
+    const uint64_t scratch = device.buffers.addresses.bytesFrom(info.scratchData.deviceAddress);
     if (scratch < extent.scratchBytes())
         return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509", "scratchData has " + std::to_string(scratch) +
                                                                               " bytes in its buffer, the build needs " +
@@ -76,15 +76,15 @@ uint32_t alikeOf(const VkMicromapBuildInfoEXT &info)
     return alike;
 }
 
-MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
+MicromapPush pushOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
 {
     const MicromapExtent extent = extentOf(info);
     MicromapPush push{};
-    push.micromap = micromapAddress(device, info.dstMicromap);
+    push.micromap = micromapAddress(device.driver, info.dstMicromap);
     push.triangleArray = info.triangleArray.deviceAddress;
     push.data = info.data.deviceAddress;
     push.scratch = info.scratchData.deviceAddress;
-    push.log = device.complaints.address();
+    push.log = device.commands.complaints.address();
     push.object = complaintObject(info.dstMicromap);
     push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);
     push.triangleCount = static_cast<uint32_t>(extent.triangles);
@@ -93,13 +93,14 @@ MicromapPush pushOf(const Device &device, const VkMicromapBuildInfoEXT &info)
     push.tableMask = static_cast<uint32_t>(extent.tableSlots() - 1);
     push.flags =
         (info.flags & kBuildFlagsMask) | extent.maxLevel << kBuildMaxLevelShift | (extent.share ? kBuildShare : 0);
-    const VkDeviceSize arrayBytes = device.addresses.bytesFrom(push.triangleArray);
+    const VkDeviceSize arrayBytes = device.buffers.addresses.bytesFrom(push.triangleArray);
     const VkDeviceSize size = sizeof(VkMicromapTriangleEXT);
     const VkDeviceSize stride = std::max<VkDeviceSize>(info.triangleArrayStride, 1);
     const VkDeviceSize readable = arrayBytes < size ? 0 : (arrayBytes - size) / stride + 1;
     push.readable = static_cast<uint32_t>(std::min<VkDeviceSize>(readable, UINT32_MAX));
     push.alike = alikeOf(info);
-    push.dataBytes = static_cast<uint32_t>(std::min<VkDeviceSize>(device.addresses.bytesFrom(push.data), UINT32_MAX));
+    push.dataBytes =
+        static_cast<uint32_t>(std::min<VkDeviceSize>(device.buffers.addresses.bytesFrom(push.data), UINT32_MAX));
     return push;
 }
 
@@ -132,19 +133,19 @@ struct DataCopy {
     VkBufferCopy region{};
 };
 
-DataCopy dataCopyOf(const Device &device, const VkMicromapBuildInfoEXT &info)
+DataCopy dataCopyOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
 {
     const MicromapExtent extent = extentOf(info);
     if (extent.share || extent.lossy || extent.units == 0)
         return {};
-    const AddressMap::Place source = device.addresses.find(info.data.deviceAddress);
-    if (!source.buffer || (device.buffers.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
+    const AddressMap::Place source = device.buffers.addresses.find(info.data.deviceAddress);
+    if (!source.buffer || (device.buffers.infos.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
         return {};
     const Micromap &target = *micromapOf(info.dstMicromap);
     const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
     const uint64_t bytes = std::min(source.bytes, extent.units * kDataUnitBytes);
     // As much as there is room for may reach from the data into the micromap: VUID-vkCmdCopyBuffer-pRegions-00117.
-    const VkDeviceAddress from = info.data.deviceAddress, to = micromapAddress(device, target) + begin;
+    const VkDeviceAddress from = info.data.deviceAddress, to = micromapAddress(device.driver, target) + begin;
     if (from < to + bytes && to < from + bytes)
         return {};
     return {source.buffer, target.buffer, {source.offset, target.offset + begin, bytes}};
@@ -178,26 +179,26 @@ struct OneBuild {
 };
 
 // Triangles for each invocation of the pass over triangles that stay.
-uint32_t staysPerInvocation(const Device &device, uint32_t triangles)
+uint32_t staysPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
 {
     // So many keep a GPU busy.
-    if (device.threads == 0)
+    if (device.driver.threads == 0)
         return std::clamp(triangles / 16384, 1u, 64u);
     // A workgroup of 64 takes lavapipe a microsecond, as a thousand triangles do. Four for each of its threads share
     // the work well enough.
-    const uint32_t invocations = 4 * 64 * std::min(device.threads, 64u);
+    const uint32_t invocations = 4 * 64 * std::min(device.driver.threads, 64u);
     return std::max(triangles / invocations, 1u);
 }
 
 // Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
 // buffer.
-void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild &build)
+void letStay(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, OneBuild &build)
 {
     MicromapPush &push = build.push;
-    const AddressMap::Place place = device.addresses.find(push.scratch);
+    const AddressMap::Place place = device.buffers.addresses.find(push.scratch);
     const VkFlags64 wanted = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
     if (!build.verbatim() || !place.buffer || place.offset % 4 != 0 || push.triangleCount > kMostStaying ||
-        (device.buffers.get(place.buffer).usage & wanted) != wanted)
+        (device.buffers.infos.get(place.buffer).usage & wanted) != wanted)
         return;
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
     const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
@@ -220,8 +221,8 @@ void letStay(const Device &device, const VkMicromapBuildInfoEXT &info, OneBuild 
 class Build
 {
 public:
-    Build(Device &device, VkCommandBuffer commandBuffer)
-        : device_(device), commandBuffer_(commandBuffer), work_(device, commandBuffer)
+    Build(DeviceMicromaps &device, VkCommandBuffer commandBuffer)
+        : device_(device), commandBuffer_(commandBuffer), work_(device.commands, commandBuffer)
     {
     }
 
@@ -287,7 +288,7 @@ private:
 
     void prepare(const OneBuild &build)
     {
-        const DeviceTable &next = device_.next;
+        const DeviceTable &next = device_.driver.next;
         if (build.copy.from)
             next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.copy.to, 1, &build.copy.region);
         if (!build.stays)
@@ -378,7 +379,7 @@ private:
             work_.barrier();
     }
 
-    Device &device_;
+    DeviceMicromaps &device_;
     VkCommandBuffer commandBuffer_;
     InjectedWork work_;
     std::vector<OneBuild> builds_;
@@ -503,7 +504,7 @@ std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info)
     return std::nullopt;
 }
 
-void recordMicromapBuilds(Device &device, VkCommandBuffer commandBuffer,
+void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                           const std::vector<const VkMicromapBuildInfoEXT *> &infos)
 {
     if (infos.empty())
@@ -514,12 +515,12 @@ void recordMicromapBuilds(Device &device, VkCommandBuffer commandBuffer,
     build.record();
 }
 
-VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
-                                                 const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
+void getMicromapBuildSizes(DeviceMicromaps &device, VkDevice, VkAccelerationStructureBuildTypeKHR type,
+                           const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
     sizes->discardable = VK_FALSE;
     if (const auto offence = offenceOf(*info)) {
-        deviceOf(handle).report().error(offence->id, "vkGetMicromapBuildSizesEXT: " + offence->text);
+        device.driver.report().error(offence->id, "vkGetMicromapBuildSizesEXT: " + offence->text);
         sizes->micromapSize = 0;
         sizes->buildScratchSize = 0;
         return;
@@ -530,18 +531,17 @@ VKAPI_ATTR void VKAPI_CALL getMicromapBuildSizes(VkDevice handle, VkAcceleration
     sizes->buildScratchSize = type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR ? 0 : extent.scratchBytes();
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer commandBuffer, uint32_t count,
-                                             const VkMicromapBuildInfoEXT *infos)
+void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, uint32_t count,
+                       const VkMicromapBuildInfoEXT *infos)
 {
-    Device &device = deviceOf(commandBuffer);
-    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdBuildMicromapsEXT"))
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildMicromapsEXT"))
         return;
     std::vector<const VkMicromapBuildInfoEXT *> good;
     for (uint32_t i = 0; i < count; ++i) {
         if (const auto offence = deviceOffenceOf(device, infos[i])) {
-            device.report().error(offence->id,
-                                  "vkCmdBuildMicromapsEXT: pInfos[" + std::to_string(i) + "]: " + offence->text,
-                                  VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(infos[i].dstMicromap));
+            device.driver.report().error(offence->id,
+                                         "vkCmdBuildMicromapsEXT: pInfos[" + std::to_string(i) + "]: " + offence->text,
+                                         VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(infos[i].dstMicromap));
             continue;
         }
         good.push_back(&infos[i]);

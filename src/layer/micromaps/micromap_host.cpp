@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/micromap_memory.h"
-#include "layer/door/device.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_serialized.h"
@@ -22,35 +22,36 @@ VkResult done(VkDeferredOperationKHR operation)
     return operation ? VK_OPERATION_NOT_DEFERRED_KHR : VK_SUCCESS;
 }
 
-VkResult refuse(const Device &device, const char *id, const std::string &text, VkMicromapEXT micromap)
+VkResult refuse(const DeviceMicromaps &device, const char *id, const std::string &text, VkMicromapEXT micromap)
 {
-    device.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
+    device.driver.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
     return VK_ERROR_VALIDATION_FAILED_EXT;
 }
 
 // Without the feature, the application's mappings are not known. `rule` is that the feature must be enabled.
-bool enabled(const Device &device, const char *command, const char *rule)
+bool enabled(const DeviceMicromaps &device, const char *command, const char *rule)
 {
-    if (!device.asked.hostCommands)
-        device.report().error((std::string("VELLUM-VUID-") + command + "-micromapHostCommands-" + rule).c_str(),
-                              std::string(command) + ": the feature micromapHostCommands is not enabled");
-    return device.asked.hostCommands;
+    if (!device.driver.asked.hostCommands)
+        device.driver.report().error((std::string("VELLUM-VUID-") + command + "-micromapHostCommands-" + rule).c_str(),
+                                     std::string(command) + ": the feature micromapHostCommands is not enabled");
+    return device.driver.asked.hostCommands;
 }
 
 // Of copies that cannot be carried out, on the device as well, more is told than of the triangles of a build.
-void complainAbout(const Device &device, uint32_t what, VkMicromapEXT micromap)
+void complainAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT micromap)
 {
-    complain(device.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
+    complain(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
 }
 
-// A micromap's memory as the host sees it.
+// A micromap's memory as the host sees it; of it the first `most` bytes, since a handle may be far larger than what is
+// written, and what lies behind that is not to be flushed.
 class View
 {
 public:
-    View(Device &device, VkMicromapEXT handle)
-        : size_(handle ? micromapOf(handle)->size : 0),
-          view_(device, handle ? micromapOf(handle)->buffer : VK_NULL_HANDLE, handle ? micromapOf(handle)->offset : 0,
-                size_)
+    View(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t most = UINT64_MAX)
+        : size_(handle ? std::min(micromapOf(handle)->size, most) : 0),
+          view_(device.buffers, handle ? micromapOf(handle)->buffer : VK_NULL_HANDLE,
+                handle ? micromapOf(handle)->offset : 0, size_)
     {
     }
     [[nodiscard]] uint8_t *bytes() const { return view_.bytes(); }
@@ -73,7 +74,7 @@ private:
     HostView view_;
 };
 
-void build(const Device &device, const VkMicromapBuildInfoEXT &info, uint8_t *out)
+void build(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, uint8_t *out)
 {
     const MicromapExtent extent = extentOf(info);
     MicromapBuildInput input;
@@ -86,9 +87,10 @@ void build(const Device &device, const VkMicromapBuildInfoEXT &info, uint8_t *ou
     input.buildFlags = info.flags;
     input.share = extent.share;
     MicromapComplaint tell;
-    if (device.complaints.address() != 0) {
+    if (device.commands.complaints.address() != 0) {
         tell = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
-            complain(device.report(), what, triangle, value0, value1, reinterpret_cast<uint64_t>(info.dstMicromap));
+            complain(device.driver.report(), what, triangle, value0, value1,
+                     reinterpret_cast<uint64_t>(info.dstMicromap));
         };
     }
     writeMicromapMemory(input, out, tell);
@@ -96,10 +98,9 @@ void build(const Device &device, const VkMicromapBuildInfoEXT &info, uint8_t *ou
 
 } // namespace
 
-VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice handle, VkDeferredOperationKHR operation, uint32_t count,
-                                              const VkMicromapBuildInfoEXT *infos)
+VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation, uint32_t count,
+                        const VkMicromapBuildInfoEXT *infos)
 {
-    Device &device = deviceOf(handle);
     if (!enabled(device, "vkBuildMicromapsEXT", "07555"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     VkResult result = VK_SUCCESS;
@@ -109,7 +110,7 @@ VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice handle, VkDeferredOperati
             result = refuse(device, offence->id, where + offence->text, infos[i].dstMicromap);
             continue;
         }
-        const View view(device, infos[i].dstMicromap);
+        const View view(device, infos[i].dstMicromap, extentOf(infos[i]).bytes());
         if (!view.bytes())
             result = refuse(device, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
                             where + "dstMicromap is not bound to host-visible memory", infos[i].dstMicromap);
@@ -123,35 +124,35 @@ VKAPI_ATTR VkResult VKAPI_CALL buildMicromaps(VkDevice handle, VkDeferredOperati
     return result == VK_SUCCESS ? done(operation) : result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL copyMicromap(VkDevice handle, VkDeferredOperationKHR operation,
-                                            const VkCopyMicromapInfoEXT *info)
+VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
+                      const VkCopyMicromapInfoEXT *info)
 {
-    Device &device = deviceOf(handle);
     if (!enabled(device, "vkCopyMicromapEXT", "07560"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
         return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
                       "vkCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
     const View source(device, info->src);
-    const View target(device, info->dst);
+    const uint64_t used = source.bytes() ? source.used() : 0;
+    const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
+    const View target(device, info->dst, std::max<uint64_t>(used, kMicromapHeaderWords * 4));
     if (!source.bytes() || !target.bytes())
         return refuse(device,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapEXT-buffer-07559"
                                      : "VELLUM-VUID-vkCopyMicromapEXT-buffer-07558",
                       "vkCopyMicromapEXT: src or dst is not bound to host-visible memory", info->dst);
-    const uint64_t used = source.used();
-    std::memmove(target.bytes(), source.bytes(), std::min(source.size(), target.size()));
-    if (used > target.size()) {
+    if (used == 0 || used > room) {
         target.invalidate();
-        complainAbout(device, kComplaintTooLarge, info->dst);
+        complainAbout(device, used == 0 ? kComplaintNotBuilt : kComplaintTooLarge, info->dst);
+    } else {
+        std::memmove(target.bytes(), source.bytes(), used);
     }
     return done(operation);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL copyMicromapToMemory(VkDevice handle, VkDeferredOperationKHR operation,
-                                                    const VkCopyMicromapToMemoryInfoEXT *info)
+VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
+                              const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    Device &device = deviceOf(handle);
     if (!enabled(device, "vkCopyMicromapToMemoryEXT", "07571"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
@@ -168,17 +169,16 @@ VKAPI_ATTR VkResult VKAPI_CALL copyMicromapToMemory(VkDevice handle, VkDeferredO
         complainAbout(device, kComplaintNotBuilt, info->src);
         return done(operation);
     }
-    const SerializedMicromapHeader header = serializedHeader(device.driverUuid, used);
+    const SerializedMicromapHeader header = serializedHeader(device.driver.driverUuid, used);
     auto *out = static_cast<uint8_t *>(info->dst.hostAddress);
     std::memcpy(out, &header, sizeof header);
     std::memcpy(out + sizeof header, source.bytes(), used);
     return done(operation);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToMicromap(VkDevice handle, VkDeferredOperationKHR operation,
-                                                    const VkCopyMemoryToMicromapInfoEXT *info)
+VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
+                              const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    Device &device = deviceOf(handle);
     if (!enabled(device, "vkCopyMemoryToMicromapEXT", "07566"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
@@ -193,7 +193,7 @@ VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToMicromap(VkDevice handle, VkDeferredO
                       "vkCopyMemoryToMicromapEXT: dst is not bound to host-visible memory, or src is null", info->dst);
     SerializedMicromapHeader header;
     std::memcpy(&header, in, sizeof header);
-    const SerializedMicromapHeader own = serializedHeader(device.driverUuid, header.micromapBytes);
+    const SerializedMicromapHeader own = serializedHeader(device.driver.driverUuid, header.micromapBytes);
     const bool known = header.layoutUuid == own.layoutUuid && header.bytes == own.bytes &&
                        header.bytes >= sizeof header + kMicromapHeaderWords * 4 &&
                        micromapMemoryInUse(in + sizeof header) == header.micromapBytes;
@@ -207,10 +207,9 @@ VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToMicromap(VkDevice handle, VkDeferredO
     return done(operation);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL writeMicromapsProperties(VkDevice handle, uint32_t count, const VkMicromapEXT *micromaps,
-                                                        VkQueryType type, size_t size, void *data, size_t stride)
+VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t count, const VkMicromapEXT *micromaps,
+                                  VkQueryType type, size_t size, void *data, size_t stride)
 {
-    Device &device = deviceOf(handle);
     if (!enabled(device, "vkWriteMicromapsPropertiesEXT", "07578"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     const bool serialized = type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;

@@ -6,11 +6,10 @@
 
 #include "core/curve.h"
 #include "core/records.h"
-#include "layer/door/device.h"
 #include "layer/ground/pnext.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
-#include "layer/structures/acceleration_structure.h"
 
 namespace vellum::layer
 {
@@ -123,9 +122,9 @@ std::optional<Offence> usageOffenceOf(const BuildInfo &info, const MicromapData 
 }
 
 // What sizes depend on.
-std::optional<Offence> shapeOffenceOf(const Device &device, const BuildInfo &info)
+std::optional<Offence> shapeOffenceOf(const DeviceMicromaps &device, const BuildInfo &info)
 {
-    if (!device.asked.khrFeature)
+    if (!device.driver.asked.khrFeature)
         return Offence{"VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559",
                        "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled"};
     if (info.geometryCount != 1)
@@ -148,13 +147,13 @@ std::optional<Offence> shapeOffenceOf(const Device &device, const BuildInfo &inf
     return usageOffenceOf(info, *data);
 }
 
-std::optional<Offence> structureOffenceOf(const Device &device, const BuildInfo &info)
+std::optional<Offence> structureOffenceOf(const DeviceMicromaps &device, const BuildInfo &info)
 {
     if (auto offence = shapeOffenceOf(device, info))
         return offence;
     if (info.mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)
         return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", "a micromap cannot be updated"};
-    const auto target = device.accelerationStructures.get(info.dstAccelerationStructure);
+    const auto target = device.objects.accelerationStructures.get(info.dstAccelerationStructure);
     if (!target || (target->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR &&
                     target->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR))
         return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547",
@@ -179,9 +178,9 @@ std::optional<Offence> structureOffenceOf(const Device &device, const BuildInfo 
         return Offence{scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
                                     : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710",
                        "scratchData is a null address or not aligned"};
-    if (device.addresses.bytesFrom(scratch) < extent.scratchBytes())
+    if (device.buffers.addresses.bytesFrom(scratch) < extent.scratchBytes())
         return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258",
-                       "scratchData has " + std::to_string(device.addresses.bytesFrom(scratch)) +
+                       "scratchData has " + std::to_string(device.buffers.addresses.bytesFrom(scratch)) +
                            " bytes in its buffer, the build needs " + std::to_string(extent.scratchBytes())};
     if (data.triangleArrayStride < sizeof(VkMicromapTriangleKHR))
         return Offence{"VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
@@ -196,116 +195,23 @@ constexpr VkDeviceSize markedSize(VkDeviceSize bytes)
     return (bytes + 255 - kMicromapSizeMark) / 256 * 256 + kMicromapSizeMark;
 }
 
-void refuse(const Device &device, const char *id, const std::string &text, VkAccelerationStructureKHR structure)
+void refuse(const DeviceMicromaps &device, const char *id, const std::string &text,
+            VkAccelerationStructureKHR structure)
 {
-    device.report().error(id, text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure));
-}
-
-bool canHoldMicromap(const AccelerationStructure &structure)
-{
-    return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
-           structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-}
-
-// A GENERIC structure is what was recorded into it last.
-void becomeMicromap(Device &device, AccelerationStructure &structure)
-{
-    letMicromapBeNamed(device, structure);
-    std::lock_guard lock(structure.mutex);
-    structure.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-}
-
-struct Place {
-    VkBuffer buffer = VK_NULL_HANDLE;
-    VkDeviceSize offset = 0;
-};
-
-// The part of a buffer that an address range is, or null after a message.
-Place placeOf(const Device &device, const VkAccelerationStructureCreateInfo2KHR &info)
-{
-    const AddressMap::Place found = device.addresses.covering(info.addressRange.address, info.addressRange.size,
-                                                              VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
-    const auto refused = [&](const char *id, const std::string &text) {
-        device.report().error(id, "vkCreateAccelerationStructure2KHR: " + text);
-        return Place{};
-    };
-    if (info.addressRange.size == 0)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
-    if (info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.asked.khrFeature)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
-                       "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
-    if (!found.buffer && !device.addresses.find(info.addressRange.address).buffer)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
-                       "addressRange.address is not in any buffer");
-    if (!found.buffer)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
-                       "addressRange, of " + std::to_string(info.addressRange.size) +
-                           " bytes, is not in one buffer for acceleration structures");
-    if (info.addressRange.address % 256 != 0)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
-                       "addressRange.address is not a multiple of 256");
-    return {found.buffer, found.offset};
+    device.driver.report().error(id, text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                 reinterpret_cast<uint64_t>(structure));
 }
 
 } // namespace
 
-bool holdsMicromap(AccelerationStructure &structure)
-{
-    std::lock_guard lock(structure.mutex);
-    return structure.content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-}
-
-VkMicromapEXT micromapIn(AccelerationStructure &structure)
-{
-    return reinterpret_cast<VkMicromapEXT>(&structure.micromap);
-}
-
-VkMicromapEXT micromapOf(const Device &device, VkAccelerationStructureKHR handle)
-{
-    const auto structure = device.accelerationStructures.get(handle);
-    return structure && canHoldMicromap(*structure) ? micromapIn(*structure) : VK_NULL_HANDLE;
-}
-
-void letMicromapBeNamed(Device &device, AccelerationStructure &structure)
-{
-    if (!device.asked.khr || !canHoldMicromap(structure))
-        return;
-    std::lock_guard lock(structure.mutex);
-    if (!structure.micromapKey)
-        structure.micromapKey = device.root.acquireMicromap(beginOf(device, structure), structure.size);
-}
-
-void letMicromapBeNamedOnceBound(Device &device, const std::shared_ptr<AccelerationStructure> &structure)
-{
-    if (device.addresses.addressOf(structure->buffer) != 0)
-        return letMicromapBeNamed(device, *structure);
-    if (!device.asked.khr || !canHoldMicromap(*structure))
-        return;
-    std::lock_guard lock(device.unnamedMutex);
-    device.unnamedMicromaps.push_back(structure);
-}
-
-void bufferHasAddress(Device &device, VkBuffer buffer)
-{
-    std::lock_guard lock(device.unnamedMutex);
-    std::erase_if(device.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
-        const auto structure = unnamed.lock();
-        if (structure && structure->buffer != buffer)
-            return false;
-        if (structure)
-            letMicromapBeNamed(device, *structure);
-        return true;
-    });
-}
-
-void getMicromapStructureSizes(const Device &device, const BuildInfo &info,
+void getMicromapStructureSizes(const DeviceMicromaps &device, const BuildInfo &info,
                                VkAccelerationStructureBuildSizesInfoKHR &sizes)
 {
     sizes.accelerationStructureSize = 0;
     sizes.updateScratchSize = 0;
     sizes.buildScratchSize = 0;
     if (const auto offence = shapeOffenceOf(device, info)) {
-        device.report().error(offence->id, "vkGetAccelerationStructureBuildSizesKHR: " + offence->text);
+        device.driver.report().error(offence->id, "vkGetAccelerationStructureBuildSizesKHR: " + offence->text);
         return;
     }
     const Translated build(info, *dataOf(info), VK_NULL_HANDLE);
@@ -314,9 +220,9 @@ void getMicromapStructureSizes(const Device &device, const BuildInfo &info,
     sizes.buildScratchSize = extent.scratchBytes();
 }
 
-void cmdBuildMicromapStructures(VkCommandBuffer commandBuffer, uint32_t count, const BuildInfo *infos)
+void cmdBuildMicromapStructures(DeviceMicromaps &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                const BuildInfo *infos)
 {
-    Device &device = deviceOf(commandBuffer);
     std::vector<Translated> builds;
     for (uint32_t i = 0; i < count; ++i) {
         if (!isMicromapBuild(infos[i]))
@@ -327,8 +233,8 @@ void cmdBuildMicromapStructures(VkCommandBuffer commandBuffer, uint32_t count, c
                    infos[i].dstAccelerationStructure);
             continue;
         }
-        const auto target = device.accelerationStructures.get(infos[i].dstAccelerationStructure);
-        becomeMicromap(device, *target);
+        const auto target = device.objects.accelerationStructures.get(infos[i].dstAccelerationStructure);
+        becomeMicromap(device.objects, *target);
         builds.emplace_back(infos[i], *dataOf(infos[i]), micromapIn(*target));
     }
     std::vector<const VkMicromapBuildInfoEXT *> translated;
@@ -337,11 +243,11 @@ void cmdBuildMicromapStructures(VkCommandBuffer commandBuffer, uint32_t count, c
     recordMicromapBuilds(device, commandBuffer, translated);
 }
 
-bool copiesMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
+bool copiesMicromapStructure(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyAccelerationStructureInfoKHR &info)
 {
-    const auto source = device.accelerationStructures.get(info.src);
-    const auto target = device.accelerationStructures.get(info.dst);
+    const auto source = device.objects.accelerationStructures.get(info.src);
+    const auto target = device.objects.accelerationStructures.get(info.dst);
     const bool any = (source && holdsMicromap(*source)) ||
                      (target && target->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     if (!any)
@@ -357,15 +263,15 @@ bool copiesMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
                "vkCmdCopyAccelerationStructureKHR: mode is neither clone nor compact", info.dst);
         return true;
     }
-    becomeMicromap(device, *target);
+    becomeMicromap(device.objects, *target);
     recordMicromapCopy(device, commandBuffer, "vkCmdCopyAccelerationStructureKHR", source->micromap, target->micromap);
     return true;
 }
 
-bool savesMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
+bool savesMicromapStructure(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                             const VkCopyAccelerationStructureToMemoryInfoKHR &info)
 {
-    const auto source = device.accelerationStructures.get(info.src);
+    const auto source = device.objects.accelerationStructures.get(info.src);
     if (!source || !holdsMicromap(*source))
         return false;
     if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR)
@@ -382,16 +288,16 @@ bool savesMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
     return true;
 }
 
-bool restoresMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
+bool restoresMicromapStructure(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                                const VkCopyMemoryToAccelerationStructureInfoKHR &info)
 {
-    const auto target = device.accelerationStructures.get(info.dst);
+    const auto target = device.objects.accelerationStructures.get(info.dst);
     if (!target)
         return false;
     // A GENERIC one is told by its size: sizes of micromaps are marked, as those of top-level structures are.
     const bool generic = target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR &&
-        (!generic || !device.asked.khr || target->size % 256 != kMicromapSizeMark))
+        (!generic || !device.driver.asked.khr || target->size % 256 != kMicromapSizeMark))
         return false;
     if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR) {
         refuse(device, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
@@ -403,59 +309,10 @@ bool restoresMicromapStructure(Device &device, VkCommandBuffer commandBuffer,
                "vkCmdCopyMemoryToAccelerationStructureKHR: src is a null address or not aligned to 128 bytes",
                info.dst);
     } else {
-        becomeMicromap(device, *target);
+        becomeMicromap(device.objects, *target);
         recordMicromapRestore(device, commandBuffer, target->micromap, info.src.deviceAddress);
     }
     return true;
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL createAccelerationStructure2(VkDevice handle,
-                                                            const VkAccelerationStructureCreateInfo2KHR *info,
-                                                            const VkAllocationCallbacks *allocator,
-                                                            VkAccelerationStructureKHR *result)
-{
-    Device &device = deviceOf(handle);
-    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.asked.khrFeature) {
-        device.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
-                              "vkCreateAccelerationStructure2KHR: the feature "
-                              "VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
-        return VK_ERROR_VALIDATION_FAILED_EXT;
-    }
-    const Place place = placeOf(device, *info);
-    if (!place.buffer)
-        return VK_ERROR_VALIDATION_FAILED_EXT;
-    auto structure = std::make_shared<AccelerationStructure>();
-    structure->buffer = place.buffer;
-    structure->offset = place.offset;
-    structure->size = info->addressRange.size;
-    structure->type = info->type;
-    structure->content = info->type;
-    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-        // The handle is the layer's own and never reaches the driver.
-        *result = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
-    } else if (device.next.CreateAccelerationStructure2KHR) {
-        const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
-        if (created != VK_SUCCESS)
-            return created;
-    } else {
-        VkAccelerationStructureCreateInfoKHR driverInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-        driverInfo.pNext = info->pNext;
-        driverInfo.createFlags = info->createFlags;
-        driverInfo.buffer = place.buffer;
-        driverInfo.offset = place.offset;
-        driverInfo.size = info->addressRange.size;
-        driverInfo.type = info->type;
-        const VkResult created = device.next.CreateAccelerationStructureKHR(handle, &driverInfo, allocator, result);
-        if (created != VK_SUCCESS)
-            return created;
-    }
-    structure->micromap = {place.buffer,
-                           place.offset,
-                           structure->size,
-                           {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
-    letMicromapBeNamed(device, *structure);
-    device.accelerationStructures.set(*result, std::move(structure));
-    return VK_SUCCESS;
 }
 
 } // namespace vellum::layer

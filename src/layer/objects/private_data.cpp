@@ -1,6 +1,6 @@
 #include "layer/objects/private_data.h"
 
-#include "layer/door/device.h"
+#include "layer/objects/device_objects.h"
 
 namespace vellum::layer
 {
@@ -30,31 +30,28 @@ void PrivateData::forgetSlot(VkPrivateDataSlot slot)
     std::erase_if(values_, [slot](const auto &entry) { return entry.first.second == slot; });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, uint64_t object,
-                                              VkPrivateDataSlot slot, uint64_t value)
+VkResult setPrivateData(DeviceObjects &device, VkDevice handle, VkObjectType type, uint64_t object,
+                        VkPrivateDataSlot slot, uint64_t value)
 {
-    Device &device = deviceOf(handle);
-    if (!device.ownObject(type, object))
-        return device.next.SetPrivateData(handle, type, object, slot, value);
+    if (!device.own(type, object))
+        return device.driver.next.SetPrivateData(handle, type, object, slot, value);
     device.privateData.set(slot, object, value);
     return VK_SUCCESS;
 }
 
-VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, uint64_t object, VkPrivateDataSlot slot,
-                                          uint64_t *value)
+void getPrivateData(DeviceObjects &device, VkDevice handle, VkObjectType type, uint64_t object, VkPrivateDataSlot slot,
+                    uint64_t *value)
 {
-    Device &device = deviceOf(handle);
-    if (!device.ownObject(type, object))
-        return device.next.GetPrivateData(handle, type, object, slot, value);
+    if (!device.own(type, object))
+        return device.driver.next.GetPrivateData(handle, type, object, slot, value);
     *value = device.privateData.get(slot, object);
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyPrivateDataSlot(VkDevice handle, VkPrivateDataSlot slot,
-                                                  const VkAllocationCallbacks *allocator)
+void destroyPrivateDataSlot(DeviceObjects &device, VkDevice handle, VkPrivateDataSlot slot,
+                            const VkAllocationCallbacks *allocator)
 {
-    Device &device = deviceOf(handle);
     device.privateData.forgetSlot(slot);
-    device.next.DestroyPrivateDataSlot(handle, slot, allocator);
+    device.driver.next.DestroyPrivateDataSlot(handle, slot, allocator);
 }
 
 } // namespace vellum::layer

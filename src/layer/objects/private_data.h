@@ -10,6 +10,8 @@
 namespace vellum::layer
 {
 
+struct DeviceObjects;
+
 class PrivateData
 {
 public:
@@ -23,8 +25,8 @@ private:
     std::map<std::pair<uint64_t, VkPrivateDataSlot>, uint64_t> values_;
 };
 
-VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t);
-VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t *);
-VKAPI_ATTR void VKAPI_CALL destroyPrivateDataSlot(VkDevice, VkPrivateDataSlot, const VkAllocationCallbacks *);
+VkResult setPrivateData(DeviceObjects &, VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t);
+void getPrivateData(DeviceObjects &, VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t *);
+void destroyPrivateDataSlot(DeviceObjects &, VkDevice, VkPrivateDataSlot, const VkAllocationCallbacks *);
 
 } // namespace vellum::layer

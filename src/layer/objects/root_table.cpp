@@ -17,9 +17,19 @@ constexpr uint32_t kSlots = 1u << 24; // instanceCustomIndex has 24 bits
 constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
 constexpr uint32_t kPagesPerBuffer = kFirstSlots / kSlotsPerPage;
+constexpr VkDeviceSize kPagesBytes = kPageBytes * kPagesPerBuffer;
+constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
 constexpr uint32_t kCellsPerBuffer = 4096;
 constexpr uint32_t kFirstBuckets = 1024;
 constexpr VkDeviceAddress kDeletedKey = ~VkDeviceAddress{0};
+
+constexpr VkDeviceSize alignUp(VkDeviceSize bytes)
+{
+    return (bytes + FixedMemory::kAlignment - 1) / FixedMemory::kAlignment * FixedMemory::kAlignment;
+}
+
+constexpr std::size_t kFirstPagesPlace = alignUp(kRootBytes); // in the fixed memory, behind the root
+static_assert(kFirstPagesPlace + alignUp(kPagesBytes) <= FixedMemory::kMostBytes);
 
 // The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's cell before its
 // key.
@@ -52,7 +62,9 @@ SlotRange::~SlotRange()
 VkResult RootTable::create(const GpuContext &context)
 {
     context_ = context;
-    const VkResult result = root_.create(context, (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4);
+    if (context.importsHostMemory)
+        fixed_.reserve(kFirstPagesPlace + alignUp(kPagesBytes));
+    const VkResult result = createTable(root_, kRootBytes, 0);
     if (result != VK_SUCCESS)
         return result;
     freeSlots_ = {{0, kSlots}};
@@ -61,13 +73,22 @@ VkResult RootTable::create(const GpuContext &context)
     return VK_SUCCESS;
 }
 
+VkResult RootTable::createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place)
+{
+    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + place, alignUp(bytes)) == VK_SUCCESS)
+        return VK_SUCCESS;
+    return buffer.create(context_, bytes);
+}
+
 bool RootTable::addPages(uint32_t lastPage)
 {
     if (pageCount_ > lastPage)
         return true;
     while (pageCount_ <= lastPage) {
         GpuBuffer buffer;
-        if (buffer.create(context_, kPageBytes * kPagesPerBuffer) != VK_SUCCESS)
+        const VkResult result =
+            pages_.empty() ? createTable(buffer, kPagesBytes, kFirstPagesPlace) : buffer.create(context_, kPagesBytes);
+        if (result != VK_SUCCESS)
             return false;
         for (uint32_t i = 0; i < kPagesPerBuffer && pageCount_ < kDirectoryPages; ++i, ++pageCount_)
             store64(root_.words() + kRootHeaderWords + size_t{pageCount_} * 2, buffer.address() + i * kPageBytes);

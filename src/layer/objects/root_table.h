@@ -11,6 +11,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "layer/memory/fixed_memory.h"
 #include "layer/memory/gpu_memory.h"
 
 namespace vellum::layer
@@ -80,7 +81,11 @@ private:
     [[nodiscard]] CellPlace cellPlace(uint32_t index) const;
     [[nodiscard]] uint32_t *cellWords(uint32_t index) const;
 
+    // Tables that rewritten shaders have the address of: at the same address in every run, where that can be had.
+    VkResult createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place);
+
     GpuContext context_;
+    FixedMemory fixed_; // outlives the buffers on it
     std::mutex mutex_;
     GpuBuffer root_;
     std::vector<GpuBuffer> pages_; // each holds kPagesPerBuffer pages

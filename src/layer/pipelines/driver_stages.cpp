@@ -5,37 +5,37 @@
 #include <span>
 #include <string>
 
-#include "layer/door/device.h"
+#include "layer/pipelines/device_pipelines.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-void dump(const Device &device, uint32_t number, const char *suffix, std::span<const uint32_t> words)
+void dump(const DevicePipelines &device, uint32_t number, const char *suffix, std::span<const uint32_t> words)
 {
-    const std::string path = device.instance->settings.dumpShaders + "/" + std::to_string(number) + suffix;
+    const std::string path = device.driver.settings->dumpShaders + "/" + std::to_string(number) + suffix;
     std::FILE *file = std::fopen(path.c_str(), "wb");
     if (!file || std::fwrite(words.data(), 4, words.size(), file) != words.size())
-        device.report().warning("VELLUM-dump-shaders", "cannot write " + path);
+        device.driver.report().warning("VELLUM-dump-shaders", "cannot write " + path);
     if (file)
         std::fclose(file);
 }
 
 } // namespace
 
-spirv::RewriteOptions rewriteOptions(const Device &device, std::optional<spirv::PipelineStage> pipelineStage)
+spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spirv::PipelineStage> pipelineStage)
 {
-    return {.rootAddress = device.root.address(),
-            .firstSlots = device.root.firstSlots(),
-            .queriesConsume = device.asked.everyQueryUsesMicromaps() ? spirv::QueriesConsume::Always
-                                                                     : spirv::QueriesConsume::WhereDeclared,
-            .queriesCarryFlagBits = device.carriesRayFlagBits.inQueries,
-            .pipelinesCarryFlagBits = device.carriesRayFlagBits.inPipelines,
+    return {.rootAddress = device.objects.root.address(),
+            .firstSlots = device.objects.root.firstSlots(),
+            .queriesConsume = device.driver.asked.everyQueryUsesMicromaps() ? spirv::QueriesConsume::Always
+                                                                            : spirv::QueriesConsume::WhereDeclared,
+            .queriesCarryFlagBits = [&device] { return device.rayFlagBits.inQueries(); },
+            .pipelinesCarryFlagBits = [&device] { return device.rayFlagBits.inPipelines(); },
             .pipelineStage = pipelineStage};
 }
 
-bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
+bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
     const std::span<const uint32_t> words(code, bytes / 4);
@@ -43,13 +43,13 @@ bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, s
         return true;
     spirv::RewriteResult result = spirv::rewrite(words, rewriteOptions(device, pipelineStage));
     static std::atomic<uint32_t> counter{0};
-    const bool dumping = !device.instance->settings.dumpShaders.empty();
+    const bool dumping = !device.driver.settings->dumpShaders.empty();
     const uint32_t number = dumping ? counter++ : 0;
     if (dumping)
         dump(device, number, ".before.spv", words);
     if (result.status == spirv::RewriteResult::Status::Failed) {
-        device.report().error("VELLUM-shader-rewrite",
-                              "a shader that traces rays cannot be rewritten: " + result.error);
+        device.driver.report().error("VELLUM-shader-rewrite",
+                                     "a shader that traces rays cannot be rewritten: " + result.error);
         return false;
     }
     if (result.status == spirv::RewriteResult::Status::Unchanged)
@@ -88,8 +88,8 @@ bool DriverStages::rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &c
     auto *module =
         chains_.emplace_back(stage.pNext).edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
     if (!module) {
-        device_.report().error("VELLUM-shader-rewrite",
-                               "an inline shader module lies behind a structure of unknown size");
+        device_.driver.report().error("VELLUM-shader-rewrite",
+                                      "an inline shader module lies behind a structure of unknown size");
         return false;
     }
     if (!rewriteShader(device_, module->pCode, module->codeSize, words_.emplace_back(), pipelineStage))

@@ -14,14 +14,14 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DevicePipelines;
 
-spirv::RewriteOptions rewriteOptions(const Device &device,
+spirv::RewriteOptions rewriteOptions(DevicePipelines &device,
                                      std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
 
 // Rewrites one shader. `code` and `bytes` are replaced where it traces rays; `storage` then holds the words.
 // Returns false, and reports, where it cannot be rewritten.
-bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
+bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
                    std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
 
 // Stages with their inline shader modules rewritten (VkShaderModuleCreateInfo in a stage's pNext chain). Modules are
@@ -29,7 +29,7 @@ bool rewriteShader(const Device &device, const uint32_t *&code, size_t &bytes, s
 class DriverStages
 {
 public:
-    explicit DriverStages(const Device &device) : device_(device) {}
+    explicit DriverStages(DevicePipelines &device) : device_(device) {}
 
     // Replaces `stages` where one of them has an inline module that traces rays.
     bool rewrite(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count);
@@ -39,7 +39,7 @@ public:
     [[nodiscard]] bool changed() const { return changed_; }
 
 private:
-    const Device &device_;
+    DevicePipelines &device_;
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
     std::deque<Chain> chains_;
     std::deque<std::vector<uint32_t>> words_;

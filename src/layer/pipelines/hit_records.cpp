@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "layer/door/device.h"
+#include "layer/pipelines/device_pipelines.h"
 
 namespace vellum::layer
 {
@@ -17,7 +17,7 @@ constexpr VkDeviceSize kCommandRoom = 256;
 static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandRoom);
 
 // The pipeline that a trace in this command buffer uses, if null records have to be replaced for it.
-std::shared_ptr<RayTracingPipeline> pipelineOf(const Device &device, const CommandState *state)
+std::shared_ptr<RayTracingPipeline> pipelineOf(const DevicePipelines &device, const CommandState *state)
 {
     // Where conditional rendering cannot be suspended, the copy might not be made.
     if (!state || state->inheritsConditionalRendering)
@@ -33,29 +33,29 @@ HitRecordsPush pushOf(const RayTracingPipeline &pipeline)
     return push;
 }
 
-VkDeviceAddress allocate(const Device &device, CommandState &state, VkDeviceSize bytes)
+VkDeviceAddress allocate(const DevicePipelines &device, CommandState &state, VkDeviceSize bytes)
 {
     state.scratch.restart();
-    const VkDeviceAddress address = state.scratch.allocate(device.gpu, bytes);
+    const VkDeviceAddress address = state.scratch.allocate(device.buffers.gpu, bytes);
     if (!address)
-        device.report().error("VELLUM-out-of-memory",
-                              "no memory for hit records: null ones do not see opacity micromaps");
+        device.driver.report().error("VELLUM-out-of-memory",
+                                     "no memory for hit records: null ones do not see opacity micromaps");
     return address;
 }
 
-bool run(Device &device, VkCommandBuffer commandBuffer, const HitRecordsPush &push, uint64_t threads)
+bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const HitRecordsPush &push, uint64_t threads)
 {
-    InjectedWork work(device, commandBuffer);
+    InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     const bool copied = work.dispatch(InjectedShader::HitRecords, push, threads, 64);
     work.barrier();
     return copied;
 }
 
-VkStridedDeviceAddressRegionKHR withoutNull(Device &device, VkCommandBuffer commandBuffer,
+VkStridedDeviceAddressRegionKHR withoutNull(DevicePipelines &device, VkCommandBuffer commandBuffer,
                                             const VkStridedDeviceAddressRegionKHR &hit)
 {
-    const auto state = commandState(commandBuffer);
+    const auto state = device.commands.states.get(commandBuffer);
     const auto pipeline = pipelineOf(device, state.get());
     if (!pipeline || hit.deviceAddress == 0 || hit.size < kGroupHandleBytes || hit.size > UINT32_MAX)
         return hit;
@@ -72,33 +72,26 @@ VkStridedDeviceAddressRegionKHR withoutNull(Device &device, VkCommandBuffer comm
 
 } // namespace
 
-VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer commandBuffer, const VkStridedDeviceAddressRegionKHR *raygen,
-                                        const VkStridedDeviceAddressRegionKHR *miss,
-                                        const VkStridedDeviceAddressRegionKHR *hit,
-                                        const VkStridedDeviceAddressRegionKHR *callable, uint32_t width,
-                                        uint32_t height, uint32_t depth)
+void cmdTraceRays(DevicePipelines &device, VkCommandBuffer commandBuffer, const VkStridedDeviceAddressRegionKHR *raygen,
+                  const VkStridedDeviceAddressRegionKHR *miss, const VkStridedDeviceAddressRegionKHR *hit,
+                  const VkStridedDeviceAddressRegionKHR *callable, uint32_t width, uint32_t height, uint32_t depth)
 {
-    Device &device = deviceOf(commandBuffer);
     const VkStridedDeviceAddressRegionKHR own = withoutNull(device, commandBuffer, *hit);
-    device.next.CmdTraceRaysKHR(commandBuffer, raygen, miss, &own, callable, width, height, depth);
+    device.driver.next.CmdTraceRaysKHR(commandBuffer, raygen, miss, &own, callable, width, height, depth);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect(VkCommandBuffer commandBuffer,
-                                                const VkStridedDeviceAddressRegionKHR *raygen,
-                                                const VkStridedDeviceAddressRegionKHR *miss,
-                                                const VkStridedDeviceAddressRegionKHR *hit,
-                                                const VkStridedDeviceAddressRegionKHR *callable,
-                                                VkDeviceAddress command)
+void cmdTraceRaysIndirect(DevicePipelines &device, VkCommandBuffer commandBuffer,
+                          const VkStridedDeviceAddressRegionKHR *raygen, const VkStridedDeviceAddressRegionKHR *miss,
+                          const VkStridedDeviceAddressRegionKHR *hit, const VkStridedDeviceAddressRegionKHR *callable,
+                          VkDeviceAddress command)
 {
-    Device &device = deviceOf(commandBuffer);
     const VkStridedDeviceAddressRegionKHR own = withoutNull(device, commandBuffer, *hit);
-    device.next.CmdTraceRaysIndirectKHR(commandBuffer, raygen, miss, &own, callable, command);
+    device.driver.next.CmdTraceRaysIndirectKHR(commandBuffer, raygen, miss, &own, callable, command);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect2(VkCommandBuffer commandBuffer, VkDeviceAddress command)
+void cmdTraceRaysIndirect2(DevicePipelines &device, VkCommandBuffer commandBuffer, VkDeviceAddress command)
 {
-    Device &device = deviceOf(commandBuffer);
-    const auto state = commandState(commandBuffer);
+    const auto state = device.commands.states.get(commandBuffer);
     if (const auto pipeline = pipelineOf(device, state.get())) {
         HitRecordsPush push = pushOf(*pipeline);
         push.command = command;
@@ -108,7 +101,7 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect2(VkCommandBuffer commandBuffer, 
         if (push.commandCopy && run(device, commandBuffer, push, kIndirectThreads))
             command = push.commandCopy;
     }
-    device.next.CmdTraceRaysIndirect2KHR(commandBuffer, command);
+    device.driver.next.CmdTraceRaysIndirect2KHR(commandBuffer, command);
 }
 
 } // namespace vellum::layer

@@ -7,14 +7,14 @@
 namespace vellum::layer
 {
 
-VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer, const VkStridedDeviceAddressRegionKHR *,
-                                        const VkStridedDeviceAddressRegionKHR *,
-                                        const VkStridedDeviceAddressRegionKHR *,
-                                        const VkStridedDeviceAddressRegionKHR *, uint32_t, uint32_t, uint32_t);
-VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect(VkCommandBuffer, const VkStridedDeviceAddressRegionKHR *,
-                                                const VkStridedDeviceAddressRegionKHR *,
-                                                const VkStridedDeviceAddressRegionKHR *,
-                                                const VkStridedDeviceAddressRegionKHR *, VkDeviceAddress);
-VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect2(VkCommandBuffer, VkDeviceAddress);
+struct DevicePipelines;
+
+void cmdTraceRays(DevicePipelines &, VkCommandBuffer, const VkStridedDeviceAddressRegionKHR *,
+                  const VkStridedDeviceAddressRegionKHR *, const VkStridedDeviceAddressRegionKHR *,
+                  const VkStridedDeviceAddressRegionKHR *, uint32_t, uint32_t, uint32_t);
+void cmdTraceRaysIndirect(DevicePipelines &, VkCommandBuffer, const VkStridedDeviceAddressRegionKHR *,
+                          const VkStridedDeviceAddressRegionKHR *, const VkStridedDeviceAddressRegionKHR *,
+                          const VkStridedDeviceAddressRegionKHR *, VkDeviceAddress);
+void cmdTraceRaysIndirect2(DevicePipelines &, VkCommandBuffer, VkDeviceAddress);
 
 } // namespace vellum::layer

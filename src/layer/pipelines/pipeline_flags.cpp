@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "layer/door/device.h"
+#include "layer/ground/driver.h"
 
 namespace vellum::layer
 {
@@ -14,9 +14,9 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
     return flags2 ? flags2->flags : flags;
 }
 
-void reportMixedSpecialIndex(const Device &device, const char *id, const char *command)
+void reportMixedSpecialIndex(const Driver &driver, const char *id, const char *command)
 {
-    device.report().error(id,
+    driver.report().error(id,
                           std::string(command) +
                               ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX needs the feature micromap, and in a "
                               "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");

@@ -11,7 +11,7 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct Driver;
 
 // They promise what a pipeline meets. Only the first needs something done.
 inline constexpr VkFlags64 kMicromapPipelineFlags =
@@ -22,7 +22,7 @@ inline constexpr VkFlags64 kMicromapPipelineFlags =
 VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);
 
 // Reports the promise of no mixed special indices where it may not be made. It does no harm there.
-void reportMixedSpecialIndex(const Device &device, const char *id, const char *command);
+void reportMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
 
 // A pipeline's pNext chain without them. Copies are kept in `chains`.
 const void *driverChain(const void *pNext, std::deque<Chain> &chains);

@@ -1,12 +1,11 @@
 #include "layer/pipelines/ray_flag_probe.h"
 
-#include <cstring>
+#include <memory>
 
 #include "core/ray_flags.h"
-#include "layer/door/device.h"
-#include "layer/ground/pnext.h"
+#include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/ray_flag_probe_pipeline.h"
-#include "layer/work/start_up_commands.h"
+#include "layer/structures/trial_structure.h"
 
 namespace vellum::layer
 {
@@ -16,169 +15,104 @@ namespace
 constexpr uint32_t kProbedBits = shared::kCarriedRayFlags;
 constexpr uint32_t kCommittedTriangle = 1;
 
-bool enablesRayQueries(const VkDeviceCreateInfo &info)
+bool returns(uint32_t flags)
 {
-    const auto *features = findInChain<VkPhysicalDeviceRayQueryFeaturesKHR>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR);
-    return features && features->rayQuery;
+    return (flags & kProbedBits) == kProbedBits;
 }
 
-bool enablesPipelines(const VkDeviceCreateInfo &info)
-{
-    const auto *features = findInChain<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR);
-    return features && features->rayTracingPipeline;
-}
-
-// One triangle, one instance of it, and one ray each way, on a queue of the application that nobody has yet.
-class Probe
+// One triangle, one instance of it, and one ray.
+class RayTrial : public Trial
 {
 public:
-    explicit Probe(Device &device) : device_(device), next_(device.next), commands_(device), pipeline_(device.gpu) {}
-
-    ~Probe()
+    RayTrial(DevicePipelines &device, std::optional<bool> &answer)
+        : device_(device), answer_(answer), triangle_(device.buffers.gpu), instance_(device.buffers.gpu)
     {
-        for (const VkAccelerationStructureKHR structure : {bottom_, top_}) {
-            if (structure)
-                next_.DestroyAccelerationStructureKHR(device_.handle, structure, nullptr);
-        }
     }
 
-    // Asks about what is true in `asked`.
-    CarriedRayFlagBits run(const CarriedRayFlagBits &asked, const VkDeviceCreateInfo &info,
-                           PFN_vkSetDeviceLoaderData setLoaderData)
+    bool record(VkCommandBuffer commands) override
     {
-        if (!commands_.chooseQueue(info))
-            return {}; // no queue that could trace a ray
-        CarriedRayFlagBits carried{!asked.inQueries, !asked.inPipelines};
-        if (!commands_.begin(setLoaderData) || !buildTriangle() || !buildInstance() ||
-            results_.create(device_.gpu, 16) != VK_SUCCESS)
-            return carried;
-        const bool query = asked.inQueries && traceQuery();
-        const bool pipeline = asked.inPipelines && tracePipeline();
-        if (!commands_.submitAndWait())
-            return carried;
-        const uint32_t *results = results_.words();
-        const auto returns = [](uint32_t flags) { return (flags & kProbedBits) == kProbedBits; };
-        if (query)
-            carried.inQueries = returns(results[0]) && results[1] == kCommittedTriangle;
-        if (pipeline)
-            carried.inPipelines = returns(results[2]) && returns(results[3]);
-        return carried;
+        if (!triangle_.buildTriangle(commands, VK_GEOMETRY_OPAQUE_BIT_KHR) ||
+            !instance_.buildInstance(commands, triangle_) || results_.create(device_.buffers.gpu, 8) != VK_SUCCESS)
+            return false;
+        return trace(commands, {instance_.address(), results_.address(), kProbedBits, 0});
+    }
+
+    void read() override { answer_ = carried(results_.words()); }
+
+protected:
+    virtual bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) = 0;
+    virtual bool carried(const uint32_t *results) const = 0;
+
+    DevicePipelines &device_;
+
+private:
+    std::optional<bool> &answer_;
+    TrialStructure triangle_, instance_;
+    GpuBuffer results_;
+};
+
+class QueryTrial : public RayTrial
+{
+public:
+    using RayTrial::RayTrial;
+
+private:
+    bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) override
+    {
+        return InjectedWork(device_.commands, commands).dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
+    }
+    bool carried(const uint32_t *results) const override
+    {
+        return returns(results[0]) && results[1] == kCommittedTriangle;
+    }
+};
+
+class PipelineTrial : public RayTrial
+{
+public:
+    PipelineTrial(DevicePipelines &device, std::optional<bool> &answer)
+        : RayTrial(device, answer), pipeline_(device.buffers.gpu)
+    {
     }
 
 private:
-    bool buildTriangle()
+    bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) override
     {
-        constexpr float kVertices[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
-        if (!makeInput(vertices_, kVertices, sizeof kVertices))
-            return false;
-        VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
-        geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
-        geometry.flags = VK_GEOMETRY_OPAQUE_BIT_KHR;
-        VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
-        triangles = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR};
-        triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
-        triangles.vertexData.deviceAddress = vertices_.address();
-        triangles.vertexStride = 3 * sizeof(float);
-        triangles.maxVertex = 2;
-        triangles.indexType = VK_INDEX_TYPE_NONE_KHR;
-        return build(VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, geometry, bottomMemory_, bottomScratch_, bottom_);
+        return pipeline_.record(commands, push);
     }
+    bool carried(const uint32_t *results) const override { return returns(results[0]) && returns(results[1]); }
 
-    bool buildInstance()
-    {
-        VkAccelerationStructureInstanceKHR instance{};
-        for (int i = 0; i < 3; ++i)
-            instance.transform.matrix[i][i] = 1;
-        instance.mask = 0xff;
-        instance.accelerationStructureReference = device_.structureAddress(bottom_);
-        if (!makeInput(instances_, &instance, sizeof instance))
-            return false;
-        VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
-        geometry.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR;
-        geometry.geometry.instances = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR};
-        geometry.geometry.instances.data.deviceAddress = instances_.address();
-        return build(VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR, geometry, topMemory_, topScratch_, top_);
-    }
-
-    bool makeInput(GpuBuffer &buffer, const void *data, size_t bytes)
-    {
-        if (buffer.create(device_.gpu, bytes, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR) !=
-            VK_SUCCESS)
-            return false;
-        std::memcpy(buffer.words(), data, bytes);
-        return true;
-    }
-
-    bool build(VkAccelerationStructureTypeKHR type, const VkAccelerationStructureGeometryKHR &geometry,
-               GpuBuffer &memory, GpuBuffer &scratch, VkAccelerationStructureKHR &structure)
-    {
-        constexpr VkDeviceSize kScratchAlignment = 256; // no driver asks for more
-        VkAccelerationStructureBuildGeometryInfoKHR info{
-            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR};
-        info.type = type;
-        info.geometryCount = 1;
-        info.pGeometries = &geometry;
-        const uint32_t one = 1;
-        VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-        next_.GetAccelerationStructureBuildSizesKHR(device_.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                    &info, &one, &sizes);
-        if (memory.create(device_.gpu, sizes.accelerationStructureSize,
-                          VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR) != VK_SUCCESS ||
-            scratch.create(device_.gpu, sizes.buildScratchSize + kScratchAlignment) != VK_SUCCESS)
-            return false;
-        VkAccelerationStructureCreateInfoKHR create{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-        create.buffer = memory.buffer();
-        create.size = sizes.accelerationStructureSize;
-        create.type = type;
-        if (next_.CreateAccelerationStructureKHR(device_.handle, &create, nullptr, &structure) != VK_SUCCESS)
-            return false;
-        info.dstAccelerationStructure = structure;
-        info.scratchData.deviceAddress = (scratch.address() + kScratchAlignment - 1) & ~(kScratchAlignment - 1);
-        const VkAccelerationStructureBuildRangeInfoKHR range{1, 0, 0, 0};
-        const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
-        next_.CmdBuildAccelerationStructuresKHR(commands_.handle(), 1, &info, &ranges);
-        InjectedWork(device_, commands_.handle()).barrier();
-        return true;
-    }
-
-    bool traceQuery()
-    {
-        const RayFlagProbePush push{device_.structureAddress(top_), results_.address(), kProbedBits, 0};
-        InjectedWork work(device_, commands_.handle());
-        const bool traced = work.dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
-        work.barrier();
-        return traced;
-    }
-
-    bool tracePipeline()
-    {
-        const RayFlagProbePush push{device_.structureAddress(top_), results_.address() + 8, kProbedBits, 0};
-        const bool traced = pipeline_.record(commands_.handle(), push);
-        InjectedWork(device_, commands_.handle()).barrier();
-        return traced;
-    }
-
-    Device &device_;
-    const DeviceTable &next_;
-    StartUpCommands commands_;
-    GpuBuffer vertices_, instances_, results_;
-    GpuBuffer bottomMemory_, bottomScratch_, topMemory_, topScratch_;
     RayFlagPipelineProbe pipeline_;
-    VkAccelerationStructureKHR bottom_ = VK_NULL_HANDLE;
-    VkAccelerationStructureKHR top_ = VK_NULL_HANDLE;
 };
 
 } // namespace
 
-CarriedRayFlagBits probeRayFlagBits(Device &device, const VkDeviceCreateInfo &info,
-                                    PFN_vkSetDeviceLoaderData setLoaderData)
+bool RayFlagBits::carried(Way way)
 {
-    const CarriedRayFlagBits asked{enablesRayQueries(info), enablesPipelines(info)};
-    if (!asked.inQueries && !asked.inPipelines)
-        return {};
-    return Probe(device).run(asked, info, setLoaderData);
+    std::lock_guard lock(mutex_);
+    std::optional<bool> &answer = answers_[static_cast<size_t>(way)];
+    if (!answer)
+        answer = tryOut(way);
+    return *answer;
+}
+
+bool RayFlagBits::tryOut(Way way)
+{
+    const bool query = way == Way::Query;
+    if (!(query ? device_.driver.asked.rayQueries : device_.driver.asked.rayTracingPipelines) ||
+        !device_.commands.trials.exists())
+        return true;
+    // What one device found out holds for the instance's others of the same physical device.
+    DriverHabits &habits = *device_.driver.habits;
+    std::lock_guard lock(habits.mutex);
+    std::optional<bool> &known = query ? habits.queriesCarryFlagBits : habits.pipelinesCarryFlagBits;
+    if (!known) {
+        if (query)
+            device_.commands.trials.run(std::make_unique<QueryTrial>(device_, known));
+        else
+            device_.commands.trials.run(std::make_unique<PipelineTrial>(device_, known));
+    }
+    return known.value_or(false);
 }
 
 } // namespace vellum::layer

@@ -3,8 +3,8 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/commands/injected_work.h"
 #include "layer/memory/gpu_memory.h"
-#include "layer/work/injected_work.h"
 
 namespace vellum::layer
 {

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "layer/door/device.h"
+#include "layer/commands/deferred.h"
 #include "layer/ground/pnext.h"
+#include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_flags.h"
-#include "layer/work/deferred.h"
 #include "shaders/any_hit.h"
 #include "spirv/opcodes.h"
 
@@ -51,11 +51,13 @@ VkFlags64 flagsOf(const VkRayTracingPipelineCreateInfoKHR &info)
 class Creation : public DeferredWork
 {
 public:
-    Creation(Device &device, VkPipeline *pipelines) : device_(device), stages_(device), pipelines_(pipelines) {}
+    Creation(DevicePipelines &device, VkPipeline *pipelines) : device_(device), stages_(device), pipelines_(pipelines)
+    {
+    }
     ~Creation() override
     {
         for (const VkShaderModule module : modules_)
-            device_.next.DestroyShaderModule(device_.handle, module, nullptr);
+            device_.driver.next.DestroyShaderModule(device_.driver.handle, module, nullptr);
     }
     Creation(const Creation &) = delete;
     Creation &operator=(const Creation &) = delete;
@@ -67,14 +69,14 @@ public:
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
         const bool asked = (flagsOf(info) & kMicromapPipelineFlag) != 0;
-        if (asked && !device_.asked.extFeature && !device_.asked.khrFeature) {
+        if (asked && !device_.driver.asked.extFeature && !device_.driver.asked.khrFeature) {
             refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
                    "uses opacity micromaps, but the feature micromap is not enabled");
             return VK_ERROR_VALIDATION_FAILED_EXT;
         }
-        if ((!asked || !device_.asked.khrFeature) &&
+        if ((!asked || !device_.driver.asked.khrFeature) &&
             (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0)
-            reportMixedSpecialIndex(device_, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
+            reportMixedSpecialIndex(device_.driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
                                     "vkCreateRayTracingPipelinesKHR");
         const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
         std::optional<uint32_t> without;
@@ -91,7 +93,8 @@ public:
             return VK_ERROR_VALIDATION_FAILED_EXT;
         }
         if (with > 0 && without) {
-            device_.report().notAvailable("a ray tracing pipeline of libraries with and without the micromap bit");
+            device_.driver.report().notAvailable(
+                "a ray tracing pipeline of libraries with and without the micromap bit");
             return VK_ERROR_UNKNOWN;
         }
         // A pipeline without the bit may have libraries with it, whose shaders are what they are.
@@ -132,8 +135,8 @@ private:
     // Reports about the pipeline that is being added.
     void refuse(const char *id, const std::string &text)
     {
-        device_.report().error(id, "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
-                                       " " + text);
+        device_.driver.report().error(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
+                                              std::to_string(infos_.size() - 1) + " " + text);
     }
 
     // What a driver's stage is made from: the application's stage, and what it decides.
@@ -297,7 +300,8 @@ private:
             if (!rewriteShader(device_, code, bytes, storage, target))
                 return VK_ERROR_INVALID_SHADER_NV;
             const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
-            const VkResult result = device_.next.CreateShaderModule(device_.handle, &info, nullptr, &known->second);
+            const VkResult result =
+                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
             if (result != VK_SUCCESS)
                 return result;
             modules_.push_back(known->second);
@@ -334,7 +338,8 @@ private:
             return known->second;
         const VkShaderModule module = device_.anyHitModules.get(decides, rewriteOptions(device_));
         if (!module) {
-            device_.report().error("VELLUM-any-hit-shader", "the driver could not make a shader module of the layer's");
+            device_.driver.report().error("VELLUM-any-hit-shader",
+                                          "the driver could not make a shader module of the layer's");
             return VK_SHADER_UNUSED_KHR;
         }
         known->second = static_cast<uint32_t>(stages.infos.size());
@@ -345,10 +350,10 @@ private:
 
     void readNullHandle(VkPipeline pipeline, RayTracingPipeline &record)
     {
-        if (device_.next.GetRayTracingShaderGroupHandlesKHR(device_.handle, pipeline, record.ownGroups, 1,
-                                                            kGroupHandleBytes,
-                                                            record.nullHandle.data()) != VK_SUCCESS) {
-            device_.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
+        if (device_.driver.next.GetRayTracingShaderGroupHandlesKHR(device_.driver.handle, pipeline, record.ownGroups, 1,
+                                                                   kGroupHandleBytes,
+                                                                   record.nullHandle.data()) != VK_SUCCESS) {
+            device_.driver.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
             record.nullHandle = {}; // null stays null
         }
     }
@@ -357,8 +362,8 @@ private:
     void measureStacks(VkPipeline pipeline, const std::vector<uint32_t> &groups)
     {
         for (const uint32_t group : groups) {
-            const VkDeviceSize bytes = device_.next.GetRayTracingShaderGroupStackSizeKHR(
-                device_.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
+            const VkDeviceSize bytes = device_.driver.next.GetRayTracingShaderGroupStackSizeKHR(
+                device_.driver.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
             const auto stack = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX));
             uint32_t most = device_.anyHitStack.load();
             while (most < stack && !device_.anyHitStack.compare_exchange_weak(most, stack)) {
@@ -366,7 +371,7 @@ private:
         }
     }
 
-    Device &device_;
+    DevicePipelines &device_;
     DriverStages stages_;
     VkPipeline *pipelines_; // the application's, which must stay valid until a deferred operation is complete
     std::vector<VkRayTracingPipelineCreateInfoKHR> infos_;
@@ -414,7 +419,7 @@ namespace
 {
 
 // Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
-VkResult createOneByOne(VkDevice device, VkPipelineCache cache, uint32_t count,
+VkResult createOneByOne(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
                         const VkRayTracingPipelineCreateInfoKHR *infos, const VkAllocationCallbacks *allocator,
                         VkPipeline *pipelines)
 {
@@ -429,7 +434,8 @@ VkResult createOneByOne(VkDevice device, VkPipelineCache cache, uint32_t count,
             info.basePipelineIndex = -1;
         }
         if (!derived || info.basePipelineHandle)
-            result = createRayTracingPipelines(device, VK_NULL_HANDLE, cache, 1, &info, allocator, &pipelines[i]);
+            result =
+                createRayTracingPipelines(device, handle, VK_NULL_HANDLE, cache, 1, &info, allocator, &pipelines[i]);
         if (result < 0 || worst == VK_SUCCESS)
             worst = result;
         if (result != VK_SUCCESS && (flagsOf(info) & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
@@ -440,27 +446,27 @@ VkResult createOneByOne(VkDevice device, VkPipelineCache cache, uint32_t count,
 
 } // namespace
 
-VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
-                                                         VkPipelineCache cache, uint32_t count,
-                                                         const VkRayTracingPipelineCreateInfoKHR *infos,
-                                                         const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                   VkPipelineCache cache, uint32_t count,
+                                   const VkRayTracingPipelineCreateInfoKHR *infos,
+                                   const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    Device &device = deviceOf(handle);
     std::fill_n(pipelines, count, VK_NULL_HANDLE);
     auto creation = std::make_unique<Creation>(device, pipelines);
     for (uint32_t i = 0; i < count; ++i) {
         if (const VkResult result = creation->add(infos[i]); result != VK_SUCCESS)
-            return count == 1 ? result : createOneByOne(handle, cache, count, infos, allocator, pipelines);
+            return count == 1 ? result : createOneByOne(device, handle, cache, count, infos, allocator, pipelines);
     }
     if (!creation->changed())
-        return device.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator, pipelines);
+        return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,
+                                                               pipelines);
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();
-        device.deferredOperations.set(operation, deferred);
+        device.commands.deferredOperations.set(operation, deferred);
     }
-    const VkResult result = device.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count,
-                                                                     creation->infos().data(), allocator, pipelines);
+    const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
+        handle, operation, cache, count, creation->infos().data(), allocator, pipelines);
     if (result == VK_OPERATION_DEFERRED_KHR && deferred)
         deferred->work = std::move(creation);
     else
@@ -468,29 +474,29 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDefe
     return result;
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyPipeline(VkDevice handle, VkPipeline pipeline, const VkAllocationCallbacks *allocator)
+void destroyPipeline(DevicePipelines &device, VkDevice handle, VkPipeline pipeline,
+                     const VkAllocationCallbacks *allocator)
 {
-    Device &device = deviceOf(handle);
     device.rayTracingPipelines.take(pipeline);
-    device.next.DestroyPipeline(handle, pipeline, allocator);
+    device.driver.next.DestroyPipeline(handle, pipeline, allocator);
 }
 
 namespace
 {
 
-size_t captureReplayHandleBytes(const Device &device)
+size_t captureReplayHandleBytes(const DevicePipelines &device)
 {
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelines{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR};
     VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &pipelines, {}};
-    device.instance->next.GetPhysicalDeviceProperties2(device.physicalDevice, &properties);
+    device.driver.instance->GetPhysicalDeviceProperties2(device.driver.physicalDevice, &properties);
     return pipelines.shaderGroupHandleCaptureReplaySize;
 }
 
 // Calls `get(first driver group, count, groups before)` for each run of groups that lie together in the driver's
 // pipeline.
 template <typename Get>
-VkResult forDriverGroups(const Device &device, VkPipeline pipeline, uint32_t first, uint32_t count, Get get)
+VkResult forDriverGroups(const DevicePipelines &device, VkPipeline pipeline, uint32_t first, uint32_t count, Get get)
 {
     const auto record = device.rayTracingPipelines.get(pipeline);
     if (!record || !record->hasNullGroup || first + count <= record->ownGroups)
@@ -502,45 +508,42 @@ VkResult forDriverGroups(const Device &device, VkPipeline pipeline, uint32_t fir
 
 } // namespace
 
-VKAPI_ATTR VkResult VKAPI_CALL getShaderGroupHandles(VkDevice handle, VkPipeline pipeline, uint32_t first,
-                                                     uint32_t count, size_t bytes, void *data)
+VkResult getShaderGroupHandles(DevicePipelines &device, VkDevice handle, VkPipeline pipeline, uint32_t first,
+                               uint32_t count, size_t bytes, void *data)
 {
-    const Device &device = deviceOf(handle);
     return forDriverGroups(device, pipeline, first, count, [&](uint32_t group, uint32_t groups, uint32_t before) {
         const size_t offset = std::min<size_t>(size_t{before} * kGroupHandleBytes, bytes);
-        return device.next.GetRayTracingShaderGroupHandlesKHR(handle, pipeline, group, groups, bytes - offset,
-                                                              static_cast<std::byte *>(data) + offset);
+        return device.driver.next.GetRayTracingShaderGroupHandlesKHR(handle, pipeline, group, groups, bytes - offset,
+                                                                     static_cast<std::byte *>(data) + offset);
     });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL getCaptureReplayShaderGroupHandles(VkDevice handle, VkPipeline pipeline, uint32_t first,
-                                                                  uint32_t count, size_t bytes, void *data)
+VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &device, VkDevice handle, VkPipeline pipeline,
+                                            uint32_t first, uint32_t count, size_t bytes, void *data)
 {
-    const Device &device = deviceOf(handle);
     const size_t handleBytes = captureReplayHandleBytes(device);
     return forDriverGroups(device, pipeline, first, count, [&](uint32_t group, uint32_t groups, uint32_t before) {
         const size_t offset = std::min(before * handleBytes, bytes);
-        return device.next.GetRayTracingCaptureReplayShaderGroupHandlesKHR(
+        return device.driver.next.GetRayTracingCaptureReplayShaderGroupHandlesKHR(
             handle, pipeline, group, groups, bytes - offset, static_cast<std::byte *>(data) + offset);
     });
 }
 
-VKAPI_ATTR VkDeviceSize VKAPI_CALL getShaderGroupStackSize(VkDevice handle, VkPipeline pipeline, uint32_t group,
-                                                           VkShaderGroupShaderKHR shader)
+VkDeviceSize getShaderGroupStackSize(DevicePipelines &device, VkDevice handle, VkPipeline pipeline, uint32_t group,
+                                     VkShaderGroupShaderKHR shader)
 {
-    const Device &device = deviceOf(handle);
     const auto record = device.rayTracingPipelines.get(pipeline);
-    return device.next.GetRayTracingShaderGroupStackSizeKHR(handle, pipeline,
-                                                            record ? record->driverGroup(group) : group, shader);
+    return device.driver.next.GetRayTracingShaderGroupStackSizeKHR(handle, pipeline,
+                                                                   record ? record->driverGroup(group) : group, shader);
 }
 
 // The application counts the stacks of its own shaders. Where one of its groups has no any-hit shader, ours runs, once
 // at a time and on top of at most what the application reckons for one hit.
-VKAPI_ATTR void VKAPI_CALL cmdSetRayTracingPipelineStackSize(VkCommandBuffer commandBuffer, uint32_t bytes)
+void cmdSetRayTracingPipelineStackSize(DevicePipelines &device, VkCommandBuffer commandBuffer, uint32_t bytes)
 {
-    const Device &device = deviceOf(commandBuffer);
     const uint32_t ours = device.anyHitStack.load();
-    device.next.CmdSetRayTracingPipelineStackSizeKHR(commandBuffer, bytes > UINT32_MAX - ours ? bytes : bytes + ours);
+    device.driver.next.CmdSetRayTracingPipelineStackSizeKHR(commandBuffer,
+                                                            bytes > UINT32_MAX - ours ? bytes : bytes + ours);
 }
 
 } // namespace vellum::layer

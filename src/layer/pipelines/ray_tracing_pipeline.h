@@ -14,6 +14,8 @@
 namespace vellum::layer
 {
 
+struct DevicePipelines;
+
 inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is always this
 
 // What the layer keeps of a pipeline that uses micromaps.
@@ -44,14 +46,14 @@ private:
     std::array<VkShaderModule, 2> modules_{}; // for triangles, for boxes
 };
 
-VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
-                                                         const VkRayTracingPipelineCreateInfoKHR *,
-                                                         const VkAllocationCallbacks *, VkPipeline *);
-VKAPI_ATTR void VKAPI_CALL destroyPipeline(VkDevice, VkPipeline, const VkAllocationCallbacks *);
-VKAPI_ATTR VkResult VKAPI_CALL getShaderGroupHandles(VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
-VKAPI_ATTR VkResult VKAPI_CALL getCaptureReplayShaderGroupHandles(VkDevice, VkPipeline, uint32_t, uint32_t, size_t,
-                                                                  void *);
-VKAPI_ATTR VkDeviceSize VKAPI_CALL getShaderGroupStackSize(VkDevice, VkPipeline, uint32_t, VkShaderGroupShaderKHR);
-VKAPI_ATTR void VKAPI_CALL cmdSetRayTracingPipelineStackSize(VkCommandBuffer, uint32_t);
+VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
+                                   const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
+                                   VkPipeline *);
+void destroyPipeline(DevicePipelines &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
+VkResult getShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
+VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t,
+                                            void *);
+VkDeviceSize getShaderGroupStackSize(DevicePipelines &, VkDevice, VkPipeline, uint32_t, VkShaderGroupShaderKHR);
+void cmdSetRayTracingPipelineStackSize(DevicePipelines &, VkCommandBuffer, uint32_t);
 
 } // namespace vellum::layer

@@ -3,7 +3,7 @@
 #include <cstring>
 #include <random>
 
-#include "layer/door/device.h"
+#include "layer/pipelines/device_pipelines.h"
 
 namespace vellum::layer
 {
@@ -20,17 +20,17 @@ const std::array<uint8_t, VK_UUID_SIZE> &processUuid()
     return uuid;
 }
 
-ShaderBinaryHeader shaderBinaryHeader(const Device &device)
+ShaderBinaryHeader shaderBinaryHeader(const DevicePipelines &device)
 {
-    return {processUuid(), device.root.address(), reinterpret_cast<uint64_t>(device.handle)};
+    return {processUuid(), device.objects.root.address(), reinterpret_cast<uint64_t>(device.driver.handle)};
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL getShaderBinaryData(VkDevice handle, newer::ShaderEXT shader, size_t *size, void *data)
+VkResult getShaderBinaryData(DevicePipelines &device, VkDevice handle, newer::ShaderEXT shader, size_t *size,
+                             void *data)
 {
-    Device &device = deviceOf(handle);
     constexpr size_t kHeader = sizeof(ShaderBinaryHeader);
     if (!data) {
-        const VkResult result = device.next.GetShaderBinaryDataEXT(handle, shader, size, nullptr);
+        const VkResult result = device.driver.next.GetShaderBinaryDataEXT(handle, shader, size, nullptr);
         *size += kHeader;
         return result;
     }
@@ -39,8 +39,8 @@ VKAPI_ATTR VkResult VKAPI_CALL getShaderBinaryData(VkDevice handle, newer::Shade
         return VK_INCOMPLETE;
     }
     size_t driverSize = *size - kHeader;
-    const VkResult result =
-        device.next.GetShaderBinaryDataEXT(handle, shader, &driverSize, static_cast<std::byte *>(data) + kHeader);
+    const VkResult result = device.driver.next.GetShaderBinaryDataEXT(handle, shader, &driverSize,
+                                                                      static_cast<std::byte *>(data) + kHeader);
     if (result == VK_SUCCESS) {
         const ShaderBinaryHeader header = shaderBinaryHeader(device);
         std::memcpy(data, &header, kHeader);

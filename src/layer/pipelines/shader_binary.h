@@ -25,9 +25,9 @@ struct ShaderBinaryHeader {
 static_assert(sizeof(ShaderBinaryHeader) == 32); // keeps the 16-byte alignment that VUID-...-pCode-08492 asks for
 
 // The header of this device's binaries.
-struct Device;
-ShaderBinaryHeader shaderBinaryHeader(const Device &device);
+struct DevicePipelines;
+ShaderBinaryHeader shaderBinaryHeader(const DevicePipelines &device);
 
-VKAPI_ATTR VkResult VKAPI_CALL getShaderBinaryData(VkDevice, newer::ShaderEXT, size_t *, void *);
+VkResult getShaderBinaryData(DevicePipelines &, VkDevice, newer::ShaderEXT, size_t *, void *);
 
 } // namespace vellum::layer

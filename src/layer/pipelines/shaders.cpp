@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "layer/door/device.h"
 #include "layer/ground/pnext.h"
+#include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shader_binary.h"
@@ -33,13 +33,13 @@ bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
     return !library || (library->flags & withShaders) != 0;
 }
 
-void checkFlags(const Device &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+void checkFlags(const DevicePipelines &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
                 const char *command)
 {
     if ((pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) !=
             0 &&
-        !device.asked.khrFeature)
-        reportMixedSpecialIndex(device, id, command);
+        !device.driver.asked.khrFeature)
+        reportMixedSpecialIndex(device.driver, id, command);
 }
 
 VkResult failAll(uint32_t count, VkPipeline *pipelines)
@@ -51,10 +51,9 @@ VkResult failAll(uint32_t count, VkPipeline *pipelines)
 
 } // namespace
 
-VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
-                                                  const VkAllocationCallbacks *allocator, VkShaderModule *module)
+VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
+                            const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
-    Device &device = deviceOf(handle);
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
     if (!rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
@@ -63,25 +62,23 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
     std::shared_ptr<const std::vector<uint32_t>> original;
     if (spirv::hasRayTracingStages(words))
         original = std::make_shared<std::vector<uint32_t>>(words.begin(), words.end());
-    const VkResult result = device.next.CreateShaderModule(handle, &driverInfo, allocator, module);
+    const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     if (result == VK_SUCCESS && original)
         device.rayTracingModules.set(*module, std::move(original));
     return result;
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyShaderModule(VkDevice handle, VkShaderModule module,
-                                               const VkAllocationCallbacks *allocator)
+void destroyShaderModule(DevicePipelines &device, VkDevice handle, VkShaderModule module,
+                         const VkAllocationCallbacks *allocator)
 {
-    Device &device = deviceOf(handle);
     device.rayTracingModules.take(module);
-    device.next.DestroyShaderModule(handle, module, allocator);
+    device.driver.next.DestroyShaderModule(handle, module, allocator);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
-                                                      const VkComputePipelineCreateInfo *infos,
-                                                      const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                const VkComputePipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
+                                VkPipeline *pipelines)
 {
-    Device &device = deviceOf(handle);
     DriverStages stages(device);
     std::deque<Chain> chains;
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
@@ -95,14 +92,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
         if (stage != &info.stage)
             info.stage = *stage;
     }
-    return device.next.CreateComputePipelines(handle, cache, count, own.data(), allocator, pipelines);
+    return device.driver.next.CreateComputePipelines(handle, cache, count, own.data(), allocator, pipelines);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
-                                                       const VkGraphicsPipelineCreateInfo *infos,
-                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+VkResult createGraphicsPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                 const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
+                                 VkPipeline *pipelines)
 {
-    Device &device = deviceOf(handle);
     DriverStages stages(device);
     std::deque<Chain> chains;
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
@@ -113,18 +109,18 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipeli
         if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
             return failAll(count, pipelines);
     }
-    return device.next.CreateGraphicsPipelines(handle, cache, count, own.data(), allocator, pipelines);
+    return device.driver.next.CreateGraphicsPipelines(handle, cache, count, own.data(), allocator, pipelines);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
-                                             const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
+                       const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
 {
-    Device &device = deviceOf(handle);
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
-        if ((info.flags & kDisallowMixedShader) != 0 && !device.asked.khrFeature)
-            reportMixedSpecialIndex(device, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
+        if ((info.flags & kDisallowMixedShader) != 0 && !device.driver.asked.khrFeature)
+            reportMixedSpecialIndex(device.driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623",
+                                    "vkCreateShadersEXT");
         info.flags &= ~kDisallowMixedShader;
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
@@ -143,7 +139,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, co
         }
         info.pCode = code;
     }
-    return device.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
+    return device.driver.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
 }
 
 } // namespace vellum::layer

@@ -9,16 +9,16 @@
 namespace vellum::layer
 {
 
-VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice, const VkShaderModuleCreateInfo *,
-                                                  const VkAllocationCallbacks *, VkShaderModule *);
-VKAPI_ATTR void VKAPI_CALL destroyShaderModule(VkDevice, VkShaderModule, const VkAllocationCallbacks *);
-VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice, VkPipelineCache, uint32_t,
-                                                      const VkComputePipelineCreateInfo *,
-                                                      const VkAllocationCallbacks *, VkPipeline *);
-VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice, VkPipelineCache, uint32_t,
-                                                       const VkGraphicsPipelineCreateInfo *,
-                                                       const VkAllocationCallbacks *, VkPipeline *);
-VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice, uint32_t, const newer::ShaderCreateInfo *,
-                                             const VkAllocationCallbacks *, newer::ShaderEXT *);
+struct DevicePipelines;
+
+VkResult createShaderModule(DevicePipelines &, VkDevice, const VkShaderModuleCreateInfo *,
+                            const VkAllocationCallbacks *, VkShaderModule *);
+void destroyShaderModule(DevicePipelines &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
+VkResult createComputePipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
+                                const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
+VkResult createGraphicsPipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
+                                 const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
+VkResult createShaders(DevicePipelines &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
+                       const VkAllocationCallbacks *, newer::ShaderEXT *);
 
 } // namespace vellum::layer

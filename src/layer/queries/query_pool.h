@@ -16,7 +16,7 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceQueries;
 
 struct QueryPool {
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
@@ -29,24 +29,22 @@ struct QueryPool {
     [[nodiscard]] bool available(uint32_t query) const;
 };
 
-VKAPI_ATTR VkResult VKAPI_CALL createQueryPool(VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
-                                               VkQueryPool *);
-VKAPI_ATTR void VKAPI_CALL destroyQueryPool(VkDevice, VkQueryPool, const VkAllocationCallbacks *);
-VKAPI_ATTR void VKAPI_CALL resetQueryPool(VkDevice, VkQueryPool, uint32_t, uint32_t);
-VKAPI_ATTR void VKAPI_CALL cmdResetQueryPool(VkCommandBuffer, VkQueryPool, uint32_t, uint32_t);
-VKAPI_ATTR VkResult VKAPI_CALL getQueryPoolResults(VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *,
-                                                   VkDeviceSize, VkQueryResultFlags);
-VKAPI_ATTR void VKAPI_CALL cmdCopyQueryPoolResults(VkCommandBuffer, VkQueryPool, uint32_t, uint32_t, VkBuffer,
-                                                   VkDeviceSize, VkDeviceSize, VkQueryResultFlags);
+VkResult createQueryPool(DeviceQueries &, VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
+                         VkQueryPool *);
+void destroyQueryPool(DeviceQueries &, VkDevice, VkQueryPool, const VkAllocationCallbacks *);
+void resetQueryPool(DeviceQueries &, VkDevice, VkQueryPool, uint32_t, uint32_t);
+void cmdResetQueryPool(DeviceQueries &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t);
+VkResult getQueryPoolResults(DeviceQueries &, VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *, VkDeviceSize,
+                             VkQueryResultFlags);
+void cmdCopyQueryPoolResults(DeviceQueries &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t, VkBuffer, VkDeviceSize,
+                             VkDeviceSize, VkQueryResultFlags);
 
-VKAPI_ATTR void VKAPI_CALL cmdWriteMicromapsProperties(VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
-                                                       VkQueryPool, uint32_t);
-VKAPI_ATTR void VKAPI_CALL cmdWriteAccelerationStructuresProperties(VkCommandBuffer, uint32_t,
-                                                                    const VkAccelerationStructureKHR *, VkQueryType,
-                                                                    VkQueryPool, uint32_t);
+void cmdWriteMicromapsProperties(DeviceQueries &, VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
+                                 VkQueryPool, uint32_t);
+void cmdWriteAccelerationStructuresProperties(DeviceQueries &, VkCommandBuffer, uint32_t,
+                                              const VkAccelerationStructureKHR *, VkQueryType, VkQueryPool, uint32_t);
 // On the host: reports that it is not there, as for the other host commands of acceleration structures.
-VKAPI_ATTR VkResult VKAPI_CALL writeAccelerationStructuresProperties(VkDevice, uint32_t,
-                                                                     const VkAccelerationStructureKHR *, VkQueryType,
-                                                                     size_t, void *, size_t);
+VkResult writeAccelerationStructuresProperties(DeviceQueries &, VkDevice, uint32_t, const VkAccelerationStructureKHR *,
+                                               VkQueryType, size_t, void *, size_t);
 
 } // namespace vellum::layer

@@ -1,8 +1,9 @@
-// A bottom-level structure of one triangle as the driver serializes it, made when the device is made: how the driver
+// A bottom-level structure of one triangle as the driver serializes it, made when it is needed first: how the driver
 // serializes can only be found out by trying.
 #pragma once
 
-#include <vulkan/vk_layer.h>
+#include <mutex>
+
 #include <vulkan/vulkan.h>
 
 #include "layer/memory/gpu_memory.h"
@@ -10,10 +11,11 @@
 namespace vellum::layer
 {
 
-struct Device;
+struct DeviceStructures;
 
 // It begins with the driver's UUIDs, and stands in for serialized data that the driver must not see.
 struct BlankStructure {
+    std::once_flag tried;
     GpuBuffer memory;
     uint32_t units = 0;              // of 16 bytes; 0: there is none
     VkDeviceSize structureBytes = 0; // of the structure that it is deserialized to
@@ -21,8 +23,7 @@ struct BlankStructure {
     bool wholeCopies = false;
 };
 
-// Sets Device::blank, where the application enabled acceleration structures and has a queue that can build them.
-// `info` as the application passed it to vkCreateDevice.
-void makeBlankStructure(Device &device, const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData);
+// There is none where the application did not enable acceleration structures, or has no queue that can build them.
+const BlankStructure &blankStructure(DeviceStructures &device);
 
 } // namespace vellum::layer

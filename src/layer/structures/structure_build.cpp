@@ -5,10 +5,10 @@
 #include <unordered_set>
 
 #include "core/records.h"
-#include "layer/door/device.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_structure.h"
-#include "layer/structures/acceleration_structure.h"
+#include "layer/objects/acceleration_structure.h"
+#include "layer/structures/device_structures.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -58,8 +58,8 @@ class Build
 {
 public:
     // `ranges`: of each element of `infos`.
-    Build(Device &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count, const BuildInfo *infos,
-          const std::vector<Ranges> &ranges)
+    Build(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
+          const BuildInfo *infos, const std::vector<Ranges> &ranges)
         : device_(device), commandBuffer_(commandBuffer), command_(command), infos_(infos), ranges_(ranges)
     {
         parts_.reserve(count);
@@ -75,7 +75,7 @@ public:
     {
         for (Part &part : parts_)
             prepare(part);
-        InjectedWork work(device_, commandBuffer_);
+        InjectedWork work(device_.commands, commandBuffer_);
         patchInstances(work);
         letCellsWait();
         runDriver();
@@ -99,16 +99,16 @@ private:
 
     void refuse(Part &part, const char *id, const std::string &text)
     {
-        device_.report().error(id, std::string(command_) + ": pInfos[" + std::to_string(part.i) + "]: " + text,
-                               VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                               reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure));
+        device_.driver.report().error(id, std::string(command_) + ": pInfos[" + std::to_string(part.i) + "]: " + text,
+                                      VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                      reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure));
         part.skipped = true;
     }
 
     void prepare(Part &part)
     {
         const uint32_t i = part.i;
-        part.target = device_.accelerationStructures.get(infos_[i].dstAccelerationStructure);
+        part.target = device_.objects.accelerationStructures.get(infos_[i].dstAccelerationStructure);
         if (!part.target || part.target->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
             refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
                    "dstAccelerationStructure is not an acceleration structure of this device");
@@ -128,7 +128,7 @@ private:
                    "a geometry of type VK_GEOMETRY_TYPE_MICROMAP_KHR in a build that is none of a micromap");
             return;
         }
-        part.cell = cellOf(device_, *part.target, infos_[i].dstAccelerationStructure);
+        part.cell = cellOf(device_.objects, *part.target, infos_[i].dstAccelerationStructure);
         if (!part.cell.address) {
             refuse(part, "VELLUM-out-of-memory", "no memory for the layer's tables");
             return;
@@ -144,7 +144,7 @@ private:
     bool sourceIsWrong(Part &part)
     {
         const VkAccelerationStructureKHR handle = infos_[part.i].srcAccelerationStructure;
-        const auto source = device_.accelerationStructures.get(handle);
+        const auto source = device_.objects.accelerationStructures.get(handle);
         if (source && source->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
             return false;
         refuse(part,
@@ -169,7 +169,7 @@ private:
             if (!attachment || !attachment->structure)
                 continue;
             const std::string where = "geometry " + std::to_string(g) + ": ";
-            if (!micromapOf(device_, attachment->structure)) {
+            if (!micromapOf(device_.objects, attachment->structure)) {
                 refuse(part, "VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
                        where + "micromap is not a micromap of this device");
                 return true;
@@ -199,10 +199,10 @@ private:
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
         if (part.tailBytes == 0)
             return;
-        VkDeviceSize offset =
-            alignUp(driverSizes(device_, part.build, primitives.data(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
-                        .accelerationStructureSize,
-                    kPartAlignment);
+        VkDeviceSize offset = alignUp(
+            driverSizes(device_.driver, part.build, primitives.data(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
+                .accelerationStructureSize,
+            kPartAlignment);
         if (part.tailBytes > target.size || (offset + part.tailBytes > target.size &&
                                              infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
             refuseSmall(part);
@@ -211,7 +211,7 @@ private:
         // An update in place of a compacted structure: the records come last in it.
         if (offset + part.tailBytes > target.size)
             offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
-        part.tail = beginOf(device_, target) + offset;
+        part.tail = beginOf(device_.driver, target) + offset;
     }
 
     void patchInstances(InjectedWork &work)
@@ -223,11 +223,11 @@ private:
             const uint32_t i = part.i;
             const uint32_t count = ranges_[i].primitives(0);
             const VkBuildAccelerationStructureFlagsKHR flags = infos_[i].flags;
-            if (topLevelBytes(device_, flags, count) > part.target->size) {
+            if (topLevelBytes(device_.driver, flags, count) > part.target->size) {
                 refuseSmall(part);
                 continue;
             }
-            const auto slots = slotsFor(device_, *part.target, count);
+            const auto slots = slotsFor(device_.objects, *part.target, count);
             if (!slots) {
                 refuse(part, "VELLUM-out-of-slots",
                        "more than 2^24 instances in all acceleration structures together, or no "
@@ -247,10 +247,10 @@ private:
             push.range = ranges_[i].address(0);
             // Behind what the driver itself needs of the scratch memory.
             push.target = alignUp(infos_[i].scratchData.deviceAddress +
-                                      topLevelDriverSizes(device_, flags, count).buildScratchSize,
+                                      topLevelDriverSizes(device_.driver, flags, count).buildScratchSize,
                                   kPatchedAlignment);
-            push.root = device_.root.address();
-            push.tail = beginOf(device_, *part.target) + topLevelTailOffset(device_, flags, count);
+            push.root = device_.objects.root.address();
+            push.tail = beginOf(device_.driver, *part.target) + topLevelTailOffset(device_.driver, flags, count);
             push.cell = part.cell.address;
             push.count = count;
             push.firstSlot = slots->first();
@@ -283,15 +283,15 @@ private:
     // for in another stage, and then by a later barrier of the application's in the stage of builds, is not.)
     void letCellsWait()
     {
-        const auto state = commandState(commandBuffer_);
+        const auto state = device_.commands.states.get(commandBuffer_);
         if (!state || state->cellsWait || std::none_of(parts_.begin(), parts_.end(), writesPlainCell))
             return;
         const VkMemoryBarrier builds{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
                                      VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR |
                                          VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
                                      VK_ACCESS_TRANSFER_WRITE_BIT};
-        device_.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
-                                        VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 1, &builds, 0, nullptr, 0, nullptr);
+        device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                                               VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 1, &builds, 0, nullptr, 0, nullptr);
         state->cellsWait = true;
     }
 
@@ -318,10 +318,10 @@ private:
             }
         }
         if (!infos.empty())
-            device_.next.CmdBuildAccelerationStructuresKHR(commandBuffer_, static_cast<uint32_t>(infos.size()),
-                                                           infos.data(), ranges.data());
+            device_.driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer_, static_cast<uint32_t>(infos.size()),
+                                                                  infos.data(), ranges.data());
         if (!indirectInfos.empty())
-            device_.next.CmdBuildAccelerationStructuresIndirectKHR(
+            device_.driver.next.CmdBuildAccelerationStructuresIndirectKHR(
                 commandBuffer_, static_cast<uint32_t>(indirectInfos.size()), indirectInfos.data(), addresses.data(),
                 strides.data(), most.data());
     }
@@ -339,17 +339,18 @@ private:
             uint32_t words[kCellWords]{};
             words[2] = kCellPlain;
             setBoxes(words, part.build);
-            device_.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words, words);
+            device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words,
+                                                words);
             any = true;
         }
         if (!any)
             return;
         const VkMemoryBarrier cells{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_TRANSFER_WRITE_BIT,
                                     VK_ACCESS_TRANSFER_WRITE_BIT | VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR};
-        device_.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_TRANSFER_BIT,
-                                        VK_PIPELINE_STAGE_TRANSFER_BIT |
-                                            VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
-                                        0, 1, &cells, 0, nullptr, 0, nullptr);
+        device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                                               VK_PIPELINE_STAGE_TRANSFER_BIT |
+                                                   VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                                               0, 1, &cells, 0, nullptr, 0, nullptr);
     }
 
     void writeTails(InjectedWork &work)
@@ -391,12 +392,12 @@ private:
                 push.geometryWord |= static_cast<uint32_t>((triangles - part.tail) / kTriangleRecordBytes)
                                      << kGeometryTrianglesShift;
                 const VkMicromapEXT handle =
-                    micromap->structure ? micromapOf(device_, micromap->structure) : micromap->micromap;
-                push.micromap = micromapAddress(device_, handle);
+                    micromap->structure ? micromapOf(device_.objects, micromap->structure) : micromap->micromap;
+                push.micromap = micromapAddress(device_.driver, handle);
                 push.micromapSize = handle ? unitsOf(micromapOf(handle)->size) : 0;
                 push.named = micromap->structure != VK_NULL_HANDLE;
                 push.baseTriangle = micromap->baseTriangle;
-                push.log = device_.complaints.address();
+                push.log = device_.commands.complaints.address();
                 push.object = complaintObject(handle);
                 setIndices(push, *micromap);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
@@ -415,14 +416,14 @@ private:
                           : micromap.indexType == VK_INDEX_TYPE_UINT16  ? 2
                                                                         : 4;
         push.indexStride = static_cast<uint32_t>(micromap.indexStride);
-        const VkDeviceSize bytes = device_.addresses.bytesFrom(push.indices);
+        const VkDeviceSize bytes = device_.buffers.addresses.bytesFrom(push.indices);
         VkDeviceSize readable = bytes < push.indexBytes ? 0 : UINT32_MAX;
         if (readable > 0 && push.indexStride > 0)
             readable = std::min<VkDeviceSize>((bytes - push.indexBytes) / push.indexStride + 1, UINT32_MAX);
         push.readable = static_cast<uint32_t>(readable);
     }
 
-    Device &device_;
+    DeviceStructures &device_;
     VkCommandBuffer commandBuffer_;
     const char *command_;
     const BuildInfo *infos_;
@@ -433,48 +434,45 @@ private:
 
 } // namespace
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructures(VkCommandBuffer commandBuffer, uint32_t count,
-                                                          const BuildInfo *infos, const RangeInfo *const *ranges)
+void cmdBuildAccelerationStructures(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                    const BuildInfo *infos, const RangeInfo *const *ranges)
 {
-    Device &device = deviceOf(commandBuffer);
-    reportNotices(device);
-    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR"))
+    reportNotices(device.objects);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildAccelerationStructuresKHR"))
         return;
-    cmdBuildMicromapStructures(commandBuffer, count, infos);
+    cmdBuildMicromapStructures(device.micromaps, commandBuffer, count, infos);
     std::vector<Ranges> all(count);
     for (uint32_t i = 0; i < count; ++i)
         all[i].direct = ranges ? ranges[i] : nullptr;
     Build(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, all).record();
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildAccelerationStructuresIndirect(VkCommandBuffer commandBuffer, uint32_t count,
-                                                                  const BuildInfo *infos,
-                                                                  const VkDeviceAddress *addresses,
-                                                                  const uint32_t *strides, const uint32_t *const *most)
+void cmdBuildAccelerationStructuresIndirect(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                            const BuildInfo *infos, const VkDeviceAddress *addresses,
+                                            const uint32_t *strides, const uint32_t *const *most)
 {
     constexpr const char *kCommand = "vkCmdBuildAccelerationStructuresIndirectKHR";
-    Device &device = deviceOf(commandBuffer);
-    reportNotices(device);
-    if (InjectedWork::refusedIn(device, commandBuffer, kCommand))
+    reportNotices(device.objects);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, kCommand))
         return;
     std::vector<Ranges> all(count);
     for (uint32_t i = 0; i < count; ++i) {
         if (isMicromapBuild(infos[i]))
-            device.report().error("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
-                                  std::string(kCommand) + ": pInfos[" + std::to_string(i) +
-                                      "]: micromaps are not built "
-                                      "indirectly",
-                                  VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                                  reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure));
+            device.driver.report().error("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
+                                         std::string(kCommand) + ": pInfos[" + std::to_string(i) +
+                                             "]: micromaps are not built "
+                                             "indirectly",
+                                         VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                         reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure));
         all[i] = {nullptr, addresses[i], strides[i], most[i]};
     }
     Build(device, commandBuffer, kCommand, count, infos, all).record();
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL buildAccelerationStructures(VkDevice handle, VkDeferredOperationKHR, uint32_t,
-                                                           const BuildInfo *, const RangeInfo *const *)
+VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice, VkDeferredOperationKHR, uint32_t,
+                                     const BuildInfo *, const RangeInfo *const *)
 {
-    deviceOf(handle).report().notAvailable("vkBuildAccelerationStructuresKHR");
+    device.driver.report().notAvailable("vkBuildAccelerationStructuresKHR");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 

@@ -4,9 +4,9 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/door/device.h"
 #include "layer/micromaps/micromap_structure.h"
-#include "layer/structures/acceleration_structure.h"
+#include "layer/objects/acceleration_structure.h"
+#include "layer/structures/device_structures.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -22,15 +22,15 @@ constexpr uint32_t kMostGrowth = 4;
 constexpr uint32_t kFewInstances = 4096;
 
 struct Copy {
-    Device &device;
+    DeviceStructures &device;
     VkCommandBuffer commandBuffer;
     const VkCopyAccelerationStructureInfoKHR &info;
     std::shared_ptr<AccelerationStructure> source, target;
 
     void refuse(const char *id, const std::string &text) const
     {
-        device.report().error(id, "vkCmdCopyAccelerationStructureKHR: " + text,
-                              VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst));
+        device.driver.report().error(id, "vkCmdCopyAccelerationStructureKHR: " + text,
+                                     VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst));
     }
 
     [[nodiscard]] bool valid() const
@@ -45,10 +45,10 @@ struct Copy {
                  info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
                    "mode " + std::to_string(info.mode) + " is neither clone nor compact");
-        else if (device.structureAddress(info.src) == device.structureAddress(info.dst))
+        else if (device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
         else if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR && target->size < source->size &&
-                 !device.queriesStructureSize)
+                 !device.driver.queriesStructureSize)
             // With VK_KHR_ray_tracing_maintenance1 the size to compare with is one that a query has told.
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
                    "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(source->size));
@@ -68,7 +68,8 @@ struct Copy {
 
     [[nodiscard]] uint32_t mostInstances() const
     {
-        const uint32_t fits = std::min(topLevelCapacity(device, source->size), topLevelCapacity(device, target->size));
+        const uint32_t fits =
+            std::min(topLevelCapacity(device.driver, source->size), topLevelCapacity(device.driver, target->size));
         std::lock_guard lock(source->mutex);
         if (source->mostInstances == 0)
             return fits;
@@ -80,23 +81,24 @@ struct Copy {
     {
         const VkAccelerationStructureTypeKHR level = type();
         if (level == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR) {
-            device.report().notAvailable("vkCmdCopyAccelerationStructureKHR between two structures of type GENERIC, "
-                                         "recorded before any build of the source,");
+            device.driver.report().notAvailable(
+                "vkCmdCopyAccelerationStructureKHR between two structures of type GENERIC, "
+                "recorded before any build of the source,");
             return;
         }
         if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && target->type != level) {
             refuse("VELLUM-copy-type", "dst was created with another type than src");
             return;
         }
-        const CellPlace sourceCell = cellOf(device, *source, info.src);
-        const CellPlace targetCell = cellOf(device, *target, info.dst);
+        const CellPlace sourceCell = cellOf(device.objects, *source, info.src);
+        const CellPlace targetCell = cellOf(device.objects, *target, info.dst);
         if (!sourceCell.address || !targetCell.address) {
             refuse("VELLUM-out-of-memory", "no memory for the layer's tables");
             return;
         }
-        if (const auto state = commandState(commandBuffer))
+        if (const auto state = device.commands.states.get(commandBuffer))
             state->scratch.restart();
-        InjectedWork work(device, commandBuffer);
+        InjectedWork work(device.commands, commandBuffer);
         work.barrier();
         if (level == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
             recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyAccelerationStructureKHR", info.dst,
@@ -107,14 +109,14 @@ struct Copy {
             std::lock_guard lock(target->mutex);
             target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
         }
-        device.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
+        device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
         work.barrier();
         StructureCopyPush push{};
         push.sourceCell = sourceCell.address;
         push.targetCell = targetCell.address;
-        push.sourceBegin = beginOf(device, *source);
-        push.targetBegin = beginOf(device, *target);
-        push.root = device.root.address();
+        push.sourceBegin = beginOf(device.driver, *source);
+        push.targetBegin = beginOf(device.driver, *target);
+        push.root = device.objects.root.address();
         push.sourceUnits = unitsOf(source->size);
         push.targetUnits = unitsOf(target->size);
         push.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
@@ -131,25 +133,27 @@ uint64_t copyInvocations(VkDeviceSize bytes)
     return std::clamp<uint64_t>(bytes / kBytesPerInvocation, 64, 16384);
 }
 
-bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer commandBuffer, const char *command,
-                        VkAccelerationStructureKHR target, VkDeviceAddress source, uint32_t most, InstancesFrom from)
+bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
+                        const char *command, VkAccelerationStructureKHR target, VkDeviceAddress source, uint32_t most,
+                        InstancesFrom from)
 {
     const auto refuse = [&](const char *id, const char *text) {
-        device.report().error(id, std::string(command) + ": " + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                              reinterpret_cast<uint64_t>(target));
+        device.driver.report().error(id, std::string(command) + ": " + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                     reinterpret_cast<uint64_t>(target));
         return false;
     };
-    const auto structure = device.accelerationStructures.get(target);
-    if (topLevelBytes(device, 0, most) > structure->size)
+    const auto structure = device.objects.accelerationStructures.get(target);
+    if (topLevelBytes(device.driver, 0, most) > structure->size)
         return refuse(from == InstancesFrom::Structure
                           ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
                           : "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                       "dst is too small for any top-level structure");
-    const auto slots = slotsFor(device, *structure, most);
-    const auto state = commandState(commandBuffer);
-    const VkDeviceSize scratchBytes = alignUp(topLevelDriverSizes(device, 0, most).buildScratchSize, kPartAlignment);
+    const auto slots = slotsFor(device.objects, *structure, most);
+    const auto state = device.commands.states.get(commandBuffer);
+    const VkDeviceSize scratchBytes =
+        alignUp(topLevelDriverSizes(device.driver, 0, most).buildScratchSize, kPartAlignment);
     const VkDeviceAddress scratch =
-        state ? state->scratch.allocate(device.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
+        state ? state->scratch.allocate(device.buffers.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
     if (!slots || !scratch)
         return refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
     {
@@ -160,9 +164,9 @@ bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer comm
     TlasInstancesPush push{};
     push.source = source;
     push.target = scratch + scratchBytes;
-    push.root = device.root.address();
-    push.tail = beginOf(device, *structure) + topLevelTailOffset(device, 0, most);
-    push.cell = cellOf(device, *structure, target).address;
+    push.root = device.objects.root.address();
+    push.tail = beginOf(device.driver, *structure) + topLevelTailOffset(device.driver, 0, most);
+    push.cell = cellOf(device.objects, *structure, target).address;
     push.count = most;
     push.firstSlot = slots->first();
     push.from = from;
@@ -174,7 +178,7 @@ bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer comm
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{most, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
-    device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, 1, &build.info, &ranges);
+    device.driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer, 1, &build.info, &ranges);
     work.barrier();
     push.pass = 1;
     work.dispatch(InjectedShader::TlasInstances, push, std::max(most, 1u), 64);
@@ -182,39 +186,38 @@ bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer comm
     return true;
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer commandBuffer,
-                                                        const VkCopyAccelerationStructureInfoKHR *info)
+void cmdCopyAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                  const VkCopyAccelerationStructureInfoKHR *info)
 {
-    Device &device = deviceOf(commandBuffer);
-    reportNotices(device);
-    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyAccelerationStructureKHR"))
+    reportNotices(device.objects);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyAccelerationStructureKHR"))
         return;
-    if (copiesMicromapStructure(device, commandBuffer, *info))
+    if (copiesMicromapStructure(device.micromaps, commandBuffer, *info))
         return;
-    const Copy copy{device, commandBuffer, *info, device.accelerationStructures.get(info->src),
-                    device.accelerationStructures.get(info->dst)};
+    const Copy copy{device, commandBuffer, *info, device.objects.accelerationStructures.get(info->src),
+                    device.objects.accelerationStructures.get(info->dst)};
     if (copy.valid())
         copy.record();
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructure(VkDevice handle, VkDeferredOperationKHR,
-                                                         const VkCopyAccelerationStructureInfoKHR *)
+VkResult copyAccelerationStructure(DeviceStructures &device, VkDevice, VkDeferredOperationKHR,
+                                   const VkCopyAccelerationStructureInfoKHR *)
 {
-    deviceOf(handle).report().notAvailable("vkCopyAccelerationStructureKHR");
+    device.driver.report().notAvailable("vkCopyAccelerationStructureKHR");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructureToMemory(VkDevice handle, VkDeferredOperationKHR,
-                                                                 const VkCopyAccelerationStructureToMemoryInfoKHR *)
+VkResult copyAccelerationStructureToMemory(DeviceStructures &device, VkDevice, VkDeferredOperationKHR,
+                                           const VkCopyAccelerationStructureToMemoryInfoKHR *)
 {
-    deviceOf(handle).report().notAvailable("vkCopyAccelerationStructureToMemoryKHR");
+    device.driver.report().notAvailable("vkCopyAccelerationStructureToMemoryKHR");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToAccelerationStructure(VkDevice handle, VkDeferredOperationKHR,
-                                                                 const VkCopyMemoryToAccelerationStructureInfoKHR *)
+VkResult copyMemoryToAccelerationStructure(DeviceStructures &device, VkDevice, VkDeferredOperationKHR,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *)
 {
-    deviceOf(handle).report().notAvailable("vkCopyMemoryToAccelerationStructureKHR");
+    device.driver.report().notAvailable("vkCopyMemoryToAccelerationStructureKHR");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 

@@ -11,10 +11,12 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/work/injected_work.h"
+#include "layer/commands/injected_work.h"
 
 namespace vellum::layer
 {
+
+struct DeviceStructures;
 
 struct AccelerationStructure;
 
@@ -24,24 +26,25 @@ uint64_t copyInvocations(VkDeviceSize bytes);
 
 // Builds `target` from the instances that the cell at `source` leads to, of which there are at most `most`.
 // `from`: Structure or Serialized. False, after a message: nothing was recorded.
-bool recordTopLevelCopy(InjectedWork &work, Device &device, VkCommandBuffer commandBuffer, const char *command,
-                        VkAccelerationStructureKHR target, VkDeviceAddress source, uint32_t most, InstancesFrom from);
+bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
+                        const char *command, VkAccelerationStructureKHR target, VkDeviceAddress source, uint32_t most,
+                        InstancesFrom from);
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructure(VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
+void cmdCopyAccelerationStructure(DeviceStructures &, VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
 // structure_serialize.cpp
-VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer,
-                                                                const VkCopyMemoryToAccelerationStructureInfoKHR *);
-VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer,
-                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *);
+void cmdCopyMemoryToAccelerationStructure(DeviceStructures &, VkCommandBuffer,
+                                          const VkCopyMemoryToAccelerationStructureInfoKHR *);
+void cmdCopyAccelerationStructureToMemory(DeviceStructures &, VkCommandBuffer,
+                                          const VkCopyAccelerationStructureToMemoryInfoKHR *);
 // On the host: each reports that it is not there and does nothing, since the driver alone would lose the records.
-VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructure(VkDevice, VkDeferredOperationKHR,
-                                                         const VkCopyAccelerationStructureInfoKHR *);
-VKAPI_ATTR VkResult VKAPI_CALL copyAccelerationStructureToMemory(VkDevice, VkDeferredOperationKHR,
-                                                                 const VkCopyAccelerationStructureToMemoryInfoKHR *);
-VKAPI_ATTR VkResult VKAPI_CALL copyMemoryToAccelerationStructure(VkDevice, VkDeferredOperationKHR,
-                                                                 const VkCopyMemoryToAccelerationStructureInfoKHR *);
-VKAPI_ATTR void VKAPI_CALL getDeviceAccelerationStructureCompatibility(VkDevice,
-                                                                       const VkAccelerationStructureVersionInfoKHR *,
-                                                                       VkAccelerationStructureCompatibilityKHR *);
+VkResult copyAccelerationStructure(DeviceStructures &, VkDevice, VkDeferredOperationKHR,
+                                   const VkCopyAccelerationStructureInfoKHR *);
+VkResult copyAccelerationStructureToMemory(DeviceStructures &, VkDevice, VkDeferredOperationKHR,
+                                           const VkCopyAccelerationStructureToMemoryInfoKHR *);
+VkResult copyMemoryToAccelerationStructure(DeviceStructures &, VkDevice, VkDeferredOperationKHR,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *);
+void getDeviceAccelerationStructureCompatibility(DeviceStructures &, VkDevice,
+                                                 const VkAccelerationStructureVersionInfoKHR *,
+                                                 VkAccelerationStructureCompatibilityKHR *);
 
 } // namespace vellum::layer

@@ -3,19 +3,18 @@
 #include <algorithm>
 
 #include "core/records.h"
-#include "layer/door/device.h"
 
 namespace vellum::layer
 {
 
 using namespace shared;
 
-VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Device &device, DriverBuildInfo &build,
+VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Driver &driver, DriverBuildInfo &build,
                                                      const uint32_t *primitives,
                                                      VkAccelerationStructureBuildTypeKHR type)
 {
     VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-    device.next.GetAccelerationStructureBuildSizesKHR(device.handle, type, &build.info(), primitives, &sizes);
+    driver.next.GetAccelerationStructureBuildSizesKHR(driver.handle, type, &build.info(), primitives, &sizes);
     return sizes;
 }
 
@@ -45,7 +44,7 @@ TopLevelBuild::TopLevelBuild(VkBuildAccelerationStructureFlagsKHR flags, VkDevic
     info.pGeometries = &geometry;
 }
 
-VkAccelerationStructureBuildSizesInfoKHR topLevelDriverSizes(const Device &device,
+VkAccelerationStructureBuildSizesInfoKHR topLevelDriverSizes(const Driver &driver,
                                                              VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
 {
     VkAccelerationStructureBuildSizesInfoKHR most{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
@@ -53,25 +52,25 @@ VkAccelerationStructureBuildSizesInfoKHR topLevelDriverSizes(const Device &devic
          {topLevelFlags(flags), VkBuildAccelerationStructureFlagsKHR{0}}) {
         const TopLevelBuild build(f, 0);
         VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-        device.next.GetAccelerationStructureBuildSizesKHR(
-            device.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, &count, &sizes);
+        driver.next.GetAccelerationStructureBuildSizesKHR(
+            driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, &count, &sizes);
         most.accelerationStructureSize = std::max(most.accelerationStructureSize, sizes.accelerationStructureSize);
         most.buildScratchSize = std::max(most.buildScratchSize, sizes.buildScratchSize);
     }
     return most;
 }
 
-VkDeviceSize topLevelTailOffset(const Device &device, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
+VkDeviceSize topLevelTailOffset(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
 {
-    return alignUp(topLevelDriverSizes(device, flags, count).accelerationStructureSize, kPartAlignment);
+    return alignUp(topLevelDriverSizes(driver, flags, count).accelerationStructureSize, kPartAlignment);
 }
 
-VkDeviceSize topLevelBytes(const Device &device, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
+VkDeviceSize topLevelBytes(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
 {
-    return topLevelTailOffset(device, flags, count) + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
+    return topLevelTailOffset(driver, flags, count) + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
 }
 
-uint32_t topLevelCapacity(const Device &device, VkDeviceSize size)
+uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size)
 {
     uint32_t fits = 0;
     // VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03801 and the slots bound it too.
@@ -79,7 +78,7 @@ uint32_t topLevelCapacity(const Device &device, VkDeviceSize size)
                                                                 VkDeviceSize{kDirectoryPages} << kSlotsPerPageLog2));
     while (tooMany - fits > 1) {
         const uint32_t middle = fits + (tooMany - fits) / 2;
-        (topLevelBytes(device, 0, middle) <= size ? fits : tooMany) = middle;
+        (topLevelBytes(driver, 0, middle) <= size ? fits : tooMany) = middle;
     }
     return fits;
 }

@@ -5,12 +5,11 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/ground/driver.h"
 #include "layer/structures/driver_build_info.h"
 
 namespace vellum::layer
 {
-
-struct Device;
 
 constexpr VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
 {
@@ -20,7 +19,7 @@ constexpr VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
 inline constexpr VkDeviceSize kPartAlignment = 256; // of parts within acceleration structures and scratch memory
 
 // What the driver needs for a build with at most so many primitives in each geometry.
-VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Device &device, DriverBuildInfo &build,
+VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Driver &driver, DriverBuildInfo &build,
                                                      const uint32_t *primitives,
                                                      VkAccelerationStructureBuildTypeKHR type);
 
@@ -31,7 +30,7 @@ VkDeviceSize bottomLevelTailBytes(const DriverBuildInfo &build, const uint32_t *
 // The driver's part for builds of up to `count` instances with these flags, and for copies, which are builds without
 // any flags: never less for more instances.
 VkAccelerationStructureBuildSizesInfoKHR
-topLevelDriverSizes(const Device &device, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
+topLevelDriverSizes(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 // The instances that the driver builds from lie behind its scratch memory.
 inline constexpr VkDeviceSize kPatchedAlignment = 64;
 constexpr VkDeviceSize patchedInstancesBytes(uint32_t count)
@@ -39,10 +38,10 @@ constexpr VkDeviceSize patchedInstancesBytes(uint32_t count)
     return kPartAlignment + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
 }
 // From the beginning of the structure to the instances that are kept, and to the end of them.
-VkDeviceSize topLevelTailOffset(const Device &device, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
-VkDeviceSize topLevelBytes(const Device &device, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
+VkDeviceSize topLevelTailOffset(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
+VkDeviceSize topLevelBytes(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 // The largest number of instances that a structure of that size can hold.
-uint32_t topLevelCapacity(const Device &device, VkDeviceSize size);
+uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size);
 
 // The build of a top-level structure as the driver gets it: one geometry, instances from an array at `instances`.
 struct TopLevelBuild {

@@ -5,10 +5,10 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/door/device.h"
 #include "layer/micromaps/micromap_serialized.h"
 #include "layer/micromaps/micromap_structure.h"
-#include "layer/structures/acceleration_structure.h"
+#include "layer/objects/acceleration_structure.h"
+#include "layer/structures/device_structures.h"
 #include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
 
@@ -23,38 +23,38 @@ constexpr VkDeviceSize kPlanBytes = 256;        // before the driver's data: sha
 constexpr VkDeviceSize kDriverOverhead = 65536; // of serialized data over the structure; 56 bytes on known drivers
 constexpr uint32_t kUuidWords = 2 * VK_UUID_SIZE / 4;
 
-void refuse(const Device &device, const char *id, const char *command, const std::string &text,
+void refuse(const DeviceStructures &device, const char *id, const char *command, const std::string &text,
             VkAccelerationStructureKHR structure)
 {
-    device.report().error(id, std::string(command) + ": " + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                          reinterpret_cast<uint64_t>(structure));
+    device.driver.report().error(id, std::string(command) + ": " + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                 reinterpret_cast<uint64_t>(structure));
 }
 
-void saveTopLevel(InjectedWork &work, const Device &device, const AccelerationStructure &source, VkDeviceAddress cell,
-                  VkDeviceAddress target)
+void saveTopLevel(InjectedWork &work, DeviceStructures &device, const AccelerationStructure &source,
+                  VkDeviceAddress cell, VkDeviceAddress target)
 {
     TopSavePush push{};
     push.cell = cell;
-    push.begin = beginOf(device, source);
+    push.begin = beginOf(device.driver, source);
     push.blob = target;
-    push.root = device.root.address();
-    push.blank = device.blank.memory.address();
+    push.root = device.objects.root.address();
+    push.blank = blankStructure(device).memory.address();
     push.structureUnits = unitsOf(source.size);
-    push.leastUnits = unitsOf(topLevelTailOffset(device, 0, 0));
-    push.capacity = unitsOf(device.addresses.bytesFrom(target));
+    push.leastUnits = unitsOf(topLevelTailOffset(device.driver, 0, 0));
+    push.capacity = unitsOf(device.buffers.addresses.bytesFrom(target));
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::TopSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
         work.barrier();
     }
 }
 
-void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer commandBuffer, CommandState &state,
+void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer, CommandState &state,
                      const VkCopyAccelerationStructureToMemoryInfoKHR &info, const AccelerationStructure &source,
                      VkDeviceAddress cell)
 {
     const VkDeviceSize stagingBytes = source.size + kDriverOverhead;
     state.scratch.restart();
-    const VkDeviceAddress staging = state.scratch.allocate(device.gpu, kPlanBytes + stagingBytes);
+    const VkDeviceAddress staging = state.scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes);
     if (!staging) {
         refuse(device, "VELLUM-out-of-memory", "vkCmdCopyAccelerationStructureToMemoryKHR",
                "no memory for the driver's serialized data", info.src);
@@ -62,20 +62,21 @@ void saveBottomLevel(InjectedWork &work, Device &device, VkCommandBuffer command
     }
     VkCopyAccelerationStructureToMemoryInfoKHR driverInfo = info;
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
-    device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
+    device.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
     work.barrier();
+    const BlankStructure &blank = blankStructure(device);
     StructureSavePush push{};
     push.cell = cell;
-    push.begin = beginOf(device, source);
+    push.begin = beginOf(device.driver, source);
     push.staging = staging;
     push.blob = info.dst.deviceAddress;
-    push.root = device.root.address();
+    push.root = device.objects.root.address();
     push.structureUnits = unitsOf(source.size);
     push.stagingUnits = unitsOf(stagingBytes);
-    push.leastUnits = unitsOf(device.blank.structureBytes);
-    push.capacity = unitsOf(device.addresses.bytesFrom(push.blob));
-    push.wholeCopies = device.blank.wholeCopies;
-    push.blocks = device.asked.khr;
+    push.leastUnits = unitsOf(blank.structureBytes);
+    push.capacity = unitsOf(device.buffers.addresses.bytesFrom(push.blob));
+    push.wholeCopies = blank.wholeCopies;
+    push.blocks = device.driver.asked.khr;
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::StructureSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
         work.barrier();
@@ -94,13 +95,13 @@ void checkSerialized(InjectedWork &work, StructureRestorePush &push, VkDeviceSiz
 }
 
 struct Restore {
-    Device &device;
+    DeviceStructures &device;
     VkCommandBuffer commandBuffer;
     const VkCopyMemoryToAccelerationStructureInfoKHR &info;
     std::shared_ptr<AccelerationStructure> target;
     std::shared_ptr<CommandState> state;
 
-    [[nodiscard]] VkDeviceSize readable() const { return device.addresses.bytesFrom(info.src.deviceAddress); }
+    [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(info.src.deviceAddress); }
 
     [[nodiscard]] bool topLevel() const
     {
@@ -127,10 +128,11 @@ struct Restore {
         else if (info.src.deviceAddress % 256 != 0)
             refused("VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743",
                     "src is not aligned to 256 bytes");
-        else if (device.blank.units == 0)
-            device.report().notAvailable("vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
-                                         "data could not be looked at when the device was made,");
-        else if (!topLevel() && target->size < device.blank.structureBytes)
+        else if (blankStructure(device).units == 0)
+            device.driver.report().notAvailable(
+                "vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
+                "data could not be looked at,");
+        else if (!topLevel() && target->size < blankStructure(device).structureBytes)
             // Not even what stands in for data that is refused has room.
             refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                     "dst is smaller than any deserialized structure");
@@ -141,15 +143,15 @@ struct Restore {
 
     void record() const
     {
+        const BlankStructure &blank = blankStructure(device);
         const bool top = topLevel();
-        const CellPlace cell = cellOf(device, *target, info.dst);
+        const CellPlace cell = cellOf(device.objects, *target, info.dst);
         const VkDeviceSize stagingBytes =
-            top ? 0
-                : std::max(VkDeviceSize{device.blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
+            top ? 0 : std::max(VkDeviceSize{blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
         if (state)
             state->scratch.restart();
         const VkDeviceAddress staging =
-            state && cell.address ? state->scratch.allocate(device.gpu, kPlanBytes + stagingBytes) : 0;
+            state && cell.address ? state->scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes) : 0;
         if (!staging) {
             refused("VELLUM-out-of-memory", "no memory for the serialized data");
             return;
@@ -158,15 +160,15 @@ struct Restore {
         push.blob = info.src.deviceAddress;
         push.staging = staging;
         push.cell = cell.address;
-        push.begin = beginOf(device, *target);
-        push.root = device.root.address();
-        push.blank = device.blank.memory.address();
-        push.blankUnits = device.blank.units;
+        push.begin = beginOf(device.driver, *target);
+        push.root = device.objects.root.address();
+        push.blank = blank.memory.address();
+        push.blankUnits = blank.units;
         push.capacity = unitsOf(readable());
         push.stagingUnits = unitsOf(stagingBytes);
         push.targetUnits = unitsOf(target->size);
         push.kind = top ? kCellTop : kCellBottom;
-        InjectedWork work(device, commandBuffer);
+        InjectedWork work(device.commands, commandBuffer);
         work.barrier();
         checkSerialized(work, push, target->size);
         if (top)
@@ -179,7 +181,7 @@ struct Restore {
     {
         constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
         const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
-        const uint32_t most = std::min(topLevelCapacity(device, target->size), static_cast<uint32_t>(inMemory));
+        const uint32_t most = std::min(topLevelCapacity(device.driver, target->size), static_cast<uint32_t>(inMemory));
         recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst,
                            staging + VkDeviceSize{kPlanCellWord} * 4, most, InstancesFrom::Serialized);
     }
@@ -192,7 +194,7 @@ struct Restore {
         }
         VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
         driverInfo.src.deviceAddress = push.staging + kPlanBytes;
-        device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
+        device.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
         work.barrier();
         push.pass = kFinishPass;
         work.dispatch(InjectedShader::StructureRestore, push, copyInvocations(target->size), 64);
@@ -205,17 +207,16 @@ struct Restore {
 
 } // namespace
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer commandBuffer,
-                                                                const VkCopyAccelerationStructureToMemoryInfoKHR *info)
+void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                          const VkCopyAccelerationStructureToMemoryInfoKHR *info)
 {
     constexpr const char *kCommand = "vkCmdCopyAccelerationStructureToMemoryKHR";
-    Device &device = deviceOf(commandBuffer);
-    reportNotices(device);
-    if (InjectedWork::refusedIn(device, commandBuffer, kCommand) ||
-        savesMicromapStructure(device, commandBuffer, *info))
+    reportNotices(device.objects);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, kCommand) ||
+        savesMicromapStructure(device.micromaps, commandBuffer, *info))
         return;
-    const auto source = device.accelerationStructures.get(info->src);
-    const auto state = commandState(commandBuffer);
+    const auto source = device.objects.accelerationStructures.get(info->src);
+    const auto state = device.commands.states.get(commandBuffer);
     if (!source || !state) {
         refuse(device, "VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter", kCommand,
                "src is not an acceleration structure of this device", info->src);
@@ -238,13 +239,14 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer 
         std::lock_guard lock(source->mutex);
         content = source->content;
     }
-    const CellPlace cell = cellOf(device, *source, info->src);
-    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || device.blank.units == 0) {
-        device.report().notAvailable("vkCmdCopyAccelerationStructureToMemoryKHR of a GENERIC structure recorded before "
-                                     "any build of it, or without memory for the layer's tables,");
+    const CellPlace cell = cellOf(device.objects, *source, info->src);
+    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || blankStructure(device).units == 0) {
+        device.driver.report().notAvailable(
+            "vkCmdCopyAccelerationStructureToMemoryKHR of a GENERIC structure recorded before "
+            "any build of it, or without memory for the layer's tables,");
         return;
     }
-    InjectedWork work(device, commandBuffer);
+    InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     if (content == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
         saveTopLevel(work, device, *source, cell.address, info->dst.deviceAddress);
@@ -252,26 +254,24 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyAccelerationStructureToMemory(VkCommandBuffer 
         saveBottomLevel(work, device, commandBuffer, *state, *info, *source, cell.address);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdCopyMemoryToAccelerationStructure(VkCommandBuffer commandBuffer,
-                                                                const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+void cmdCopyMemoryToAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                          const VkCopyMemoryToAccelerationStructureInfoKHR *info)
 {
-    Device &device = deviceOf(commandBuffer);
-    reportNotices(device);
-    if (InjectedWork::refusedIn(device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR") ||
-        restoresMicromapStructure(device, commandBuffer, *info))
+    reportNotices(device.objects);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR") ||
+        restoresMicromapStructure(device.micromaps, commandBuffer, *info))
         return;
-    const Restore restore{device, commandBuffer, *info, device.accelerationStructures.get(info->dst),
-                          commandState(commandBuffer)};
+    const Restore restore{device, commandBuffer, *info, device.objects.accelerationStructures.get(info->dst),
+                          device.commands.states.get(commandBuffer)};
     if (restore.valid())
         restore.record();
 }
 
-VKAPI_ATTR void VKAPI_CALL
-getDeviceAccelerationStructureCompatibility(VkDevice handle, const VkAccelerationStructureVersionInfoKHR *info,
-                                            VkAccelerationStructureCompatibilityKHR *compatibility)
+void getDeviceAccelerationStructureCompatibility(DeviceStructures &device, VkDevice handle,
+                                                 const VkAccelerationStructureVersionInfoKHR *info,
+                                                 VkAccelerationStructureCompatibilityKHR *compatibility)
 {
-    Device &device = deviceOf(handle);
-    const SerializedMicromapHeader micromap = serializedHeader(device.driverUuid, 0);
+    const SerializedMicromapHeader micromap = serializedHeader(device.driver.driverUuid, 0);
     if (std::memcmp(info->pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0) {
         *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
         return;
@@ -283,8 +283,11 @@ getDeviceAccelerationStructureCompatibility(VkDevice handle, const VkAcceleratio
         words[w] ^= kCompatibilityWord;
     VkAccelerationStructureVersionInfoKHR driverInfo = *info;
     driverInfo.pVersionData = reinterpret_cast<const uint8_t *>(words);
-    device.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, &driverInfo, compatibility);
-    if (device.blank.units == 0 || std::memcmp(words, device.blank.memory.words(), sizeof words) != 0)
+    device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, &driverInfo, compatibility);
+    if (*compatibility != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
+        return;
+    const BlankStructure &blank = blankStructure(device);
+    if (blank.units == 0 || std::memcmp(words, blank.memory.words(), sizeof words) != 0)
         *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 

@@ -3,10 +3,12 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/work/injected_work.h"
+#include "layer/commands/injected_work.h"
 
 namespace vellum::layer
 {
+
+struct DeviceStructures;
 
 // Whether the answers to queries of this type must go through recordStructureProperty.
 bool isStructureProperty(VkQueryType type);
@@ -17,7 +19,7 @@ bool isStructureProperty(VkQueryType type);
 //
 // The caller puts work.barrier() between the copy of the driver's answer and this, and between this and its use. The
 // answer for VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR is also where a compacted copy puts the records.
-void recordStructureProperty(InjectedWork &work, Device &device, VkAccelerationStructureKHR structure, VkQueryType type,
-                             VkDeviceAddress value);
+void recordStructureProperty(InjectedWork &work, DeviceStructures &device, VkAccelerationStructureKHR structure,
+                             VkQueryType type, VkDeviceAddress value);
 
 } // namespace vellum::layer

@@ -1,4 +1,4 @@
-// A log of wrong input that only the device sees, read by the host (layer/work/complaints.h). Needs records.h, memory.glsl and
+// A log of wrong input that only the device sees, read by the host (layer/commands/complaints.h). Needs records.h, memory.glsl and
 // push.log.
 
 // Appends an entry while there is room; what does not fit is counted.

@@ -4,8 +4,10 @@
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
 
 // Two words that lie together are declared as an address: a driver for the CPU loads and stores each member of a vector
-// lane by lane, and an address in one go.
-layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Words at[]; };
+// lane by lane, and an address in one go. What it would be the address of is aligned to 8 bytes: glslang takes that for the
+// alignment of the access, too, which may not be less than 8 (VUID-StandaloneSpirv-PhysicalStorageBuffer64-06314).
+layout(buffer_reference, std430, buffer_reference_align = 8) buffer Eight { uint w[]; };
+layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Eight at[]; };
 
 // A data unit of a source at an address that is a multiple of 4; `bytes` is 8 or 16.
 uvec4 loadAlignedUnit(uvec2 address, uint bytes)

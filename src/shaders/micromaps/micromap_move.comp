@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Serializes a micromap, deserializes one, or checks one that was copied. core/records.h has the layouts.
+// Serializes a micromap, deserializes one, or copies one. core/records.h has the layouts. Only what is in use is read and
+// written: a handle may be far larger than what was built there, and other things may lie behind it.
 #include "shared.h"
 #include "curve.h"
 #include "records.h"
@@ -12,12 +13,12 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 micromap;
-    uvec2 serialized;
+    uvec2 micromap;   // of a copy, the target
+    uvec2 serialized; // of a copy, the source
     uvec2 log;
     uvec2 object;
     uvec2 micromapBytes;
-    uvec2 serializedBytes; // that lie inside their buffer
+    uvec2 serializedBytes; // that lie inside their buffer; of a copy, inside the source
     uvec4 driverUuid;
     uvec2 root;
     uint mode; // kMove*, and perhaps kMoveMarked
@@ -51,6 +52,7 @@ void tell(uint problem, uvec2 bytes)
     else
         notice(push.root, problem == kComplaintTooLarge   ? kNoticeMicromapTooSmall
                           : problem == kComplaintNotBuilt ? kNoticeMicromapNotBuilt
+                          : problem == kComplaintOverlap  ? kNoticeMicromapOverlap
                                                           : kNoticeMicromapData);
 }
 
@@ -89,59 +91,74 @@ void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
     }
 }
 
-void main()
+// What is wrong with the micromap that is copied; 0: nothing. `bytes`: of it that are in use.
+uint problemOfSource(uvec2 header, out uvec2 bytes)
 {
-    mode = push.mode & ~kMoveMarked;
-    const uint me = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
-    const uvec2 header =
-        mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u) : push.micromap;
-    uvec2 bytes = uvec2(0u);
-    uint problem = 0u;
-    // A micromap that is too small for a header holds none, and may end before the magic number does.
-    const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
-    if (mode != kMoveDeserialize) {
-        if (tiny)
-            problem = mode == kMoveSerialize ? kComplaintNotBuilt : kComplaintTooLarge;
-    } else {
+    bytes = uvec2(0u);
+    if (mode == kMoveDeserialize) {
         const uint least = (kSerializedMicromapHeaderWords + kMicromapHeaderWords) * 4u;
         Words words = Words(push.serialized);
         if (less(push.serializedBytes, uvec2(least, 0u)) || words.w[kSerializedLayoutUuid] != kMicromapLayoutUuid0 ||
             words.w[kSerializedLayoutUuid + 1u] != kMicromapLayoutUuid1 ||
             words.w[kSerializedLayoutUuid + 2u] != kMicromapLayoutUuid2 ||
-            words.w[kSerializedLayoutUuid + 3u] != kMicromapLayoutVersion)
-            problem = kComplaintSerialized;
+            words.w[kSerializedLayoutUuid + 3u] != kMicromapLayoutVersion || complaintOfHeader(header, bytes) != 0u ||
+            less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)))
+            return kComplaintSerialized;
+        return 0u;
     }
-    if (problem == 0u) {
-        problem = complaintOfHeader(header, bytes);
-        if (problem != 0u && mode == kMoveDeserialize)
-            problem = kComplaintSerialized;
-    }
-    const uvec2 whole = addressPlus(bytes, kSerializedMicromapHeaderWords * 4u);
-    if (problem == 0u) {
-        // In the order of the modes: what is read must be there, what is written must fit.
-        if (less(push.micromapBytes, bytes))
-            problem = mode == kMoveSerialize ? kComplaintNotBuilt : kComplaintTooLarge;
-        else if (mode != kMoveCheck && less(push.serializedBytes, whole))
-            problem = mode == kMoveSerialize ? kComplaintTooLarge : kComplaintSerialized;
-    }
+    const uvec2 readable = mode == kMoveCopy ? push.serializedBytes : push.micromapBytes;
+    if (less(readable, uvec2(kMicromapHeaderWords * 4u, 0u)) || complaintOfHeader(header, bytes) != 0u ||
+        less(readable, bytes))
+        return kComplaintNotBuilt;
+    return 0u;
+}
+
+// What is wrong with the target of so many bytes.
+uint problemOfTarget(uvec2 bytes)
+{
+    if (mode == kMoveSerialize)
+        return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)) ? kComplaintTooLarge
+                                                                                                   : 0u;
+    if (less(push.micromapBytes, bytes))
+        return kComplaintTooLarge;
+    // VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
+    if (mode == kMoveCopy && (less(addressMinus(push.micromap, push.serialized), bytes) ||
+                              less(addressMinus(push.serialized, push.micromap), bytes)))
+        return kComplaintOverlap;
+    return 0u;
+}
+
+void main()
+{
+    mode = push.mode & ~kMoveMarked;
+    const uint me = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
+    const uvec2 header = mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u)
+                         : mode == kMoveCopy      ? push.serialized
+                                                  : push.micromap;
+    // A micromap that is too small for a header holds none, and may end before the magic number does.
+    const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
+    uvec2 bytes;
+    uint problem = problemOfSource(header, bytes);
+    if (problem == 0u)
+        problem = problemOfTarget(bytes);
     if (problem != 0u) {
         if (me == 0u) {
             tell(problem, bytes);
-            if (mode != kMoveSerialize && !tiny)
+            // A target that overlaps the source is left as it is: it may be the source.
+            if (mode != kMoveSerialize && problem != kComplaintOverlap && !tiny)
                 Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
         }
         return;
     }
-    if (mode == kMoveCheck)
-        return;
     const uint triangles = Words(header).w[kMicromapHeaderTriangles];
     const uint units = Words(header).w[kMicromapHeaderUnits];
     const uint records = (triangles >> 1u) + (triangles & 1u);
     const uint count = bytes.x >> 4u | bytes.y << 28u;
-    if (mode == kMoveDeserialize) {
+    if (mode != kMoveSerialize) {
         copyUnits(header, push.micromap, count, records, units);
         return;
     }
+    const uvec2 whole = addressPlus(bytes, kSerializedMicromapHeaderWords * 4u);
     copyUnits(push.micromap, addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u), count, records, units);
     if (me == 0u) {
         Quads target = Quads(push.serialized);

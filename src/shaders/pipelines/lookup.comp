@@ -23,8 +23,10 @@ layout(constant_id = 3) const uint kFirstSlotsHigh = 0u;
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
 
 // Two words that lie together are declared as an address, whether they are one or not: a driver for the CPU loads each
-// member lane by lane, and an address in one load.
-layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Quads at[]; };
+// member lane by lane, and an address in one load. What it would be the address of has the alignment that glslang takes for
+// that of the load.
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Eight { uint w[]; };
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Eight at[]; };
 
 // Records by their members (core/records.h), so that only the words that are needed are loaded.
 struct InstanceRecord {

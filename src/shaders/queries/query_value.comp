@@ -28,9 +28,7 @@ void main()
         bytes = push.micromapBytes;
     const uint kind = push.kind & 3u;
     uvec2 value = bytes;
-    if (kind == kQueryMicromapSize)
-        value = push.micromapBytes;
-    else if (kind == kQueryMicromapSerialized)
+    if (kind == kQueryMicromapSerialized)
         value = addressPlus(bytes, kSerializedMicromapHeaderWords * 4u);
     if ((push.kind & kQueryMarked) != 0u)
         value = marked(value);
