@@ -11,6 +11,7 @@ usage: run_cases.py [options] PROGRAM [--gtest_filter=...]
 """
 import argparse
 import collections
+import fnmatch
 import os
 import re
 import resource
@@ -209,19 +210,18 @@ def quoted(text):
 def print_for_ctest(options, cases):
     """In CTest's own language. What costs most begins first, so that several jobs end together."""
     suites, whole = by_suite(cases), by_suite(list_cases(options.program, ""))
-    costs = dict(item.split("=") for item in options.cost)
     for suite, members in suites.items():
         name = options.prefix + suite
-        cost = float(costs.get(suite, 0.2 * len(members)))
+        cost = options.cost * len(members)
         command = [sys.executable, os.path.abspath(__file__), f"--timeout={options.timeout:g}",
                    f"--prefix={options.prefix}", *options.program,
                    "--gtest_filter=" + (f"{suite}.*" if members == whole[suite] else ":".join(members))]
         print(f"add_test({quoted(name)} {' '.join(map(quoted, command))})")
-        labels = options.label + (["quick"] if suite not in options.slow else [])
+        slow = any(fnmatch.fnmatchcase(suite, pattern) for pattern in options.slow)
         properties = ["SKIP_RETURN_CODE", str(ALL_SKIPPED), "COST", f"{cost:g}",
                       "TIMEOUT", f"{options.timeout * (len(members) + 1):g}"]
-        if labels:
-            properties += ["LABELS", ";".join(labels)]
+        if not slow:
+            properties += ["LABELS", "quick"]
         if options.environment:
             properties += ["ENVIRONMENT", ";".join(options.environment)]
         print(f"set_tests_properties({quoted(name)} PROPERTIES {' '.join(map(quoted, properties))})")
@@ -233,9 +233,8 @@ def main():
     parser.add_argument("--prefix", default="", help="of the names that are printed")
     parser.add_argument("--ctest", action="store_true", help="print the tests for CTest")
     parser.add_argument("--environment", action="append", default=[], help="with --ctest: NAME=VALUE")
-    parser.add_argument("--label", action="append", default=[], help="with --ctest: label of all tests")
-    parser.add_argument("--slow", action="append", default=[], help="with --ctest: a suite without the label quick")
-    parser.add_argument("--cost", action="append", default=[], help="with --ctest: SUITE=SECONDS")
+    parser.add_argument("--slow", action="append", default=[], help="with --ctest: suites without the label quick")
+    parser.add_argument("--cost", type=float, default=0.2, help="with --ctest: seconds that a case takes, about")
     parser.add_argument("program")
     parser.add_argument("--gtest_filter", dest="filter", default="")
     options = parser.parse_args()

@@ -74,6 +74,11 @@ class RunCases(unittest.TestCase):
         for name in ("p.Bad.Fails", "p.Some/WithParameter.IsTwo/0"):
             self.assertIn(f"FAILED: {name}", result.stdout)
 
+    def test_labels(self):
+        listing = run("Good.*:Bad.*:Some/*", "--ctest", "--slow=Some/*").stdout
+        quick = [line.split("]==]")[0].split("[==[")[1] for line in listing.splitlines() if "[==[quick]==]" in line]
+        self.assertEqual(quick, ["p.Good", "p.Bad"])
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -21,11 +21,12 @@ PARTS = {
     "layer": ("core", "spirv"),
     "cli": ("core", "bake", "gltf"),
 }
-# Parts with rooms: the rooms, from the lowest to the highest.
+# Parts with rooms: the rooms, from the lowest to the highest. "" is the folder of the part itself.
 ROOMS = {
-    "layer": ("ground", "memory", "work", "objects", "micromaps", "structures", "queries", "pipelines", "address",
+    "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "address",
               "door"),
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines"),
+    "cli": ("base", "picture", "scene", "vulkan", "renderer", ""),
 }
 
 MOST_FILES = 24
@@ -41,9 +42,9 @@ def sources(root, folder):
 
 
 def place(path):
-    """Part and room of a path below src/; the room is None where the part has none or the file is in none."""
+    """Part and room of a path below src/."""
     part, *rest = path.parts
-    return part, rest[0] if part in ROOMS and len(rest) > 1 else None
+    return part, rest[0] if len(rest) > 1 else ""
 
 
 def included(root, path, name):
@@ -67,7 +68,7 @@ def complaint_about_include(here, there):
         return None
     rooms = ROOMS.get(part, ())
     if room in rooms and other_room in rooms and rooms.index(other_room) > rooms.index(room):
-        return f"up from room {room} to room {other_room}"
+        return f"up from room {room} to {'room ' + other_room if other_room else 'the top'}"
     return None
 
 

@@ -19,7 +19,8 @@ SOUND = {
     "src/layer/ground/report.h": '#include "shaders/copy.h"\n#include "layer/ground/written_by_the_build.h"\n',
     "src/layer/memory/memory.h": '#include "layer/ground/report.h"\n#include "core/states.h"\n',
     "src/layer/door/device.h": '#include "layer/memory/memory.h"\n',
-    "src/cli/main.cpp": '#include "gltf/reader.h"\n#include "options.h"\n',
+    "src/cli/main.cpp": '#include "gltf/reader.h"\n#include "options.h"\n#include "cli/base/error.h"\n',
+    "src/cli/base/error.h": "",
     "src/cli/options.h": "",
     "include/vellum/header.h": "",
     "tests/layer/some_test.cpp": '#include "layer/door/device.h"\n',
@@ -68,6 +69,9 @@ class CheckIncludes(unittest.TestCase):
     def test_up_between_rooms_of_shaders(self):
         self.expect_complaint({"src/shaders/ground/up.glsl": '#include "structures/copy.comp"\n'},
                               "up from room ground to room structures")
+
+    def test_up_to_the_top(self):
+        self.expect_complaint({"src/cli/base/up.h": '#include "cli/options.h"\n'}, "up from room base to the top")
 
     def test_no_room(self):
         self.expect_complaint({"src/layer/lost.cpp": ""}, "src/layer/lost.cpp: in no room")
