@@ -78,7 +78,7 @@ TEST_F(Packing, CopiesMoveWhatIsInUse)
     copy(source_.handle(), first);
     copy(first, second);
     copy(second, third, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
-    for (const VkDeviceSize offset : {256, 4096, 8192})
+    for (const VkDeviceSize offset : {256u, 4096u, 8192u})
         EXPECT_TRUE(holdsCopy(offset)) << offset;
     EXPECT_TRUE(untouched(0, 256));
     EXPECT_TRUE(untouched(256 + used_, 4096));
