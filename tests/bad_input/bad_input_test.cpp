@@ -128,7 +128,6 @@ TEST_F(BadInput, BadOptions)
         {"render", "--frames", "0"},
         {"render", "--mode", "states", "--trace", "pipeline"},
         {"render", "--mode", "states", "--frames", "3"},
-        {"render", "--mode", "states", "--side-by-side=2"},
         {"render", "--side-by-side"},
         {"render", "--mode", "compare", "--side-by-side"},
         {"render", "--samples", "1000"},

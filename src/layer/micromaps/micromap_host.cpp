@@ -7,7 +7,7 @@
 #include "core/micromap_memory.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_build.h"
+#include "layer/micromaps/micromap_extent.h"
 #include "layer/micromaps/micromap_serialized.h"
 
 namespace vellum::layer

@@ -9,7 +9,7 @@
 #include "layer/ground/pnext.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_build.h"
+#include "layer/micromaps/micromap_extent.h"
 
 namespace vellum::layer
 {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "layer/commands/device_commands.h"
+#include "layer/pipelines/any_hit_modules.h"
 #include "layer/pipelines/ray_flag_probe.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
 

@@ -31,21 +31,7 @@ struct RayTracingPipeline {
     }
 };
 
-// The layer's own any-hit shaders, for groups that have none; each is made when it is needed first.
-class AnyHitModules
-{
-public:
-    void create(const GpuContext &context) { context_ = context; }
-    ~AnyHitModules();
-    // VK_NULL_HANDLE where the driver could not make it.
-    VkShaderModule get(spirv::Decides decides, const spirv::RewriteOptions &options);
-
-private:
-    GpuContext context_;
-    std::mutex mutex_;
-    std::array<VkShaderModule, 2> modules_{}; // for triangles, for boxes
-};
-
+// pipeline_creation.cpp
 VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
                                    const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
                                    VkPipeline *);

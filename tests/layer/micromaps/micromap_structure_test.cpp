@@ -216,8 +216,9 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
             EXPECT_EQ(values[0], 64 + kCompacted);
             EXPECT_EQ(values[3], 64u + 64 + 2 * 16 + 64);
         } else {
-            EXPECT_EQ(values[0], first.size());
-            EXPECT_EQ(values[3], second.size());
+            // What a clone needs; the handles may be larger.
+            EXPECT_EQ(values[0], toldSize(gpu(), kCompacted));
+            EXPECT_EQ(values[3], toldSize(gpu(), 64 + 2 * 16 + 64));
         }
     }
     const auto pointers = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;

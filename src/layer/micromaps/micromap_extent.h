@@ -7,11 +7,25 @@
 
 #include <vulkan/vulkan.h>
 
+#include "core/records.h"
+
 namespace vellum::layer
 {
 
 // Among VkMicromapBuildInfoEXT::flags: the build is lossy. KHR's flag, which is none of EXT's.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
+
+// Usage count i of a build, however it gives them.
+inline const VkMicromapUsageEXT &usageAt(const VkMicromapBuildInfoEXT &info, uint32_t i)
+{
+    return info.pUsageCounts ? info.pUsageCounts[i] : *info.ppUsageCounts[i];
+}
+
+// Of the triangles of a build, which its shaders place block by block.
+constexpr uint64_t blocksOf(uint64_t triangles)
+{
+    return (triangles + shared::kPlaceBlock - 1) / shared::kPlaceBlock;
+}
 
 // What a micromap of these usage counts takes.
 struct MicromapExtent {
