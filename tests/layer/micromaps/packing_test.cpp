@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "core/micromap_memory.h"
-#include "expected.h"
-#include "states.h"
+#include "harness/expected.h"
+#include "harness/states.h"
 
 namespace
 {
