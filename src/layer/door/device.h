@@ -1,6 +1,8 @@
 // A device: the rooms of the layer put together, and its creation.
 #pragma once
 
+#include <tuple>
+
 #include <vulkan/vulkan.h>
 
 #include "layer/address/device_addresses.h"
@@ -34,51 +36,10 @@ Device &deviceOf(DispatchableHandle handle)
 
 // What a room has of a device: its commands take that as their first parameter.
 template <typename Room>
-Room &roomOf(Device &device);
-template <>
-inline Driver &roomOf(Device &device)
+Room &roomOf(Device &device)
 {
-    return device.driver;
-}
-template <>
-inline DeviceBuffers &roomOf(Device &device)
-{
-    return device.buffers;
-}
-template <>
-inline DeviceObjects &roomOf(Device &device)
-{
-    return device.objects;
-}
-template <>
-inline DeviceCommands &roomOf(Device &device)
-{
-    return device.commands;
-}
-template <>
-inline DeviceMicromaps &roomOf(Device &device)
-{
-    return device.micromaps;
-}
-template <>
-inline DeviceStructures &roomOf(Device &device)
-{
-    return device.structures;
-}
-template <>
-inline DeviceQueries &roomOf(Device &device)
-{
-    return device.queries;
-}
-template <>
-inline DevicePipelines &roomOf(Device &device)
-{
-    return device.pipelines;
-}
-template <>
-inline DeviceAddresses &roomOf(Device &device)
-{
-    return device.addresses;
+    return std::get<Room &>(std::tie(device.driver, device.buffers, device.objects, device.commands, device.micromaps,
+                                     device.structures, device.queries, device.pipelines, device.addresses));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
