@@ -206,6 +206,60 @@ std::uint64_t QueryPool::value(std::uint32_t query) const
     return value;
 }
 
+namespace
+{
+
+// The devices that tests share, until the last of them has ended.
+class SharedGpus : public testing::Environment
+{
+public:
+    std::shared_ptr<Gpu> get(const Options &options)
+    {
+        for (const auto &[made, gpu] : gpus_) {
+            if (made == options)
+                return gpu;
+        }
+        return gpus_.emplace_back(options, std::make_shared<Gpu>(options)).second;
+    }
+    void forget(const std::shared_ptr<Gpu> &gpu)
+    {
+        std::erase_if(gpus_, [&gpu](const auto &entry) { return entry.second == gpu; });
+    }
+    void TearDown() override { gpus_.clear(); }
+
+private:
+    std::vector<std::pair<Options, std::shared_ptr<Gpu>>> gpus_;
+};
+
+SharedGpus &sharedGpus()
+{
+    // GoogleTest owns it.
+    static auto *gpus = static_cast<SharedGpus *>(testing::AddGlobalTestEnvironment(new SharedGpus));
+    return *gpus;
+}
+
+} // namespace
+
+GpuTest::GpuTest(const Options &options)
+    : gpu_(options.shared ? sharedGpus().get(options) : std::make_shared<Gpu>(options))
+{
+    if (options.shared)
+        gpu_->reset(options);
+}
+
+GpuTest::~GpuTest()
+{
+    // What a failed test leaves behind is no other test's trouble.
+    if (gpu_->options().shared && HasFailure())
+        sharedGpus().forget(gpu_);
+}
+
+void Gpu::reset(const Options &options)
+{
+    options_ = options;
+    broken_.clear();
+}
+
 Gpu::Gpu(const Options &options) : options_(options)
 {
     createInstance();

@@ -55,7 +55,10 @@ struct Options {
     bool addressCommands = false; // VK_KHR_device_address_commands, and the extensions whose commands it has again
     bool nullIndexBuffer = false; // VK_KHR_maintenance6
     bool micromapFeature = true;  // where the extension is enabled, its feature too
+    bool shared = false;          // by all tests of the process that ask for the same
     bool declaresMode = true;     // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
+
+    bool operator==(const Options &) const = default;
 };
 
 #define VT_INSTANCE_COMMANDS(X)                                                                                        \
@@ -265,6 +268,8 @@ public:
     // Usage of buffers for acceleration structures. Below Vellum's layer without
     // VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT: the rule that demands it (pInfo-09542) is younger than the extension.
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
+    // As it was made, for the next test: what use() and breaks() changed is forgotten.
+    void reset(const Options &options);
     void addMessage(Message message) { messages_.push_back(std::move(message)); }
 
 private:
@@ -287,11 +292,13 @@ private:
     std::vector<std::string> broken_;
 };
 
-// A test with a device; at its end nobody may have complained.
+// A test with a device; at its end nobody may have complained. Where the device is shared, what a test left alive is
+// told of when the process ends; run_cases.py then runs the tests one by one to find out which it was.
 class GpuTest : public testing::Test
 {
 protected:
-    explicit GpuTest(const Options &options = {}) : gpu_(std::make_unique<Gpu>(options)) {}
+    explicit GpuTest(const Options &options = {});
+    ~GpuTest() override;
     void TearDown() override { expectNoMessages(); }
 
     void expectNoMessages()
@@ -302,7 +309,7 @@ protected:
     Gpu &gpu() { return *gpu_; }
 
 private:
-    std::unique_ptr<Gpu> gpu_;
+    std::shared_ptr<Gpu> gpu_;
 };
 
 // Throws what the test then reports.

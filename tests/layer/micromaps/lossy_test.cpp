@@ -87,7 +87,9 @@ std::vector<std::uint8_t> foliage(Random &random, std::uint32_t level)
 class Lossy : public GpuTest
 {
 protected:
-    explicit Lossy(bool validate = false) : GpuTest(Options{.api = Api::Khr, .validate = validate}) {}
+    explicit Lossy(bool validate = false) : GpuTest(Options{.api = Api::Khr, .validate = validate, .shared = !validate})
+    {
+    }
 
     static std::vector<std::uint8_t> inUse(const Micromap &micromap)
     {

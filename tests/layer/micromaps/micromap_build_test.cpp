@@ -42,6 +42,8 @@ std::vector<std::uint8_t> modelOf(const Micromap &micromap, VkBuildMicromapFlags
 class MicromapBuild : public GpuTest
 {
 protected:
+    MicromapBuild() : GpuTest({.shared = true}) {}
+
     void expectModel(Micromap &micromap, VkBuildMicromapFlagsEXT flags)
     {
         micromap.build();

@@ -18,7 +18,7 @@ constexpr std::size_t kSerializedHeader = 64;
 class MicromapCopy : public GpuTest
 {
 protected:
-    explicit MicromapCopy(const Options &options = {}) : GpuTest(options) {}
+    explicit MicromapCopy(const Options &options = {.shared = true}) : GpuTest(options) {}
 
     // 3 times 8 triangles of level 5, each pattern three times with data of its own, and 6 uniform ones.
     static MicromapInput repetitive()

@@ -17,6 +17,8 @@ using namespace vt;
 class PipelineGroups : public PipelineSceneTest
 {
 protected:
+    PipelineGroups() : PipelineSceneTest({.shared = true}) {}
+
     void expectAll(PipelineTracer &tracer, const PipelineScene::View &view)
     {
         for (const std::uint32_t flags : opacityRayFlags())

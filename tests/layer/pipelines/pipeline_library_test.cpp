@@ -44,7 +44,7 @@ PipelineSetup part(const PipelineSetup &from, const Groups &groups)
 class PipelineLibrary : public PipelineSceneTest
 {
 protected:
-    explicit PipelineLibrary(const Options &options = {}) : PipelineSceneTest(options) {}
+    explicit PipelineLibrary(const Options &options = {.shared = true}) : PipelineSceneTest(options) {}
     void SetUp() override
     {
         PipelineSceneTest::SetUp();

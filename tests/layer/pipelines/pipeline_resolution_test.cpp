@@ -45,7 +45,7 @@ const std::array<Variant, 10> kConstants{{{0x000, pipeline_constant_000},
 class PipelineResolution : public PipelineSceneTest
 {
 protected:
-    explicit PipelineResolution(const Options &options = {}) : PipelineSceneTest(options) {}
+    explicit PipelineResolution(const Options &options = {.shared = true}) : PipelineSceneTest(options) {}
 };
 
 // The same on the driver alone: what the tests expect where Vellum has no part.

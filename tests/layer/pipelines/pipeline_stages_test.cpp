@@ -34,6 +34,8 @@ struct Relay {
 class PipelineStages : public PipelineTest
 {
 protected:
+    PipelineStages() : PipelineTest({.shared = true}) {}
+
     // The chain of ray `id` goes down a column each, with flags that change from ray to ray.
     static std::uint32_t columnOf(std::uint32_t id, std::uint32_t depth)
     {

@@ -42,6 +42,8 @@ struct Placed {
 class Resolution : public GpuTest
 {
 protected:
+    Resolution() : GpuTest({.shared = true}) {}
+
     void SetUp() override
     {
         std::mt19937 random(20260519);

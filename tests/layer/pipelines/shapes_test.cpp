@@ -11,6 +11,8 @@ using namespace vt;
 class Shapes : public GpuTest, public testing::WithParamInterface<int>
 {
 protected:
+    Shapes() : GpuTest({.shared = true}) {}
+
     std::vector<Result> trace(const Columns &columns)
     {
         return Tracer(gpu(), kShapes[static_cast<std::size_t>(GetParam())]).trace(columns.scene(), columns.rays(), 1);

@@ -12,7 +12,7 @@ namespace vt
 class Copies : public GpuTest
 {
 protected:
-    explicit Copies(const Options &options = {}) : GpuTest(options) {}
+    explicit Copies(const Options &options = {.shared = true}) : GpuTest(options) {}
 
     std::unique_ptr<Structure> made(VkAccelerationStructureTypeKHR type, VkDeviceSize size)
     {

@@ -12,6 +12,8 @@ using States = std::vector<std::uint8_t>;
 class Index : public GpuTest
 {
 protected:
+    Index() : GpuTest({.shared = true}) {}
+
     // Each triangle of a row (see triangleRow), in the order of its geometry, is one state all over.
     struct Row {
         std::uint32_t geometry;

@@ -19,6 +19,8 @@ constexpr VkBuildAccelerationStructureFlagsKHR kDisable =
 class Updates : public GpuTest
 {
 protected:
+    Updates() : GpuTest({.shared = true}) {}
+
     // VK_KHR_opacity_micromap has no flag for updates of the data alone.
     VkBuildAccelerationStructureFlagsKHR dataUpdate()
     {

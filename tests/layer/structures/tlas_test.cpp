@@ -15,6 +15,8 @@ constexpr VkBuildAccelerationStructureFlagsKHR kUpdatable = VK_BUILD_ACCELERATIO
 class Top : public GpuTest
 {
 protected:
+    Top() : GpuTest({.shared = true}) {}
+
     struct Shown {
         std::uint32_t customIndex;
         int state; // of the triangle: 0..3, or kNoMicromap
