@@ -31,7 +31,7 @@ void check(const AlphaTexture &texture, const BakeOptions &options)
     if (options.format != Format::TwoState && options.format != Format::FourState)
         throw BakeError("the micromap format is neither 2-state nor 4-state");
     const double numbers[] = {options.valueTolerance, options.subtexelTolerance, options.barycentricTolerance,
-                              options.texelsPerEdge};
+                              options.interpolationTolerance, options.texelsPerEdge};
     for (const double number : numbers)
         if (!(number >= 0) || std::isinf(number))
             throw BakeError("a tolerance of the baker is negative or not finite");
@@ -84,8 +84,15 @@ struct Packed {
     std::array<std::uint64_t, 4> states{};
 };
 
-Packed pack(TriangleStates &&triangle, Format format)
+Packed pack(const Classifier &classifier, const TriangleUvs &uvs, Format format, ClassifierScratch &scratch)
 {
+    struct {
+        std::uint32_t level;
+        std::vector<std::uint8_t> packed;
+    } triangle;
+    triangle.level = classifier.levelFor(uvs);
+    triangle.packed.resize(packedBytes(triangle.level, Format::FourState));
+    classifier.classify(uvs, triangle.level, triangle.packed.data(), scratch);
     Packed packed;
     packed.level = triangle.level;
     const std::uint32_t count = microTriangleCount(triangle.level);
@@ -131,9 +138,10 @@ std::vector<Packed> classifyAll(const AlphaTexture &texture, std::span<const Tri
     std::exception_ptr failure;
 
     const auto work = [&] {
+        ClassifierScratch scratch;
         for (std::size_t i = next++; i < total; i = next++) {
             try {
-                results[i] = pack(classifier.classify(triangles[distinct.first[i]]), options.format);
+                results[i] = pack(classifier, triangles[distinct.first[i]], options.format, scratch);
                 // Before deduplication, so a little early; but what was counted is held in memory.
                 if ((bytes += results[i].data.size()) > options.maxDataBytes)
                     throw BakeError(tooLarge(options));

@@ -42,15 +42,23 @@ struct BakeOptions {
 
     // A sample is opaque where alpha >= cutoff (glTF's alphaCutoff, after `scale` of AlphaTexture::fromUnorm8).
     double cutoff = 0.5;
+    // What a GPU may do differently from the mathematics. A micro-triangle is opaque if every point of it, and every
+    // point in the box of what the last three allow around it, filters to at least cutoff + valueTolerance; it is
+    // transparent if all of them filter to less than cutoff - valueTolerance. With all four at 0 (exactly()) that is
+    // decided exactly, without them unknown where rounding hides it.
+    //
     // How far a filtered value may be from the exact one. The default covers filters that interpolate 8-bit texels
-    // with 8-bit weights and round twice, as lavapipe's do. Needs at least 1e-6 where `scale` is not 1.
+    // with 8-bit weights and round twice, as lavapipe's do.
     double valueTolerance = 2.0 / 255.0;
     // How far, in texels, a sample may be from where it was asked for. Vulkan lets subTexelPrecisionBits be as low as
-    // 4, hence the default. At least 1/256.
+    // 4, hence the default.
     double subtexelTolerance = 1.0 / 16.0;
     // How far, in barycentrics, a hit that traversal assigns to a micro-triangle may lie outside of it: the rounding
     // of the barycentrics and of their sum.
     double barycentricTolerance = 1e-5;
+    // How far interpolation may move a texture coordinate, relative to the largest of the triangle: single precision,
+    // whose products and sums are as large as the coordinates themselves.
+    double interpolationTolerance = 16.0 / (1 << 24);
 
     // Worker threads; 0 takes one per processor. The result does not depend on it.
     unsigned threads = 0;
