@@ -45,7 +45,7 @@ std::int64_t Axis::padded(std::int64_t index) const
     return std::clamp<std::int64_t>(texel, 0, m_size - 1);
 }
 
-Axis::Run Axis::run(std::int64_t i, std::int64_t last) const
+Axis::Run Axis::foldedRun(std::int64_t i, std::int64_t last) const
 {
     const std::int64_t wanted = last - i + 1;
     const auto rising = [&](std::int64_t stored) { return Run{stored, 1, std::min(wanted, m_cells - stored)}; };

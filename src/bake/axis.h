@@ -32,11 +32,19 @@ public:
         std::int64_t count;
     };
     // The longest run from cell `i` on that ends at `last` or before.
-    [[nodiscard]] Run run(std::int64_t i, std::int64_t last) const;
+    [[nodiscard]] Run run(std::int64_t i, std::int64_t last) const
+    {
+        // In front of the border, every mode is as simple as that.
+        if (i >= -m_lead && last < m_cells - m_lead)
+            return {i + m_lead, 1, last - i + 1};
+        return foldedRun(i, last);
+    }
     // A cell from which on the axis looks the same as from `i` on, as near to 0 as the mode allows.
     [[nodiscard]] std::int64_t reduced(std::int64_t i) const;
 
 private:
+    [[nodiscard]] Run foldedRun(std::int64_t i, std::int64_t last) const;
+
     std::int64_t m_size;
     Wrap m_wrap;
     std::int64_t m_cells;

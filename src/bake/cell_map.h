@@ -46,6 +46,14 @@ public:
     [[nodiscard]] Cell cell(std::int64_t x, std::int64_t y) const;
     // 1: all of the cell is opaque, 0: transparent, -1: mixed.
     [[nodiscard]] int side(std::int64_t x, std::int64_t y) const;
+    // The texels of the cells from (x0, y0) to (x1, y1) where they lie in the texture as they do in the plane: the one at
+    // the upper left corner of the first cell, with rows `pitch()` apart. Null where they do not.
+    [[nodiscard]] const float *window(std::int64_t x0, std::int64_t y0, std::int64_t x1, std::int64_t y1) const
+    {
+        const bool inside = x0 >= 0 && y0 >= 0 && x1 + 1 < m_texture.width && y1 + 1 < m_texture.height;
+        return inside ? m_texture.alpha.data() + y0 * pitch() + x0 : nullptr;
+    }
+    [[nodiscard]] std::int64_t pitch() const { return m_texture.width; }
     // Calls `sink` with each mixed cell of row `y` from `first` to `last` until it returns true; returns whether it did.
     template <typename Sink> bool forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Sink &&sink) const;
 

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <optional>
 
 #include "bake/exact.h"
+#include "bake/float4.h"
 #include "bake/piece.h"
 #include "bake/placement.h"
 
@@ -30,17 +32,26 @@ void fill(std::uint8_t *packed, std::uint32_t first, std::uint32_t count, State 
 }
 
 // The middles of the 16 micro-triangles two levels further down, as weights of the two steps.
-constexpr std::array<Point, 16> kSamples = [] {
-    std::array<Point, 16> samples;
+struct Samples {
+    std::array<float, 16> i{};
+    std::array<float, 16> j{};
+};
+constexpr Samples kSamples = [] {
+    Samples samples;
     std::size_t n = 0;
-    for (int i = 0; i < 4; ++i)
-        for (int j = 0; i + j < 4; ++j) {
-            samples[n++] = {(i + 1.0 / 3) / 4, (j + 1.0 / 3) / 4};
-            if (i + j < 3)
-                samples[n++] = {(i + 2.0 / 3) / 4, (j + 2.0 / 3) / 4};
-        }
+    for (unsigned i = 0; i < 4; ++i)
+        for (unsigned j = 0; i + j < 4; ++j)
+            for (unsigned thirds = 1; thirds < (i + j < 3 ? 3u : 2u); ++thirds, ++n) {
+                samples.i[n] = static_cast<float>(3 * i + thirds) / 12;
+                samples.j[n] = static_cast<float>(3 * j + thirds) / 12;
+            }
     return samples;
 }();
+constexpr const std::array<float, 16> &kSampleI = kSamples.i;
+constexpr const std::array<float, 16> &kSampleJ = kSamples.j;
+
+// Single precision counts cells within a sub-triangle of that many well enough for a guess.
+constexpr std::int64_t kMostColumns = 1 << 15;
 
 } // namespace
 
@@ -115,7 +126,7 @@ private:
     void descendWide(const Node &node, std::uint32_t depth);
     void descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list, std::size_t count);
     void list(const Node &node, Frame &frame);
-    unsigned partsTouched(const Frame &frame, const Node &node, std::uint32_t depth, const Near &cell) const;
+    struct Parts;
     void uniform(const Node &node, std::uint32_t depth);
     void leaf(const Node &node, std::size_t list, std::size_t count);
     bool crosses(const SubTriangle &sub, const Cell &cell);
@@ -234,106 +245,129 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
     });
 }
 
-// Which parts of a sub-triangle a cell touches and may change the outcome in, as bits by Part.
-unsigned Classifier::Walk::partsTouched(const Frame &frame, const Node &node, std::uint32_t depth,
-                                        const Near &cell) const
-{
-    const auto half = static_cast<float>(node.sub.size / 2);
-    const auto i = static_cast<float>(node.sub.i - frame.i);
-    const auto j = static_cast<float>(node.sub.j - frame.j);
-    const float flip = half < 0 ? -1.0f : 1.0f;
-    // Three lines divide a triangle into its four parts: i, j and their sum half way.
-    const float fromI = flip * (cell.i - (i + half) * frame.area);
-    const float fromJ = flip * (cell.j - (j + half) * frame.area);
-    const float fromSum = flip * (cell.i + cell.j - (i + j + half) * frame.area);
-    const bool before[] = {fromI <= frame.reachI, fromJ <= frame.reachJ, fromSum <= frame.reachSum};
-    const bool behind[] = {fromI >= -frame.reachI, fromJ >= -frame.reachJ, fromSum >= -frame.reachSum};
-    const bool touched[] = {before[2] && before[0] && before[1], behind[0] && behind[2] && before[1],
-                            behind[1] && behind[2] && before[0], before[0] && before[1] && behind[2]};
-    unsigned result = 0;
-    const float x = i * frame.stepIx + j * frame.stepJx - cell.x;
-    const float y = i * frame.stepIy + j * frame.stepJy - cell.y;
-    const float steps = half * flip;
-    const bool small = frame.bilinear && (frame.highX - frame.lowX) * steps < 2 && (frame.highY - frame.lowY) * steps < 2;
-    for (std::size_t k = 0; k < 4; ++k) {
-        if (!touched[k])
-            continue;
-        const bool down = (k == kMiddle) != (half < 0);
-        const float px = x + (k == kTowardsI || k == kMiddle ? half * frame.stepIx : 0) +
-                         (k == kTowardsJ || k == kMiddle ? half * frame.stepJx : 0);
-        const float py = y + (k == kTowardsI || k == kMiddle ? half * frame.stepIy : 0) +
-                         (k == kTowardsJ || k == kMiddle ? half * frame.stepJy : 0);
-        float x0 = px + (down ? -frame.highX : frame.lowX) * steps - frame.reachX;
-        float x1 = px + (down ? -frame.lowX : frame.highX) * steps + frame.reachX;
-        float y0 = py + (down ? -frame.highY : frame.lowY) * steps - frame.reachY;
-        float y1 = py + (down ? -frame.lowY : frame.highY) * steps + frame.reachY;
-        if (x1 < 0 || x0 > 1 || y1 < 0 || y0 > 1)
-            continue;
-        if (small) {
-            // The extremes over the box of the part are at its corners.
-            x0 = std::max(x0, 0.0f);
-            y0 = std::max(y0, 0.0f);
-            x1 = std::min(x1, 1.0f);
-            y1 = std::min(y1, 1.0f);
-            const float left = cell.cy + cell.cxy * x0;
-            const float right = cell.cy + cell.cxy * x1;
-            const float f00 = cell.f00 + cell.cx * x0 + left * y0;
-            const float f10 = cell.f00 + cell.cx * x1 + right * y0;
-            const float f01 = cell.f00 + cell.cx * x0 + left * y1;
-            const float f11 = cell.f00 + cell.cx * x1 + right * y1;
-            const float low = std::min(std::min(f00, f10), std::min(f01, f11));
-            const float high = std::max(std::max(f00, f10), std::max(f01, f11));
-            if (low >= frame.valueHigh || high < frame.valueLow)
-                continue;
-        }
-        result |= 1u << k;
+// The parts of one sub-triangle, to be tested against many cells; a lane for each Part.
+struct Classifier::Walk::Parts {
+    Parts(const Frame &f, const Node &node)
+        : flip(node.sub.size < 0 ? -1.0f : 1.0f), reachI(f.reachI), reachJ(f.reachJ), reachSum(f.reachSum),
+          valueLow(f.valueLow), valueHigh(f.valueHigh)
+    {
+        const auto half = static_cast<float>(node.sub.size / 2);
+        const auto i = static_cast<float>(node.sub.i - f.i);
+        const auto j = static_cast<float>(node.sub.j - f.j);
+        lineI = (i + half) * f.area;
+        lineJ = (j + half) * f.area;
+        lineSum = (i + j + half) * f.area;
+
+        const Float4 partI(i, i + half, i, i + half);
+        const Float4 partJ(j, j, j + half, j + half);
+        const Float4 x = partI * Float4(f.stepIx) + partJ * Float4(f.stepJx);
+        const Float4 y = partI * Float4(f.stepIy) + partJ * Float4(f.stepJy);
+        const float steps = half * flip;
+        const auto box = [&](Float4 at, float low, float high, float &width, float reach, Float4 &from, Float4 &to) {
+            const float down = (flip > 0 ? low : -high) * steps;
+            const float up = (flip > 0 ? high : -low) * steps;
+            from = at + Float4(down, down, down, -up) - Float4(reach);
+            to = at + Float4(up, up, up, -down) + Float4(reach);
+            width = up - down;
+        };
+        float width = 0;
+        float height = 0;
+        box(x, f.lowX, f.highX, width, f.reachX, left, right);
+        box(y, f.lowY, f.highY, height, f.reachY, top, bottom);
+        small = f.bilinear && width < kSmall && height < kSmall;
     }
-    static_cast<void>(depth);
-    return result;
-}
+
+    // Which parts a cell touches and may change the outcome in, as bits by Part.
+    [[nodiscard]] unsigned touched(const Near &cell) const
+    {
+        // Three lines divide a triangle into its parts: i, j and their sum half way.
+        const float fromI = flip * (cell.i - lineI);
+        const float fromJ = flip * (cell.j - lineJ);
+        const float fromSum = flip * (cell.i + cell.j - lineSum);
+        const unsigned beforeI = fromI <= reachI ? kAllBut(kTowardsI) : 0;
+        const unsigned beforeJ = fromJ <= reachJ ? kAllBut(kTowardsJ) : 0;
+        const unsigned beforeSum = fromSum <= reachSum ? 1u << kAtCorner : 0;
+        const unsigned behindI = fromI >= -reachI ? 1u << kTowardsI : 0;
+        const unsigned behindJ = fromJ >= -reachJ ? 1u << kTowardsJ : 0;
+        const unsigned behindSum = fromSum >= -reachSum ? kAllBut(kAtCorner) : 0;
+        unsigned parts = (beforeI | behindI) & (beforeJ | behindJ) & (beforeSum | behindSum);
+
+        Float4 x0 = left - Float4(cell.x);
+        Float4 x1 = right - Float4(cell.x);
+        Float4 y0 = top - Float4(cell.y);
+        Float4 y1 = bottom - Float4(cell.y);
+        const Float4 zero(0.0f);
+        const Float4 one(1.0f);
+        parts &= atLeast(x1, zero) & atLeast(one, x0) & atLeast(y1, zero) & atLeast(one, y0);
+        if (!small || parts == 0)
+            return parts;
+        // The extremes over the box of a part are at its corners.
+        x0 = max(x0, zero);
+        y0 = max(y0, zero);
+        x1 = min(x1, one);
+        y1 = min(y1, one);
+        const Float4 f00(cell.f00);
+        const Float4 cx(cell.cx);
+        const Float4 cy(cell.cy);
+        const Float4 cxy(cell.cxy);
+        const Float4 leftF = f00 + cx * x0;
+        const Float4 leftSlope = cy + cxy * x0;
+        const Float4 rightF = f00 + cx * x1;
+        const Float4 rightSlope = cy + cxy * x1;
+        const Float4 a = leftF + leftSlope * y0;
+        const Float4 b = leftF + leftSlope * y1;
+        const Float4 c = rightF + rightSlope * y0;
+        const Float4 d = rightF + rightSlope * y1;
+        const unsigned opaque = atLeast(min(min(a, b), min(c, d)), Float4(valueHigh));
+        const unsigned transparent = below(max(max(a, b), max(c, d)), Float4(valueLow));
+        return parts & ~(opaque | transparent);
+    }
+
+private:
+    // Above this many cells across, the box of a part is not worth a look.
+    static constexpr float kSmall = 2;
+    static constexpr unsigned kAllBut(Part part) { return 15u & ~(1u << part); }
+
+    float flip;
+    float lineI, lineJ, lineSum;
+    float reachI, reachJ, reachSum;
+    float valueLow, valueHigh;
+    Float4 left, right, top, bottom; // boxes of the parts
+    bool small;
+};
 
 void Classifier::Walk::descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list,
                                std::size_t count)
 {
     std::vector<std::uint32_t> &lists = m_scratch.lists;
     const std::size_t start = list + count;
-    if (lists.size() < start + 4 * count)
-        lists.resize(start + 4 * count);
+    // Four lists, and a place behind them for the one that is followed first.
+    if (lists.size() < start + 5 * count)
+        lists.resize(start + 5 * count);
+    const Parts parts(frame, node);
     std::array<std::size_t, 4> counts{};
     for (std::size_t n = 0; n < count; ++n) {
         const std::uint32_t cell = lists[list + n];
-        const unsigned parts = partsTouched(frame, node, depth, m_scratch.near[cell]);
+        const unsigned touched = parts.touched(m_scratch.near[cell]);
         for (std::size_t k = 0; k < 4; ++k) {
             lists[start + k * count + counts[k]] = cell;
-            counts[k] += parts >> k & 1;
+            counts[k] += touched >> k & 1;
         }
-    }
-    // One after the other, so that each list can be followed by those below it.
-    std::size_t next = start;
-    std::array<std::size_t, 4> begins{};
-    for (std::size_t k = 0; k < 4; ++k) {
-        std::copy_n(lists.begin() + static_cast<std::ptrdiff_t>(start + k * count), counts[k],
-                    lists.begin() + static_cast<std::ptrdiff_t>(next));
-        begins[k] = next;
-        next += counts[k];
     }
     for (std::size_t child = 0; child < 4; ++child) {
         const Part k = partOf(node, child);
         const Node below = part(node, child);
+        const std::size_t from = start + k * count;
         if (counts[k] == 0) {
             uniform(below, depth + 1);
-            continue;
+        } else if (depth + 1 == m_level) {
+            leaf(below, from, counts[k]);
+        } else {
+            // Those below need the room behind their list.
+            const std::size_t to = start + 4 * count;
+            std::copy_n(lists.data() + from, counts[k], lists.data() + to);
+            descend(frame, below, depth + 1, to, counts[k]);
         }
-        if (depth + 1 == m_level) {
-            leaf(below, begins[k], counts[k]);
-            continue;
-        }
-        // Moves the list behind all four, where those below it have room.
-        if (lists.size() < next + counts[k])
-            lists.resize(next + counts[k]);
-        std::copy_n(lists.begin() + static_cast<std::ptrdiff_t>(begins[k]), counts[k],
-                    lists.begin() + static_cast<std::ptrdiff_t>(next));
-        descend(frame, below, depth + 1, next, counts[k]);
     }
 }
 
@@ -409,27 +443,76 @@ int Classifier::Walk::sideOf(const SubTriangle &sub)
 // What most of an unknown micro-triangle is, by sampling.
 State Classifier::Walk::guess(const SubTriangle &sub) const
 {
-    const Point corner = m_place.at(sub.i, sub.j);
-    const double s = sub.size;
+    const Placement &p = m_place;
+    Point corner = p.at(sub.i, sub.j);
+    const bool down = sub.size < 0;
+    const Point low{corner.x + (down ? -p.high.x : p.low.x), corner.y + (down ? -p.high.y : p.low.y)};
+    const Point high{corner.x + (down ? -p.low.x : p.high.x), corner.y + (down ? -p.low.y : p.high.y)};
+    const double left = std::floor(low.x - 2 * p.slack);
+    const double top = std::floor(low.y - 2 * p.slack);
+    const std::int64_t x0 = p.baseX + static_cast<std::int64_t>(left);
+    const std::int64_t y0 = p.baseY + static_cast<std::int64_t>(top);
+    const auto columns = static_cast<std::int64_t>(high.x + 2 * p.slack - left);
+    const auto rows = static_cast<std::int64_t>(high.y + 2 * p.slack - top);
+    // Single precision is enough for a guess, but not to stay inside the window: hence the bounds.
+    const auto limit = [](std::int64_t cells) { return Float4(static_cast<float>(cells) + 0.999f); };
+    const Float4 limitX = limit(columns);
+    const Float4 limitY = limit(rows);
+    corner = {corner.x - left, corner.y - top};
+    const auto s = static_cast<float>(sub.size);
+    const auto toFloat = [](double x) { return static_cast<float>(x); };
+    const bool nearest = m_texture.filter == Filter::Nearest;
+    const Float4 zero(0.0f);
+    const Float4 one(1.0f);
+    const float *window = columns < kMostColumns && rows < kMostColumns
+                              ? m_map.window(x0, y0, x0 + columns, y0 + rows)
+                              : nullptr;
     unsigned opaque = 0;
-    for (const Point &sample : kSamples) {
-        const double x = corner.x + s * (sample.x * m_place.stepI.x + sample.y * m_place.stepJ.x);
-        const double y = corner.y + s * (sample.x * m_place.stepI.y + sample.y * m_place.stepJ.y);
-        const double column = std::floor(x);
-        const double row = std::floor(y);
-        const Cell cell = m_map.cell(m_place.baseX + static_cast<std::int64_t>(column),
-                                     m_place.baseY + static_cast<std::int64_t>(row));
-        double a = x - column;
-        double b = y - row;
-        if (m_texture.filter == Filter::Nearest) {
-            a = a < 0.5 ? 0 : 1;
-            b = b < 0.5 ? 0 : 1;
+    for (std::size_t n = 0; n < kSampleI.size(); n += 4) {
+        const Float4 i = Float4(kSampleI[n], kSampleI[n + 1], kSampleI[n + 2], kSampleI[n + 3]) * Float4(s);
+        const Float4 j = Float4(kSampleJ[n], kSampleJ[n + 1], kSampleJ[n + 2], kSampleJ[n + 3]) * Float4(s);
+        const auto along = [&](double start, double stepI, double stepJ, Float4 most) {
+            const Float4 at = Float4(toFloat(start)) + i * Float4(toFloat(stepI)) + j * Float4(toFloat(stepJ));
+            return min(max(at, zero), most);
+        };
+        const Float4 x = along(corner.x, p.stepI.x, p.stepJ.x, limitX);
+        const Float4 y = along(corner.y, p.stepI.y, p.stepJ.y, limitY);
+        std::array<float, 4> xs;
+        std::array<float, 4> ys;
+        x.store(xs.data());
+        y.store(ys.data());
+        std::array<std::array<float, 4>, 4> texels; // f00, f10, f01, f11 of four samples
+        for (std::size_t k = 0; k < 4; ++k) {
+            const auto column = static_cast<std::int64_t>(xs[k]);
+            const auto row = static_cast<std::int64_t>(ys[k]);
+            xs[k] -= static_cast<float>(column);
+            ys[k] -= static_cast<float>(row);
+            if (window != nullptr) {
+                const float *texel = window + row * m_map.pitch() + column;
+                texels[0][k] = texel[0];
+                texels[1][k] = texel[1];
+                texels[2][k] = texel[m_map.pitch()];
+                texels[3][k] = texel[m_map.pitch() + 1];
+            } else {
+                const Cell cell = m_map.cell(x0 + column, y0 + row);
+                texels[0][k] = cell.f00;
+                texels[1][k] = cell.f10;
+                texels[2][k] = cell.f01;
+                texels[3][k] = cell.f11;
+            }
+            if (nearest) {
+                xs[k] = xs[k] < 0.5f ? 0.0f : 1.0f;
+                ys[k] = ys[k] < 0.5f ? 0.0f : 1.0f;
+            }
         }
-        const double value = (double{cell.f00} * (1 - a) + double{cell.f10} * a) * (1 - b) +
-                             (double{cell.f01} * (1 - a) + double{cell.f11} * a) * b;
-        opaque += value >= m_cutoff ? 1u : 0u;
+        const auto load = [](const std::array<float, 4> &v) { return Float4(v[0], v[1], v[2], v[3]); };
+        const Float4 a = load(xs);
+        const Float4 b = load(ys);
+        const Float4 value = (load(texels[0]) * (one - a) + load(texels[1]) * a) * (one - b) +
+                             (load(texels[2]) * (one - a) + load(texels[3]) * a) * b;
+        opaque += static_cast<unsigned>(std::popcount(atLeast(value, Float4(toFloat(m_cutoff)))));
     }
-    return 2 * opaque >= kSamples.size() ? State::UnknownOpaque : State::UnknownTransparent;
+    return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;
 }
 
 Classifier::Classifier(const AlphaTexture &texture, const BakeOptions &options)

@@ -122,9 +122,9 @@ Crossing PieceTest::bilinear(Point corner, const Shape &shape, const Cell &cell)
         surely.add(along(to));
         const double q2 = cxy * edge.delta.x * edge.delta.y;
         const double q1 = cx * edge.delta.x + cy * edge.delta.y + cxy * (ax * edge.delta.y + ay * edge.delta.x);
-        const double turn = -q1 / (2 * q2);
-        if (turn > from && turn < to)
-            surely.add(along(turn));
+        // It turns where its slope changes sign. Where rounding hides that, it turns at an end.
+        if ((q1 + 2 * q2 * from) * (q1 + 2 * q2 * to) < 0)
+            surely.add(along(std::clamp(-q1 / (2 * q2), from, to)));
         if (crosses())
             return Crossing::Yes;
     }
