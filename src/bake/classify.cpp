@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <optional>
@@ -49,6 +48,8 @@ constexpr Samples kSamples = [] {
 }();
 constexpr const std::array<float, 16> &kSampleI = kSamples.i;
 constexpr const std::array<float, 16> &kSampleJ = kSamples.j;
+
+constexpr std::array<unsigned, 16> kBitsOf = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4};
 
 // Single precision counts cells within a sub-triangle of that many well enough for a guess.
 constexpr std::int64_t kMostColumns = 1 << 15;
@@ -510,7 +511,7 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
         const Float4 b = load(ys);
         const Float4 value = (load(texels[0]) * (one - a) + load(texels[1]) * a) * (one - b) +
                              (load(texels[2]) * (one - a) + load(texels[3]) * a) * b;
-        opaque += static_cast<unsigned>(std::popcount(atLeast(value, Float4(toFloat(m_cutoff)))));
+        opaque += kBitsOf[atLeast(value, Float4(toFloat(m_cutoff)))];
     }
     return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;
 }

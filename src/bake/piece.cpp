@@ -50,7 +50,7 @@ struct Extent {
 } // namespace
 
 PieceTest::PieceTest(const Placement &placement, Filter filter, const Thresholds &thresholds)
-    : m_filter(filter), m_clip(2 * placement.slack), m_lineSlack(placement.lineSlack),
+    : m_filter(filter), m_margins(placement.marginX != 0 || placement.marginY != 0), m_clip(2 * placement.slack), m_lineSlack(placement.lineSlack),
       m_opaqueSurely(thresholds.opaque + placement.valueSlack),
       m_opaquePerhaps(thresholds.transparent + placement.valueSlack),
       m_transparentSurely(thresholds.transparent - placement.valueSlack),
@@ -130,6 +130,9 @@ Crossing PieceTest::bilinear(Point corner, const Shape &shape, const Cell &cell)
     }
     for (const double x : {x0, x1}) {
         for (const double y : {y0, y1}) {
+            // Without margins the box has no sides of its own.
+            if (!m_margins && ((x != 0 && x != 1) || (y != 0 && y != 1)))
+                continue;
             double inside = std::numeric_limits<double>::infinity();
             for (const Line &line : shape.lines)
                 inside = std::min(inside, (x - corner.x) * line.gradient.x + (y - corner.y) * line.gradient.y +

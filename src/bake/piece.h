@@ -54,6 +54,7 @@ private:
     [[nodiscard]] Crossing nearest(Point corner, const Shape &shape, const Cell &cell) const;
 
     Filter m_filter;
+    bool m_margins;
     double m_clip;        // how far beyond its sides a cell is clipped
     double m_lineSlack;
     double m_opaqueSurely; // values from here on are opaque, whatever rounding did
