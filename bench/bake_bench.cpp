@@ -1,5 +1,5 @@
-// vellum-bake-bench: how fast the baker is and how much it leaves unknown, by level; beside meshoptimizer's, if its shared
-// library is given. Times are user seconds of the process, preparation of the texture included.
+// vellum-bake-bench: how fast the baker is and how much it leaves unknown, by level; beside meshoptimizer's, if its
+// shared library is given. Times are user seconds of the process, preparation of the texture included.
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>

@@ -10,7 +10,8 @@ namespace vellum::bench
 namespace
 {
 
-template <typename Function> Function load(void *library, const char *name)
+template <typename Function>
+Function load(void *library, const char *name)
 {
     void *symbol = dlsym(library, name);
     if (symbol == nullptr)

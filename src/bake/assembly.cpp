@@ -42,8 +42,8 @@ std::int32_t MicromapAssembly::add(const std::uint8_t *data, std::uint32_t level
     const auto index = static_cast<std::int32_t>(micromap.triangles.size());
     m_slots[slot] = index;
     m_hashes.push_back(hash);
-    micromap.triangles.push_back({static_cast<std::uint32_t>(micromap.data.size()), static_cast<std::uint16_t>(level),
-                                  format});
+    micromap.triangles.push_back(
+        {static_cast<std::uint32_t>(micromap.data.size()), static_cast<std::uint16_t>(level), format});
     micromap.data.insert(micromap.data.end(), data, data + bytes);
     if (m_hashes.size() * 2 > m_slots.size())
         grow();

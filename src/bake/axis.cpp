@@ -31,7 +31,9 @@ std::int64_t leadOf(Wrap wrap)
 
 Axis::Axis(std::uint32_t size, Wrap wrap)
     : m_size(size), m_wrap(wrap), m_cells(m_size + std::max<std::int64_t>(0, 2 * leadOf(wrap) - 1)),
-      m_lead(leadOf(wrap)), m_period(wrap == Wrap::Repeat ? m_size : wrap == Wrap::Mirror ? 2 * m_size : 0)
+      m_lead(leadOf(wrap)), m_period(wrap == Wrap::Repeat   ? m_size
+                                     : wrap == Wrap::Mirror ? 2 * m_size
+                                                            : 0)
 {
 }
 

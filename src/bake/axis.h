@@ -1,8 +1,8 @@
 // How positions along one axis of a texture lead to texels: a sampler's address mode.
 //
-// Cell i is the interval between the centres of texels i and i + 1, for any integer i. An address mode folds all of them
-// onto a few stored cells. Beside each other, the stored cells read the texels of a padded row: stored cell s reads
-// padded texels s and s + 1.
+// Cell i is the interval between the centres of texels i and i + 1, for any integer i. An address mode folds all of
+// them onto a few stored cells. Beside each other, the stored cells read the texels of a padded row: stored cell s
+// reads padded texels s and s + 1.
 #pragma once
 
 #include <cstdint>

@@ -149,7 +149,7 @@ struct Distinct {
 // Everything that decides the data of a triangle.
 struct Key {
     std::uint32_t material;
-    std::uint32_t request; // level, or none, and format
+    std::uint32_t request;            // level, or none, and format
     std::array<std::uint32_t, 6> uvs; // as bits, so that NaNs are equal to themselves
     bool operator==(const Key &) const = default;
 };
@@ -340,8 +340,8 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
     MicromapAssembly assembly(std::min(most, options.maxDataBytes));
     std::vector<std::int32_t> indexOf(distinct.triangles.size());
 
-    // In batches: threads pack the triangles of one into a buffer, in any order; then they become part of the micromap in
-    // their own. The buffer is a part of what the result may become, but not too small to share work.
+    // In batches: threads pack the triangles of one into a buffer, in any order; then they become part of the micromap
+    // in their own. The buffer is a part of what the result may become, but not too small to share work.
     const std::uint64_t room = std::clamp<std::uint64_t>(most / 8, 1u << 18, 1u << 26);
     std::vector<std::uint8_t> buffer;
     std::vector<Packed> batch;
@@ -356,12 +356,12 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
         }
         if (buffer.size() < bytes)
             buffer.resize(bytes);
-        inParallel<Material::Scratch>(
-            threads, batch.size(), options.cancel, [&](std::size_t i, Material::Scratch &scratch) {
-                batch[i].data = buffer.data() + offsets[i];
-                pack(distinct.triangles[begin + i], options, batch[i], scratch);
-                progress.done(distinct.triangles[begin + i].uses);
-            });
+        inParallel<Material::Scratch>(threads, batch.size(), options.cancel,
+                                      [&](std::size_t i, Material::Scratch &scratch) {
+                                          batch[i].data = buffer.data() + offsets[i];
+                                          pack(distinct.triangles[begin + i], options, batch[i], scratch);
+                                          progress.done(distinct.triangles[begin + i].uses);
+                                      });
         for (std::size_t i = 0; i < batch.size(); ++i) {
             const Packed &packed = batch[i];
             const Distinct &triangle = distinct.triangles[begin + i];
@@ -369,10 +369,9 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
                 result.statistics.states[s] += packed.counts[s] * triangle.uses;
             if (packed.uniform)
                 result.statistics.special[static_cast<std::size_t>(*packed.uniform)] += triangle.uses;
-            indexOf[begin + i] =
-                packed.uniform
-                    ? specialIndex(*packed.uniform)
-                    : assembly.add(packed.data, triangle.level, packed.format, packed.hash, options.maxDataBytes);
+            indexOf[begin + i] = packed.uniform ? specialIndex(*packed.uniform)
+                                                : assembly.add(packed.data, triangle.level, packed.format, packed.hash,
+                                                               options.maxDataBytes);
         }
     }
     assembly.micromap.indices.reserve(total);

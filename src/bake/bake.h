@@ -1,8 +1,8 @@
 // The baker: triangles, their texture coordinates and an alpha texture in, a micromap out.
 //
-// A micro-triangle becomes Opaque or Transparent only if every point of it is, filtered as the sampler does it. Everything
-// else is unknown, so that a renderer which samples the texture for unknown micro-triangles draws exactly the picture of
-// one that samples it everywhere. docs/baking.md has the whole argument.
+// A micro-triangle becomes Opaque or Transparent only if every point of it is, filtered as the sampler does it.
+// Everything else is unknown, so that a renderer which samples the texture for unknown micro-triangles draws exactly
+// the picture of one that samples it everywhere. docs/baking.md has the whole argument.
 #pragma once
 
 #include <array>
@@ -55,7 +55,8 @@ struct BakeOptions {
     // Most bytes of the result: data, and 8 for each micromap triangle. Levels are lowered where that turns the least
     // from known to unknown, down to special indices, which are free. 2-state data is chosen as if it were 4-state.
     std::optional<std::uint64_t> budget;
-    // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of data.
+    // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
+    // data.
     double worthwhile = 0;
     // Keeps special indices from standing beside others among the triangles of one BakeInput, as
     // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR demands of a geometry: triangles that
@@ -89,8 +90,8 @@ struct BakeOptions {
     unsigned threads = 0;
     // Bytes of micromap data after which to give up with BakeError. At most 2^32 - 1, what dataOffset can address.
     std::uint64_t maxDataBytes = std::uint64_t{1} << 30;
-    // Called now and then with triangles done and in all, from any worker but one at a time. With a budget, each triangle
-    // counts twice.
+    // Called now and then with triangles done and in all, from any worker but one at a time. With a budget, each
+    // triangle counts twice.
     std::function<void(std::size_t done, std::size_t total)> progress;
     // Makes bake() throw BakeCancelled soon after it is asked to stop.
     std::stop_token cancel;
@@ -140,9 +141,9 @@ public:
     BakeCancelled() : BakeError("the bake was cancelled") {}
 };
 
-// Bakes one micromap for the triangles of all inputs. Triangles with the same result share a micromap triangle, whatever
-// their input; those that are one state all over become a special index. Throws BakeError for options, levels or a texture
-// out of range and for a result above maxDataBytes.
+// Bakes one micromap for the triangles of all inputs. Triangles with the same result share a micromap triangle,
+// whatever their input; those that are one state all over become a special index. Throws BakeError for options, levels
+// or a texture out of range and for a result above maxDataBytes.
 BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options);
 BakeResult bake(const AlphaTexture &texture, std::span<const TriangleUvs> triangles, const BakeOptions &options);
 

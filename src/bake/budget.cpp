@@ -8,17 +8,14 @@ namespace vellum
 namespace
 {
 
-// From a choice's level down to another one. Levels between that would cost more for what they tell are skipped: the steps
-// of a triangle become dearer as it goes down, so that taking the cheapest step of all is right.
+// From a choice's level down to another one. Levels between that would cost more for what they tell are skipped: the
+// steps of a triangle become dearer as it goes down, so that taking the cheapest step of all is right.
 struct Step {
     double price; // known area lost for each byte saved
     std::size_t which;
     std::uint32_t to;
 
-    bool operator>(const Step &other) const
-    {
-        return price != other.price ? price > other.price : which > other.which;
-    }
+    bool operator>(const Step &other) const { return price != other.price ? price > other.price : which > other.which; }
 };
 
 Step cheapestStep(const LevelChoice &choice, std::size_t which)

@@ -13,8 +13,8 @@ namespace vellum
 
 // What a triangle costs and tells at each level up to its own.
 struct LevelChoice {
-    std::uint64_t uses = 0;   // triangles of the mesh that share it
-    std::uint32_t level = 0;  // the highest, and then the chosen one
+    std::uint64_t uses = 0;  // triangles of the mesh that share it
+    std::uint32_t level = 0; // the highest, and then the chosen one
     // By level: micro-triangles that are known, as a share of all, and bytes.
     std::array<float, shared::kMaxSubdivisionLevel + 1> known{};
     std::array<std::uint32_t, shared::kMaxSubdivisionLevel + 1> bytes{};

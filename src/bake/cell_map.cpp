@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -159,7 +160,7 @@ CellMap::Rows CellMap::rowsOf(const Axis::Run &run) const
 Cell CellMap::cell(std::int64_t x, std::int64_t y) const
 {
     const Axis::Run column = m_axisX.run(x, x);
-    return read(x, y, column.first, column.step < 0, rowsOf(m_axisY.run(y, y)));
+    return read(place(x, y, column.first, column.step < 0, rowsOf(m_axisY.run(y, y))));
 }
 
 int CellMap::side(std::int64_t x, std::int64_t y) const

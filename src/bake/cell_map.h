@@ -1,12 +1,11 @@
 // Where in a texture the alpha test can change: one bit for each cell, the square between four texel centres.
 //
-// In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only the
-// other cells, the mixed ones, need a look inside, and they are few: the outlines of leaves.
+// In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only
+// the other cells, the mixed ones, need a look inside, and they are few: the outlines of leaves.
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -16,8 +15,8 @@
 namespace vellum
 {
 
-// A filtered value is surely opaque from `opaque` on, and surely transparent below `transparent`. They are equal but for
-// the tolerance of values.
+// A filtered value is surely opaque from `opaque` on, and surely transparent below `transparent`. They are equal but
+// for the tolerance of values.
 struct Thresholds {
     double transparent;
     double opaque;
@@ -46,16 +45,39 @@ public:
     [[nodiscard]] Cell cell(std::int64_t x, std::int64_t y) const;
     // 1: all of the cell is opaque, 0: transparent, -1: mixed.
     [[nodiscard]] int side(std::int64_t x, std::int64_t y) const;
-    // The texels of the cells from (x0, y0) to (x1, y1) where they lie in the texture as they do in the plane: the one at
-    // the upper left corner of the first cell, with rows `pitch()` apart. Null where they do not.
+    // The texels of the cells from (x0, y0) to (x1, y1) where they lie in the texture as they do in the plane: the one
+    // at the upper left corner of the first cell, with rows `pitch()` apart. Null where they do not.
     [[nodiscard]] const float *window(std::int64_t x0, std::int64_t y0, std::int64_t x1, std::int64_t y1) const
     {
         const bool inside = x0 >= 0 && y0 >= 0 && x1 + 1 < m_texture.width && y1 + 1 < m_texture.height;
         return inside ? m_texture.alpha.data() + y0 * pitch() + x0 : nullptr;
     }
     [[nodiscard]] std::int64_t pitch() const { return m_texture.width; }
-    // Calls `sink` with each mixed cell of row `y` from `first` to `last` until it returns true; returns whether it did.
-    template <typename Sink> bool forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Sink &&sink) const;
+    // Where the texels of a cell are: rows and columns, -1 for the border.
+    struct Place {
+        std::int64_t x, y;
+        std::int64_t left, right, upper, lower;
+    };
+    [[nodiscard]] Cell read(const Place &place) const
+    {
+        return {place.x,
+                place.y,
+                texel(place.left, place.upper),
+                texel(place.right, place.upper),
+                texel(place.left, place.lower),
+                texel(place.right, place.lower)};
+    }
+    // Has the processor load the texels of a cell meanwhile.
+    void prefetch(const Place &place) const
+    {
+        const std::int64_t left = std::max<std::int64_t>(place.left, 0);
+        __builtin_prefetch(m_texture.alpha.data() + std::max<std::int64_t>(place.upper, 0) * pitch() + left);
+        __builtin_prefetch(m_texture.alpha.data() + std::max<std::int64_t>(place.lower, 0) * pitch() + left);
+    }
+    // Calls `sink` with the place of each mixed cell of row `y` from `first` to `last` until it returns true; returns
+    // whether it did.
+    template <typename Sink>
+    bool forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Sink &&sink) const;
 
 private:
     struct Rows {
@@ -65,20 +87,16 @@ private:
     [[nodiscard]] Rows rowsOf(const Axis::Run &run) const;
     [[nodiscard]] float texel(std::int64_t column, std::int64_t row) const
     {
-        return row < 0 || column < 0 ? m_texture.border : m_texture.alpha[static_cast<std::size_t>(
-                                                              row * static_cast<std::int64_t>(m_texture.width) + column)];
+        return row < 0 || column < 0
+                   ? m_texture.border
+                   : m_texture
+                         .alpha[static_cast<std::size_t>(row * static_cast<std::int64_t>(m_texture.width) + column)];
     }
-    [[nodiscard]] Cell read(std::int64_t x, std::int64_t y, std::int64_t stored, bool mirrored, const Rows &rows) const
+    [[nodiscard]] Place place(std::int64_t x, std::int64_t y, std::int64_t stored, bool mirrored,
+                              const Rows &rows) const
     {
         const auto at = static_cast<std::size_t>(stored);
-        const std::int64_t left = m_columns[mirrored ? at + 1 : at];
-        const std::int64_t right = m_columns[mirrored ? at : at + 1];
-        return {x,
-                y,
-                texel(left, rows.upper),
-                texel(right, rows.upper),
-                texel(left, rows.lower),
-                texel(right, rows.lower)};
+        return {x, y, m_columns[mirrored ? at + 1 : at], m_columns[mirrored ? at : at + 1], rows.upper, rows.lower};
     }
     void fill(const Thresholds &thresholds);
 
@@ -106,7 +124,7 @@ bool CellMap::forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Si
             const auto at = static_cast<std::size_t>(run.first);
             if ((bits[at / 64] >> (at % 64) & 1) != 0)
                 for (std::int64_t i = 0; i < run.count; ++i)
-                    if (sink(read(x + i, y, run.first, false, rows)))
+                    if (sink(place(x + i, y, run.first, false, rows)))
                         return true;
             x += run.count;
             continue;
@@ -122,8 +140,8 @@ bool CellMap::forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Si
             for (; set != 0; set &= set - 1) {
                 const std::int64_t stored = word * 64 + std::countr_zero(set);
                 const bool mirrored = run.step < 0;
-                const std::int64_t place = x + (mirrored ? run.first - stored : stored - run.first);
-                if (sink(read(place, y, stored, mirrored, rows)))
+                const std::int64_t at = x + (mirrored ? run.first - stored : stored - run.first);
+                if (sink(place(at, y, stored, mirrored, rows)))
                     return true;
             }
         }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <optional>
 
 #include "bake/exact.h"
@@ -60,8 +61,8 @@ constexpr std::int64_t kMostColumns = 1 << 15;
 //
 // A sub-triangle comes with the list of mixed cells that it touches. Divided, it hands each of its four parts those
 // that the part touches. A part with none has one outcome all over, and what it is follows from the part before it on
-// the curve, with which it shares points, or else from any point of it. At the bottom, each cell of the list is looked at
-// closely. The lists are made in single precision with room for its rounding: a cell too many costs time only.
+// the curve, with which it shares points, or else from any point of it. At the bottom, each cell of the list is looked
+// at closely. The lists are made in single precision with room for its rounding: a cell too many costs time only.
 class Classifier::Walk
 {
 public:
@@ -77,8 +78,6 @@ public:
     void run() { descendWide({{0, 0, 1 << m_level}, 0, false}, 0); }
 
 private:
-    using Near = ClassifierScratch::Near;
-
     // A sub-triangle of the level `depth`, its place on the curve, and whether the curve runs through it from the
     // lattice point (i + size, j) instead of (i, j).
     struct Node {
@@ -130,6 +129,13 @@ private:
     struct Parts;
     void uniform(const Node &node, std::uint32_t depth);
     void leaf(const Node &node, std::size_t list, std::size_t count);
+    // The lattice point of a micro-triangle, seen from a cell.
+    [[nodiscard]] Point cornerIn(const SubTriangle &sub, const Cell &cell) const
+    {
+        const Point corner = m_place.at(sub.i, sub.j);
+        return {corner.x - static_cast<double>(cell.x - m_place.baseX),
+                corner.y - static_cast<double>(cell.y - m_place.baseY)};
+    }
     bool crosses(const SubTriangle &sub, const Cell &cell);
     int sideOf(const SubTriangle &sub);
     State guess(const SubTriangle &sub) const;
@@ -182,8 +188,8 @@ void Classifier::Walk::descendWide(const Node &node, std::uint32_t depth)
             descendWide(part(node, child), depth + 1);
         return;
     }
-    const bool mixed =
-        m_place.forMixed(m_map, node.sub, [&](const Cell &cell) { return crosses(node.sub, cell); });
+    const bool mixed = m_place.forMixed(
+        m_map, node.sub, [&](const CellMap::Place &cell) { return crosses(node.sub, m_map.read(cell)); });
     if (!mixed) {
         uniform(node, depth);
         return;
@@ -198,8 +204,10 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
     const Point origin = p.at(node.sub.i, node.sub.j);
     const double steps = std::abs(static_cast<double>(node.sub.size));
     const auto toFloat = [](double x) { return static_cast<float>(x); };
-    // A few units in the last place of the largest coordinates and functions near here.
-    constexpr double kRounding = 0x1p-20;
+    // Every coordinate and function near here is the result of some ten operations that round to 2^-24 of the largest, and
+    // every value of some thirty.
+    constexpr double kRounding = 0x1p-19;
+    constexpr double kValueRounding = 0x1p-18;
     const double width = (p.high.x - p.low.x) * steps + p.marginX + 4;
     const double height = (p.high.y - p.low.y) * steps + p.marginY + 4;
     const auto reach = [&](const Point &gradient) {
@@ -225,25 +233,40 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
              0,
              0,
              m_texture.filter == Filter::Bilinear};
-    const double valueRounding = p.valueSlack + kRounding * (m_map.largest() + std::abs(m_cutoff));
+    const double valueRounding = p.valueSlack + kValueRounding * (m_map.largest() + std::abs(m_cutoff));
     frame.valueLow = toFloat(m_piece.thresholds().transparent - valueRounding);
     frame.valueHigh = toFloat(m_piece.thresholds().opaque + valueRounding);
 
-    m_scratch.cells.clear();
-    m_scratch.near.clear();
-    p.forMixed(m_map, node.sub, [&](const Cell &cell) {
+    // Texels are far away: while those of one cell come, the next ones are found.
+    m_scratch.places.clear();
+    p.forMixed(m_map, node.sub, [&](const CellMap::Place &cell) {
+        m_map.prefetch(cell);
+        m_scratch.places.push_back(cell);
+        return false;
+    });
+    // Not a number where a texel is not finite, or where products of values could leave the range of single precision.
+    constexpr float kNoNumber = std::numeric_limits<float>::quiet_NaN();
+    const double largest = std::max(m_map.largest(), std::abs(m_cutoff));
+    const bool tame = largest > 1e-12 && largest < 1e12;
+    const std::size_t count = m_scratch.places.size();
+    m_scratch.cells.resize(count);
+    m_scratch.near.resize(count);
+    for (std::size_t n = 0; n < count; ++n) {
+        const Cell cell = m_map.read(m_scratch.places[n]);
         const double x = static_cast<double>(cell.x - p.baseX) - origin.x;
         const double y = static_cast<double>(cell.y - p.baseY) - origin.y;
         const Point middle{x + 0.5, y + 0.5};
-        // Not a number where one of the texels is not finite, which keeps every part from being dropped.
-        const float f00 = cell.f00 + 0 * (cell.f10 + cell.f01 + cell.f11);
-        m_scratch.cells.push_back(cell);
-        m_scratch.near.push_back({toFloat(x), toFloat(y),
-                                  toFloat(p.gradientI.x * middle.x + p.gradientI.y * middle.y),
-                                  toFloat(p.gradientJ.x * middle.x + p.gradientJ.y * middle.y), f00, cell.f10 - f00,
-                                  cell.f01 - f00, cell.f11 - cell.f10 - cell.f01 + f00});
-        return false;
-    });
+        const float f00 = tame ? cell.f00 + 0 * (cell.f10 + cell.f01 + cell.f11) : kNoNumber;
+        m_scratch.cells[n] = cell;
+        m_scratch.near[n] = {toFloat(x),
+                             toFloat(y),
+                             toFloat(p.gradientI.x * middle.x + p.gradientI.y * middle.y),
+                             toFloat(p.gradientJ.x * middle.x + p.gradientJ.y * middle.y),
+                             f00,
+                             cell.f10 - f00,
+                             cell.f01 - f00,
+                             cell.f11 - cell.f10 - cell.f01 + f00};
+    }
 }
 
 // The parts of one sub-triangle, to be tested against many cells; a lane for each Part.
@@ -279,7 +302,7 @@ struct Classifier::Walk::Parts {
     }
 
     // Which parts a cell touches and may change the outcome in, as bits by Part.
-    [[nodiscard]] unsigned touched(const Near &cell) const
+    [[nodiscard]] unsigned touched(const NearCell &cell) const
     {
         // Three lines divide a triangle into its parts: i, j and their sum half way.
         const float fromI = flip * (cell.i - lineI);
@@ -384,7 +407,12 @@ void Classifier::Walk::uniform(const Node &node, std::uint32_t depth)
 void Classifier::Walk::leaf(const Node &node, std::size_t list, std::size_t count)
 {
     for (std::size_t n = 0; n < count; ++n) {
-        if (crosses(node.sub, m_scratch.cells[m_scratch.lists[list + n]])) {
+        const std::uint32_t which = m_scratch.lists[list + n];
+        const Cell &cell = m_scratch.cells[which];
+        Crossing crossing = Crossing::Open;
+        if (m_texture.filter == Filter::Bilinear)
+            crossing = m_piece.quick(cornerIn(node.sub, cell), node.sub.size < 0, m_scratch.near[which]);
+        if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(node.sub, cell))) {
             m_side = -1;
             writeState(m_packed, node.index, Format::FourState, guess(node.sub));
             return;
@@ -395,10 +423,7 @@ void Classifier::Walk::leaf(const Node &node, std::size_t list, std::size_t coun
 
 bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell)
 {
-    Point corner = m_place.at(sub.i, sub.j);
-    corner.x -= static_cast<double>(cell.x - m_place.baseX);
-    corner.y -= static_cast<double>(cell.y - m_place.baseY);
-    const Crossing crossing = m_piece(corner, sub.size < 0, cell);
+    const Crossing crossing = m_piece(cornerIn(sub, cell), sub.size < 0, cell);
     if (crossing != Crossing::Open)
         return crossing == Crossing::Yes;
     if (!m_place.exact)
@@ -465,9 +490,8 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
     const bool nearest = m_texture.filter == Filter::Nearest;
     const Float4 zero(0.0f);
     const Float4 one(1.0f);
-    const float *window = columns < kMostColumns && rows < kMostColumns
-                              ? m_map.window(x0, y0, x0 + columns, y0 + rows)
-                              : nullptr;
+    const float *window =
+        columns < kMostColumns && rows < kMostColumns ? m_map.window(x0, y0, x0 + columns, y0 + rows) : nullptr;
     unsigned opaque = 0;
     for (std::size_t n = 0; n < kSampleI.size(); n += 4) {
         const Float4 i = Float4(kSampleI[n], kSampleI[n + 1], kSampleI[n + 2], kSampleI[n + 3]) * Float4(s);
@@ -517,8 +541,8 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
 }
 
 Classifier::Classifier(const AlphaTexture &texture, const BakeOptions &options)
-    : m_texture(texture), m_options(options),
-      m_thresholds{options.cutoff - options.valueTolerance, options.cutoff + options.valueTolerance},
+    : m_texture(texture), m_options(options), m_thresholds{options.cutoff - options.valueTolerance,
+                                                           options.cutoff + options.valueTolerance},
       m_map(texture, m_thresholds)
 {
 }

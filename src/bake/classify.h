@@ -6,20 +6,16 @@
 
 #include "bake/bake.h"
 #include "bake/cell_map.h"
+#include "bake/piece.h"
 
 namespace vellum
 {
 
 // Lists of mixed cells that a classification needs on its way; to be kept from one triangle to the next.
 struct ClassifierScratch {
-    // A mixed cell, in single precision from a point near it: enough to drop it, never to decide.
-    struct Near {
-        float x, y;     // of texel f00
-        float i, j;     // the lattice functions of Placement at the middle
-        float f00, cx, cy, cxy;
-    };
+    std::vector<CellMap::Place> places;
     std::vector<Cell> cells;
-    std::vector<Near> near;
+    std::vector<NearCell> near;
     std::vector<std::uint32_t> lists;
 };
 

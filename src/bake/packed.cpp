@@ -82,9 +82,8 @@ std::optional<State> uniformState(const StateCounts &counts)
 {
     for (std::size_t s = 0; s < counts.size(); ++s)
         if (counts[s] != 0)
-            return counts[s] == counts[0] + counts[1] + counts[2] + counts[3]
-                       ? std::optional(static_cast<State>(s))
-                       : std::nullopt;
+            return counts[s] == counts[0] + counts[1] + counts[2] + counts[3] ? std::optional(static_cast<State>(s))
+                                                                              : std::nullopt;
     return std::nullopt;
 }
 

@@ -27,7 +27,8 @@ void toTwoState(std::uint8_t *data, std::uint32_t level, TwoStateRule rule);
 // Makes opaque what is transparent and the other way round, known or not, in 4-state data.
 void swapOutcomes(std::uint8_t *data, std::uint32_t level);
 
-// Keeps the states of `data` that `other` has, too, and makes the others unknown: 4-state data that holds for two textures.
+// Keeps the states of `data` that `other` has, too, and makes the others unknown: 4-state data that holds for two
+// textures.
 void keepCommon(std::uint8_t *data, const std::uint8_t *other, std::uint32_t level);
 
 // Turns 4-state data of a level, above 0, into that of the level below, in place: a state is known if those of its four

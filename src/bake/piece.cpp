@@ -50,8 +50,8 @@ struct Extent {
 } // namespace
 
 PieceTest::PieceTest(const Placement &placement, Filter filter, const Thresholds &thresholds)
-    : m_filter(filter), m_margins(placement.marginX != 0 || placement.marginY != 0), m_clip(2 * placement.slack), m_lineSlack(placement.lineSlack),
-      m_opaqueSurely(thresholds.opaque + placement.valueSlack),
+    : m_filter(filter), m_margins(placement.marginX != 0 || placement.marginY != 0), m_clip(2 * placement.slack),
+      m_lineSlack(placement.lineSlack), m_opaqueSurely(thresholds.opaque + placement.valueSlack),
       m_opaquePerhaps(thresholds.transparent + placement.valueSlack),
       m_transparentSurely(thresholds.transparent - placement.valueSlack),
       m_transparentPerhaps(thresholds.opaque - placement.valueSlack), m_thresholds(thresholds)
@@ -83,11 +83,139 @@ PieceTest::PieceTest(const Placement &placement, Filter filter, const Thresholds
         shape.high = {(s > 0 ? placement.high.x : -placement.low.x) + reachX,
                       (s > 0 ? placement.high.y : -placement.low.y) + reachY};
     }
+    makeQuick(placement);
+}
+
+void PieceTest::makeQuick(const Placement &placement)
+{
+    // Coordinates that a micro-triangle and a cell which it touches have, seen from either: single precision is off by
+    // 2^-24 of them for each rounding. The values and the three functions follow as in Placement.
+    const double extent = placement.high.x - placement.low.x + placement.high.y - placement.low.y +
+                          2 * (placement.marginX + placement.marginY) + 4;
+    const double slack = 2 * placement.slack + 0x1p-21 * extent;
+    const double gradients = std::abs(placement.gradientI.x) + std::abs(placement.gradientI.y) +
+                             std::abs(placement.gradientJ.x) + std::abs(placement.gradientJ.y);
+    const double largest =
+        std::max({std::abs(m_thresholds.transparent), std::abs(m_thresholds.opaque), placement.largestValue});
+    const double valueSlack = placement.valueSlack + 64 * slack * placement.largestValue + 0x1p-18 * largest;
+    const auto toFloat = [](double x) { return static_cast<float>(x); };
+    m_quickClip = toFloat(2 * slack);
+    m_quickLineSlack = toFloat(2 * m_lineSlack + 8 * slack * gradients);
+    m_quickOpaqueSurely = toFloat(m_thresholds.opaque + valueSlack);
+    m_quickOpaquePerhaps = toFloat(m_thresholds.transparent + valueSlack);
+    m_quickTransparentSurely = toFloat(m_thresholds.transparent - valueSlack);
+    m_quickTransparentPerhaps = toFloat(m_thresholds.opaque - valueSlack);
+    for (std::size_t which = 0; which < 2; ++which) {
+        const Shape &from = m_shapes[which];
+        QuickShape &to = m_quick[which];
+        const auto lanes = [&](Point Edge::*member, double Point::*axis) {
+            const auto at = [&](std::size_t k) { return toFloat(from.edges[k].*member.*axis); };
+            return Float4(at(0), at(1), at(2), at(2));
+        };
+        // A delta of almost 0 leaves all of an edge, or nothing.
+        const auto inverses = [&](double Point::*axis) {
+            const auto at = [&](std::size_t k) {
+                constexpr float kLargest = 1e30f;
+                const float delta = toFloat(from.edges[k].delta.*axis);
+                return std::abs(delta) > 1 / kLargest ? 1 / delta : kLargest;
+            };
+            return Float4(at(0), at(1), at(2), at(2));
+        };
+        to.startX = lanes(&Edge::start, &Point::x);
+        to.startY = lanes(&Edge::start, &Point::y);
+        to.deltaX = lanes(&Edge::delta, &Point::x);
+        to.deltaY = lanes(&Edge::delta, &Point::y);
+        to.inverseX = inverses(&Point::x);
+        to.inverseY = inverses(&Point::y);
+        for (std::size_t k = 0; k < 3; ++k) {
+            to.lineX[k] = toFloat(from.lines[k].gradient.x);
+            to.lineY[k] = toFloat(from.lines[k].gradient.y);
+            to.lineConstant[k] = toFloat(from.lines[k].constant);
+        }
+        to.lowX = toFloat(from.low.x - 2 * slack);
+        to.lowY = toFloat(from.low.y - 2 * slack);
+        to.highX = toFloat(from.high.x + 2 * slack);
+        to.highY = toFloat(from.high.y + 2 * slack);
+    }
+}
+
+// As bilinear(), for three edges and then for four corners at once.
+Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cell) const
+{
+    if (std::isnan(cell.f00))
+        return Crossing::Open;
+    const QuickShape &shape = m_quick[inverted ? 1 : 0];
+    const auto cornerX = static_cast<float>(cornerInCell.x);
+    const auto cornerY = static_cast<float>(cornerInCell.y);
+    const float x0 = std::max(0.0f, cornerX + shape.lowX);
+    const float x1 = std::min(1.0f, cornerX + shape.highX);
+    const float y0 = std::max(0.0f, cornerY + shape.lowY);
+    const float y1 = std::min(1.0f, cornerY + shape.highY);
+    if (x0 > x1 || y0 > y1)
+        return Crossing::No;
+    const Float4 zero(0.0f);
+    const Float4 one(1.0f);
+    const Float4 f00(cell.f00);
+    const Float4 cx(cell.cx);
+    const Float4 cy(cell.cy);
+    const Float4 cxy(cell.cxy);
+    const auto value = [&](Float4 x, Float4 y) { return f00 + cx * x + (cy + cxy * x) * y; };
+
+    const Float4 low(-m_quickClip);
+    const Float4 high(1 + m_quickClip);
+    const Float4 ax = Float4(cornerX) + shape.startX;
+    const Float4 ay = Float4(cornerY) + shape.startY;
+    const Float4 sx0 = (low - ax) * shape.inverseX;
+    const Float4 sx1 = (high - ax) * shape.inverseX;
+    const Float4 sy0 = (low - ay) * shape.inverseY;
+    const Float4 sy1 = (high - ay) * shape.inverseY;
+    const Float4 from = max(zero, max(min(sx0, sx1), min(sy0, sy1)));
+    const Float4 to = min(one, min(max(sx0, sx1), max(sy0, sy1)));
+    const auto along = [&](Float4 s) { return value(ax + s * shape.deltaX, ay + s * shape.deltaY); };
+    const Float4 first = along(from);
+    const Float4 last = along(to);
+    const Float4 twiceQ2 = (cxy + cxy) * shape.deltaX * shape.deltaY;
+    const Float4 q1 = cx * shape.deltaX + cy * shape.deltaY + cxy * (ax * shape.deltaY + ay * shape.deltaX);
+    const Float4 slopes = (q1 + twiceQ2 * from) * (q1 + twiceQ2 * to);
+    const Float4 turn = max(from, min(to, (zero - q1) / twiceQ2));
+    const Float4 middle = selectBelow(slopes, zero, along(turn), first);
+    // Edges beside the cell, for which `to` is below `from`, say nothing.
+    constexpr float kNothing = std::numeric_limits<float>::infinity();
+    const Float4 least = selectBelow(to, from, Float4(kNothing), min(min(first, last), middle));
+    const Float4 most = selectBelow(to, from, Float4(-kNothing), max(max(first, last), middle));
+    float surelyLow = least.least();
+    float surelyHigh = most.most();
+    const auto crosses = [&] { return surelyLow < m_quickTransparentPerhaps && surelyHigh >= m_quickOpaquePerhaps; };
+    if (crosses())
+        return Crossing::Yes;
+
+    const Float4 cornersX(x0, x1, x0, x1);
+    const Float4 cornersY(y0, y0, y1, y1);
+    const Float4 fromX = cornersX - Float4(cornerX);
+    const Float4 fromY = cornersY - Float4(cornerY);
+    Float4 inside(kNothing);
+    for (std::size_t k = 0; k < 3; ++k)
+        inside = min(inside,
+                     fromX * Float4(shape.lineX[k]) + fromY * Float4(shape.lineY[k]) + Float4(shape.lineConstant[k]));
+    const Float4 corners = value(cornersX, cornersY);
+    const Float4 slack(m_quickLineSlack);
+    const Float4 below = zero - slack;
+    const float perhapsLow = selectBelow(inside, below, Float4(kNothing), corners).least();
+    const float perhapsHigh = selectBelow(inside, below, Float4(-kNothing), corners).most();
+    surelyLow = std::min(surelyLow, selectBelow(slack, inside, corners, Float4(kNothing)).least());
+    surelyHigh = std::max(surelyHigh, selectBelow(slack, inside, corners, Float4(-kNothing)).most());
+    if (crosses())
+        return Crossing::Yes;
+    const float all = std::min(surelyLow, perhapsLow);
+    const float none = std::max(surelyHigh, perhapsHigh);
+    if (all >= m_quickOpaqueSurely || none < m_quickTransparentSurely)
+        return Crossing::No;
+    return Crossing::Open;
 }
 
 // The extremes of a bilinear function over a convex polygon are at its corners, or where it turns along a slanted side.
-// The polygon is the cell, cut by the box around the micro-triangle and by its three moved edges. Each of its corners is
-// the end of a clipped edge, or a corner of the cell cut by the box.
+// The polygon is the cell, cut by the box around the micro-triangle and by its three moved edges. Each of its corners
+// is the end of a clipped edge, or a corner of the cell cut by the box.
 //
 // Everything is clipped a little late, so that each true extreme is within what is looked at; and what is looked at is
 // near enough to the micro-triangle for its value to count, but for corners that are just about inside.
@@ -135,8 +263,8 @@ Crossing PieceTest::bilinear(Point corner, const Shape &shape, const Cell &cell)
                 continue;
             double inside = std::numeric_limits<double>::infinity();
             for (const Line &line : shape.lines)
-                inside = std::min(inside, (x - corner.x) * line.gradient.x + (y - corner.y) * line.gradient.y +
-                                              line.constant);
+                inside = std::min(inside,
+                                  (x - corner.x) * line.gradient.x + (y - corner.y) * line.gradient.y + line.constant);
             if (inside < -m_lineSlack)
                 continue;
             (inside > m_lineSlack ? surely : perhaps).add(value(x, y));

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "bake/cell_map.h"
+#include "bake/float4.h"
 #include "bake/placement.h"
 
 namespace vellum
@@ -13,6 +14,14 @@ enum class Crossing {
     No,   // one outcome, or the two do not touch
     Yes,  // both
     Open, // rounding hides it
+};
+
+// A mixed cell in single precision: enough to say what is far from doubtful.
+struct NearCell {
+    float x, y;             // of texel f00, from a point near by
+    float i, j;             // the lattice functions of Placement at the middle
+    float f00, cx, cy, cxy; // the filtered value is f00 + cx * x + cy * y + cxy * x * y; not a number if a texel is
+                            // not finite
 };
 
 class PieceTest
@@ -28,6 +37,8 @@ public:
                                             : nearest(corner, m_shapes[inverted ? 1 : 0], cell);
     }
 
+    // The same for bilinear filtering, four times as fast and Open more often.
+    [[nodiscard]] Crossing quick(Point corner, bool inverted, const NearCell &cell) const;
     [[nodiscard]] const Thresholds &thresholds() const { return m_thresholds; }
 
 private:
@@ -37,11 +48,17 @@ private:
         Point delta;
         Point inverse; // of delta; 0 where delta is
     };
-    // A function that is not negative on the inner side of an edge: w.x * gradient.x + w.y * gradient.y + constant, for w
-    // from the lattice point.
+    // A function that is not negative on the inner side of an edge: w.x * gradient.x + w.y * gradient.y + constant, for
+    // w from the lattice point.
     struct Line {
         Point gradient;
         double constant;
+    };
+    // The edges and lines of a shape, a lane for each; the last edge is there twice.
+    struct QuickShape {
+        Float4 startX, startY, deltaX, deltaY, inverseX, inverseY;
+        std::array<float, 3> lineX, lineY, lineConstant;
+        float lowX, lowY, highX, highY;
     };
     struct Shape {
         std::array<Edge, 3> edges;
@@ -50,12 +67,13 @@ private:
         Point high;
     };
 
+    void makeQuick(const Placement &placement);
     [[nodiscard]] Crossing bilinear(Point corner, const Shape &shape, const Cell &cell) const;
     [[nodiscard]] Crossing nearest(Point corner, const Shape &shape, const Cell &cell) const;
 
     Filter m_filter;
     bool m_margins;
-    double m_clip;        // how far beyond its sides a cell is clipped
+    double m_clip; // how far beyond its sides a cell is clipped
     double m_lineSlack;
     double m_opaqueSurely; // values from here on are opaque, whatever rounding did
     double m_opaquePerhaps;
@@ -63,6 +81,13 @@ private:
     double m_transparentPerhaps;
     Thresholds m_thresholds;
     std::array<Shape, 2> m_shapes;
+    std::array<QuickShape, 2> m_quick;
+    float m_quickClip;
+    float m_quickLineSlack;
+    float m_quickOpaqueSurely;
+    float m_quickOpaquePerhaps;
+    float m_quickTransparentSurely;
+    float m_quickTransparentPerhaps;
 };
 
 } // namespace vellum

@@ -69,14 +69,15 @@ Placement::Placement(const AlphaTexture &texture, const CellMap &map, const Bake
     gradientSum = {gradientI.x + gradientJ.x, gradientI.y + gradientJ.y};
 
     // With u = 2^-53 and m the largest coordinate of a vertex in texels: a vertex is off by 2um (the half, the whole
-    // position), e1 and e2 by 6um, and a lattice point by 2um + 6um + 4um more for its own products and sums. The rest is
-    // for what is computed from it.
+    // position), e1 and e2 by 6um, and a lattice point by 2um + 6um + 4um more for its own products and sums. The rest
+    // is for what is computed from it.
     const double largest = std::max({std::abs(minX), std::abs(maxX), std::abs(minY), std::abs(maxY), 1.0});
     slack = 0x1p-46 * largest;
     // The functions are cross products of a vector from the triangle to a cell that it touches, and an edge.
     lineSlack = 16 * slack * (size(e1) + size(e2) + marginX + marginY + 4);
-    // Neighbouring texels differ by twice the largest, so a value changes by no more than four times that for each texel
-    // of distance; and it is rounded itself, together with the cutoff.
+    // Neighbouring texels differ by twice the largest, so a value changes by no more than four times that for each
+    // texel of distance; and it is rounded itself, together with the cutoff.
+    largestValue = map.largest();
     valueSlack = 64 * slack * map.largest() + 0x1p-46 * (map.largest() + std::abs(options.cutoff));
     exact = options.valueTolerance == 0 && marginX == 0 && marginY == 0;
 }

@@ -1,8 +1,8 @@
 // A triangle placed over the cells of a texture, in double precision, with bounds for what rounding can do to it.
 //
-// The triangle's own coordinates count cells from a whole position near its corners, so that they are small, whatever the
-// texture coordinates are. A micro-triangle stands at a lattice point (i, j) with the corners (i, j), (i + n, j) and
-// (i, j + n), n = 1 or -1; sub-triangles have an n of more.
+// The triangle's own coordinates count cells from a whole position near its corners, so that they are small, whatever
+// the texture coordinates are. A micro-triangle stands at a lattice point (i, j) with the corners (i, j), (i + n, j)
+// and (i, j + n), n = 1 or -1; sub-triangles have an n of more.
 #pragma once
 
 #include <array>
@@ -37,9 +37,10 @@ struct Placement {
         return {origin.x + i * stepI.x + j * stepJ.x, origin.y + i * stepI.y + j * stepJ.y};
     }
 
-    // Calls `sink` with each mixed cell that the sub-triangle touches, margins included, and perhaps others beside it,
-    // until it returns true; returns whether it did.
-    template <typename Sink> bool forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const;
+    // Calls `sink` with the place of each mixed cell that the sub-triangle touches, margins included, and perhaps
+    // others beside it, until it returns true; returns whether it did.
+    template <typename Sink>
+    bool forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const;
     // How many cells the box around a sub-triangle has, about.
     [[nodiscard]] double boxCells(const SubTriangle &sub) const;
 
@@ -55,22 +56,25 @@ struct Placement {
     double marginX; // how far from the exact place, in cells, a sample may be
     double marginY;
 
-    // Twice the area of a micro-triangle, in cells. Three functions count i, j and i + j in these units: their gradients.
+    // Twice the area of a micro-triangle, in cells. Three functions count i, j and i + j in these units: their
+    // gradients.
     double area;
     Point gradientI;
     Point gradientJ;
     Point gradientSum;
 
-    double slack;      // no coordinate is off by more than this
-    double lineSlack;  // nor one of the three functions by more than this
-    double valueSlack; // nor a filtered value that is computed for such a coordinate
-    bool exact;        // no tolerances: what rounding leaves open is decided exactly
+    double slack;        // no coordinate is off by more than this
+    double lineSlack;    // nor one of the three functions by more than this
+    double largestValue; // no finite texel is further from 0
+    double valueSlack;   // nor a filtered value that is computed for such a coordinate
+    bool exact;          // no tolerances: what rounding leaves open is decided exactly
 };
 
 // Whether the triangle can be placed: single precision tells the texels that it covers apart.
 bool usable(const TriangleUvs &uvs, const AlphaTexture &texture);
 
-template <typename Sink> bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const
+template <typename Sink>
+bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const
 {
     const Point corners[] = {at(sub.i, sub.j), at(sub.i + sub.size, sub.j), at(sub.i, sub.j + sub.size)};
     struct Edge {

@@ -48,8 +48,8 @@ std::vector<OraclePoint<N>> cornersOf(const AlphaTexture &texture, const Triangl
 
 struct Tally {
     std::size_t all = 0;
-    std::size_t mixed = 0; // as they should be
-    std::size_t wrong = 0; // claims that the oracle contradicts
+    std::size_t mixed = 0;    // as they should be
+    std::size_t wrong = 0;    // claims that the oracle contradicts
     std::size_t needless = 0; // unknown states that it does not find mixed
 };
 
@@ -96,9 +96,8 @@ void compareAll(Tally &sum, const AlphaTexture &texture, const std::vector<Trian
             const State state = stateOf(result, t, i, *options.level);
             tally(sum, state, oracle.least(), oracle.most(), cutoff, cutoff, hidden);
             ASSERT_TRUE(sum.wrong == before.wrong && sum.needless == before.needless)
-                << "triangle " << t << ", micro-triangle " << i << " is " << static_cast<int>(state)
-                << ", alpha from " << static_cast<double>(oracle.least()) << " to "
-                << static_cast<double>(oracle.most());
+                << "triangle " << t << ", micro-triangle " << i << " is " << static_cast<int>(state) << ", alpha from "
+                << static_cast<double>(oracle.least()) << " to " << static_cast<double>(oracle.most());
         }
     }
 }
@@ -173,8 +172,7 @@ std::vector<OraclePoint<long double>> widened(const std::vector<OraclePoint<long
     for (const P &p : corners)
         for (const int corner : {0, 1, 2, 3})
             points.push_back({p.x + (corner % 2 == 0 ? -x : x), p.y + (corner / 2 == 0 ? -y : y)});
-    std::sort(points.begin(), points.end(),
-              [](const P &a, const P &b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
+    std::sort(points.begin(), points.end(), [](const P &a, const P &b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
     std::vector<P> hull;
     for (const bool back : {false, true}) {
         const std::size_t start = hull.size();

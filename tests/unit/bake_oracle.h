@@ -1,8 +1,8 @@
 // What the baker's states must be, by another way: the filter's definition, evaluated wherever an extreme can be.
 //
-// Over a convex polygon a filtered value has its extremes on the polygon's sides or at texel centres inside. A side is cut
-// where it passes from one set of texels to the next; between the cuts the value is a quadratic, known from three samples.
-// With N = Rational all of that is exact; with long double it is good to some 1e-12.
+// Over a convex polygon a filtered value has its extremes on the polygon's sides or at texel centres inside. A side is
+// cut where it passes from one set of texels to the next; between the cuts the value is a quadratic, known from three
+// samples. With N = Rational all of that is exact; with long double it is good to some 1e-12.
 #pragma once
 
 #include <algorithm>
@@ -121,13 +121,15 @@ inline std::int64_t specifiedTexel(std::int64_t i, std::int64_t size, Wrap wrap)
     throw std::logic_error("no such address mode");
 }
 
-template <typename N> struct OraclePoint {
+template <typename N>
+struct OraclePoint {
     N x; // in texels: u * width
     N y;
 };
 
 // The least and the largest filtered value over a convex polygon.
-template <typename N> class Oracle
+template <typename N>
+class Oracle
 {
 public:
     explicit Oracle(const AlphaTexture &texture) : m_texture(texture) {}
@@ -160,8 +162,8 @@ private:
         const std::int64_t x = specifiedTexel(i, m_texture.width, m_texture.wrapU);
         const std::int64_t y = specifiedTexel(j, m_texture.height, m_texture.wrapV);
         const bool inside = x >= 0 && x < m_texture.width && y >= 0 && y < m_texture.height;
-        const float alpha = inside ? m_texture.alpha[static_cast<std::size_t>(y * m_texture.width + x)]
-                                   : m_texture.border;
+        const float alpha =
+            inside ? m_texture.alpha[static_cast<std::size_t>(y * m_texture.width + x)] : m_texture.border;
         return numberOf(double{alpha}, N{});
     }
 
@@ -186,9 +188,7 @@ private:
         cut(from.x, to.x);
         cut(from.y, to.y);
         std::sort(cuts.begin(), cuts.end());
-        const auto at = [&](const N &s) {
-            return sample(from.x + s * (to.x - from.x), from.y + s * (to.y - from.y));
-        };
+        const auto at = [&](const N &s) { return sample(from.x + s * (to.x - from.x), from.y + s * (to.y - from.y)); };
         // Where N rounds, a cut of nearest filtering reads a texel beside the side.
         constexpr bool kExact = std::is_same_v<N, Rational>;
         const bool cutsCount = kExact || m_texture.filter == Filter::Bilinear;
