@@ -220,8 +220,7 @@ private:
 
 // The states of a distinct triangle, packed.
 struct Packed {
-    std::uint8_t *data; // of `format`
-    Format format;
+    std::uint8_t *data;
     std::optional<State> uniform;
     StateCounts counts{};
     std::uint64_t hash = 0;
@@ -234,7 +233,6 @@ void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, 
     for (std::uint32_t fold = triangle.folds; fold > 0; --fold)
         foldOnce(packed.data, triangle.level + fold);
     packed.counts = countStates(packed.data, triangle.level);
-    packed.format = triangle.format;
     auto &[transparent, opaque, unknownTransparent, unknownOpaque] = packed.counts;
     const std::uint64_t unknown = unknownTransparent + unknownOpaque;
     if (triangle.format == Format::TwoState) {
@@ -251,13 +249,10 @@ void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, 
         packed.counts = {};
         packed.counts[static_cast<std::size_t>(mostlyOpaque ? State::UnknownOpaque : State::UnknownTransparent)] =
             microTriangleCount(triangle.level);
-    } else if (unknown == 0 && options.mixFormats) {
-        packed.format = Format::TwoState;
-        toTwoState(packed.data, triangle.level, TwoStateRule::Nearest);
     }
     packed.uniform = uniformState(packed.counts);
     if (!packed.uniform)
-        packed.hash = hashBytes(packed.data, packedBytes(triangle.level, packed.format), triangle.level);
+        packed.hash = hashBytes(packed.data, packedBytes(triangle.level, triangle.format), triangle.level);
 }
 
 // Levels that keep the result within the budget, by what each triangle would be at each of them.
@@ -352,7 +347,7 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
         for (std::size_t i = begin; i < indexOf.size() && (bytes < room || batch.empty()); ++i) {
             offsets.push_back(bytes);
             bytes += distinct.triangles[i].classifiedBytes();
-            batch.push_back({nullptr, Format::FourState, {}, {}, 0});
+            batch.push_back({nullptr, {}, {}, 0});
         }
         if (buffer.size() < bytes)
             buffer.resize(bytes);
@@ -370,8 +365,8 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
             if (packed.uniform)
                 result.statistics.special[static_cast<std::size_t>(*packed.uniform)] += triangle.uses;
             indexOf[begin + i] = packed.uniform ? specialIndex(*packed.uniform)
-                                                : assembly.add(packed.data, triangle.level, packed.format, packed.hash,
-                                                               options.maxDataBytes);
+                                                : assembly.add(packed.data, triangle.level, triangle.format,
+                                                               packed.hash, options.maxDataBytes);
         }
     }
     assembly.micromap.indices.reserve(total);

@@ -45,8 +45,6 @@ struct BakeOptions {
     // FourState keeps unknown states. TwoState makes them known by `twoStateRule`: smaller, and an approximation.
     Format format = Format::FourState;
     TwoStateRule twoStateRule = TwoStateRule::Nearest;
-    // Stores 4-state triangles without unknown states in 2-state data, half the size for the same picture.
-    bool mixFormats = false;
     // Subdivision level of every triangle, 0..12. Without it each triangle gets the level at which the legs of its
     // micro-triangles are about `texelsPerEdge` texels long, at most `maxLevel`.
     std::optional<std::uint32_t> level;
