@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <optional>
 
 #include "bake/exact.h"
@@ -204,8 +203,8 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
     const Point origin = p.at(node.sub.i, node.sub.j);
     const double steps = std::abs(static_cast<double>(node.sub.size));
     const auto toFloat = [](double x) { return static_cast<float>(x); };
-    // Every coordinate and function near here is the result of some ten operations that round to 2^-24 of the largest, and
-    // every value of some thirty.
+    // Every coordinate and function near here is the result of some ten operations that round to 2^-24 of the largest,
+    // and every value of some thirty.
     constexpr double kRounding = 0x1p-19;
     constexpr double kValueRounding = 0x1p-18;
     const double width = (p.high.x - p.low.x) * steps + p.marginX + 4;
@@ -244,10 +243,6 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
         m_scratch.places.push_back(cell);
         return false;
     });
-    // Not a number where a texel is not finite, or where products of values could leave the range of single precision.
-    constexpr float kNoNumber = std::numeric_limits<float>::quiet_NaN();
-    const double largest = std::max(m_map.largest(), std::abs(m_cutoff));
-    const bool tame = largest > 1e-12 && largest < 1e12;
     const std::size_t count = m_scratch.places.size();
     m_scratch.cells.resize(count);
     m_scratch.near.resize(count);
@@ -256,16 +251,13 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
         const double x = static_cast<double>(cell.x - p.baseX) - origin.x;
         const double y = static_cast<double>(cell.y - p.baseY) - origin.y;
         const Point middle{x + 0.5, y + 0.5};
-        const float f00 = tame ? cell.f00 + 0 * (cell.f10 + cell.f01 + cell.f11) : kNoNumber;
+        NearCell near = m_piece.near(cell);
+        near.x = toFloat(x);
+        near.y = toFloat(y);
+        near.i = toFloat(p.gradientI.x * middle.x + p.gradientI.y * middle.y);
+        near.j = toFloat(p.gradientJ.x * middle.x + p.gradientJ.y * middle.y);
         m_scratch.cells[n] = cell;
-        m_scratch.near[n] = {toFloat(x),
-                             toFloat(y),
-                             toFloat(p.gradientI.x * middle.x + p.gradientI.y * middle.y),
-                             toFloat(p.gradientJ.x * middle.x + p.gradientJ.y * middle.y),
-                             f00,
-                             cell.f10 - f00,
-                             cell.f01 - f00,
-                             cell.f11 - cell.f10 - cell.f01 + f00};
+        m_scratch.near[n] = near;
     }
 }
 

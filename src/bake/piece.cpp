@@ -98,6 +98,7 @@ void PieceTest::makeQuick(const Placement &placement)
     const double largest =
         std::max({std::abs(m_thresholds.transparent), std::abs(m_thresholds.opaque), placement.largestValue});
     const double valueSlack = placement.valueSlack + 64 * slack * placement.largestValue + 0x1p-18 * largest;
+    m_tame = largest > 1e-12 && largest < 1e12;
     const auto toFloat = [](double x) { return static_cast<float>(x); };
     m_quickClip = toFloat(2 * slack);
     m_quickLineSlack = toFloat(2 * m_lineSlack + 8 * slack * gradients);
@@ -137,6 +138,17 @@ void PieceTest::makeQuick(const Placement &placement)
         to.highX = toFloat(from.high.x + 2 * slack);
         to.highY = toFloat(from.high.y + 2 * slack);
     }
+}
+
+NearCell PieceTest::near(const Cell &cell) const
+{
+    NearCell near{};
+    const float all = cell.f00 + cell.f10 + cell.f01 + cell.f11;
+    near.f00 = m_tame && std::isfinite(all) ? cell.f00 : std::numeric_limits<float>::quiet_NaN();
+    near.cx = cell.f10 - near.f00;
+    near.cy = cell.f01 - near.f00;
+    near.cxy = cell.f11 - cell.f10 - cell.f01 + near.f00;
+    return near;
 }
 
 // As bilinear(), for three edges and then for four corners at once.

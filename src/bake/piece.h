@@ -37,7 +37,9 @@ public:
                                             : nearest(corner, m_shapes[inverted ? 1 : 0], cell);
     }
 
-    // The same for bilinear filtering, four times as fast and Open more often.
+    // The values of a cell in single precision; its place is left to be set.
+    [[nodiscard]] NearCell near(const Cell &cell) const;
+    // The same for bilinear filtering, four times as fast and Open more often. The place of the cell does not matter.
     [[nodiscard]] Crossing quick(Point corner, bool inverted, const NearCell &cell) const;
     [[nodiscard]] const Thresholds &thresholds() const { return m_thresholds; }
 
@@ -82,6 +84,7 @@ private:
     Thresholds m_thresholds;
     std::array<Shape, 2> m_shapes;
     std::array<QuickShape, 2> m_quick;
+    bool m_tame; // values are neither too large nor too small for products of them in single precision
     float m_quickClip;
     float m_quickLineSlack;
     float m_quickOpaqueSurely;
