@@ -99,7 +99,7 @@ void CellMap::fill(const Thresholds &thresholds)
 {
     const Classes classify{atLeast(thresholds.opaque), atLeast(thresholds.transparent)};
     const auto stored = static_cast<std::size_t>(m_axisY.cells());
-    m_mixed.resize(stored * m_words);
+    m_mixed.resize((stored + 1) * m_words);
     m_opaque.resize(stored * m_words);
 
     // Words of 64 padded texels, and one for the last cell's right neighbour. What lies behind the row counts as opaque
@@ -145,6 +145,8 @@ void CellMap::fill(const Thresholds &thresholds)
         // The cell behind the last one has but one texel that belongs to the row.
         const std::size_t last = static_cast<std::size_t>(m_axisX.cells());
         mixed[last / 64] &= (std::uint64_t{1} << (last % 64)) - 1;
+        for (std::size_t word = 0; word < m_words; ++word)
+            m_mixed[stored * m_words + word] |= mixed[word];
     }
     m_anyMixed = any != 0;
     m_largest = double{std::bit_cast<float>(largest)};

@@ -77,7 +77,21 @@ public:
     // Calls `sink` with the place of each mixed cell of row `y` from `first` to `last` until it returns true; returns
     // whether it did.
     template <typename Sink>
-    bool forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Sink &&sink) const;
+    bool forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Sink &&sink) const
+    {
+        const Axis::Run row = m_axisY.run(y, y);
+        const Rows rows = rowsOf(row);
+        return scan(static_cast<std::size_t>(row.first), first, last,
+                    [&](std::int64_t x, std::int64_t stored, bool mirrored) {
+                        return sink(place(x, y, stored, mirrored, rows));
+                    });
+    }
+    // Whether any cell of the columns from `first` to `last` is mixed.
+    [[nodiscard]] bool anyMixedIn(std::int64_t first, std::int64_t last) const
+    {
+        return scan(static_cast<std::size_t>(m_axisY.cells()), first, last,
+                    [](std::int64_t, std::int64_t, bool) { return true; });
+    }
 
 private:
     struct Rows {
@@ -99,6 +113,10 @@ private:
         return {x, y, m_columns[mirrored ? at + 1 : at], m_columns[mirrored ? at : at + 1], rows.upper, rows.lower};
     }
     void fill(const Thresholds &thresholds);
+    // Calls `sink` with the position of each mixed cell of a stored row, with its stored column, and whether it is
+    // mirrored, until it returns true.
+    template <typename Sink>
+    bool scan(std::size_t row, std::int64_t first, std::int64_t last, Sink &&sink) const;
 
     const AlphaTexture &m_texture;
     Axis m_axisX;
@@ -106,25 +124,23 @@ private:
     bool m_anyMixed = false;
     double m_largest = 0;
     std::size_t m_words;                 // of one row of bits
-    std::vector<std::uint64_t> m_mixed;  // one bit for each stored cell
+    std::vector<std::uint64_t> m_mixed;  // one bit for each stored cell; behind the last row, one for all of its column
     std::vector<std::uint64_t> m_opaque; // likewise
     std::vector<std::int32_t> m_columns; // texels of padded rows
     std::vector<std::int32_t> m_rows;
 };
 
 template <typename Sink>
-bool CellMap::forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Sink &&sink) const
+bool CellMap::scan(std::size_t row, std::int64_t first, std::int64_t last, Sink &&sink) const
 {
-    const Axis::Run row = m_axisY.run(y, y);
-    const Rows rows = rowsOf(row);
-    const std::uint64_t *bits = &m_mixed[static_cast<std::size_t>(row.first) * m_words];
+    const std::uint64_t *bits = &m_mixed[row * m_words];
     for (std::int64_t x = first; x <= last;) {
         const Axis::Run run = m_axisX.run(x, last);
         if (run.step == 0) {
             const auto at = static_cast<std::size_t>(run.first);
             if ((bits[at / 64] >> (at % 64) & 1) != 0)
                 for (std::int64_t i = 0; i < run.count; ++i)
-                    if (sink(place(x + i, y, run.first, false, rows)))
+                    if (sink(x + i, run.first, false))
                         return true;
             x += run.count;
             continue;
@@ -141,7 +157,7 @@ bool CellMap::forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Si
                 const std::int64_t stored = word * 64 + std::countr_zero(set);
                 const bool mirrored = run.step < 0;
                 const std::int64_t at = x + (mirrored ? run.first - stored : stored - run.first);
-                if (sink(place(at, y, stored, mirrored, rows)))
+                if (sink(at, stored, mirrored))
                     return true;
             }
         }

@@ -95,10 +95,12 @@ bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink
     }
     const double reachX = marginX + 2 * slack;
     const double reachY = marginY + 2 * slack;
-    const auto last = static_cast<std::int64_t>(std::floor(bottom + reachY));
-    for (auto row = static_cast<std::int64_t>(std::floor(top - reachY)); row <= last; ++row) {
-        const double from = static_cast<double>(row) - reachY;
-        const double to = static_cast<double>(row + 1) + reachY;
+    const auto columnOf = [&](double x) { return baseX + static_cast<std::int64_t>(std::floor(x)); };
+    // The columns between two horizontal lines; none where the first is above the last.
+    struct Columns {
+        std::int64_t first, last;
+    };
+    const auto between = [&](double from, double to) -> Columns {
         double left = 1e300;
         double right = -1e300;
         for (const Edge &e : edges) {
@@ -110,11 +112,37 @@ bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink
             left = meets ? std::min({left, x0, x1}) : left;
             right = meets ? std::max({right, x0, x1}) : right;
         }
-        if (left > right)
-            continue;
-        if (map.forMixed(baseY + row, baseX + static_cast<std::int64_t>(std::floor(left - reachX)),
-                         baseX + static_cast<std::int64_t>(std::floor(right + reachX)), sink))
+        return left > right ? Columns{1, 0} : Columns{columnOf(left - reachX), columnOf(right + reachX)};
+    };
+
+    const auto last = static_cast<std::int64_t>(std::floor(bottom + reachY));
+    auto row = static_cast<std::int64_t>(std::floor(top - reachY));
+    // Many rows can be nothing at all: those beside the outlines of a texture that repeats, or far outside of one that
+    // does not.
+    constexpr std::int64_t kMany = 64;
+    const bool many = last - row >= kMany;
+    if (many) {
+        const Columns all = between(top, bottom);
+        if (!map.anyMixedIn(all.first, all.last))
+            return false;
+    }
+    while (row <= last) {
+        const double from = static_cast<double>(row) - reachY;
+        if (many) {
+            const Axis::Run same = map.axisY().run(baseY + row, baseY + last);
+            if (same.step == 0 && same.count >= kMany) {
+                const Columns all = between(from, static_cast<double>(row + same.count) + reachY);
+                const auto any = [](const CellMap::Place &) { return true; };
+                if (!map.forMixed(baseY + row, all.first, all.last, any)) {
+                    row += same.count;
+                    continue;
+                }
+            }
+        }
+        const Columns columns = between(from, static_cast<double>(row + 1) + reachY);
+        if (map.forMixed(baseY + row, columns.first, columns.last, sink))
             return true;
+        ++row;
     }
     return false;
 }
