@@ -1,6 +1,6 @@
 #include "api_bench.h"
 
-#include "cli/baked_scene.h"
+#include "cli/scene/baked_scene.h"
 #include "side_by_side.h"
 
 namespace vellum::bench

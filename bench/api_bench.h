@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "cli/renderer.h"
+#include "cli/renderer/renderer.h"
 
 namespace vellum::bench
 {

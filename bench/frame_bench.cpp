@@ -4,8 +4,8 @@
 #include <fmt/format.h>
 
 #include "api_bench.h"
+#include "cli/base/progress.h"
 #include "cli/options.h"
-#include "cli/progress.h"
 #include "cli/render_command.h"
 #include "creation_bench.h"
 #include "scene_bench.h"

@@ -10,9 +10,10 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "cli/layer_path.h"
+#include "cli/base/statistics.h"
 #include "cli/render_command.h"
-#include "cli/resources.h"
+#include "cli/vulkan/layer_path.h"
+#include "cli/vulkan/resources.h"
 #include "core/micromap.h"
 
 namespace

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "cli/baked_scene.h"
-#include "cli/renderer.h"
+#include "cli/renderer/renderer.h"
+#include "cli/scene/baked_scene.h"
 
 namespace vellum::bench
 {

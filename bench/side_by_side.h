@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "cli/render_command.h"
+#include "cli/base/statistics.h"
 
 namespace vellum::bench
 {

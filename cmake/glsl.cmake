@@ -11,31 +11,27 @@ function(vellum_embed_glsl TARGET)
   set(dir ${CMAKE_CURRENT_BINARY_DIR}/shaders)
   set(spv ${dir}/${ARG_NAME}.spv)
   set(header ${dir}/${ARG_NAME}.h)
+  set(words ${spv})
+  set(scripts ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake)
+  if(ARG_OPACITY_MICROMAP_MODE)
+    set(words ${dir}/${ARG_NAME}.mode.spv)
+    set(script ${PROJECT_SOURCE_DIR}/cmake/opacity_micromap_mode.cmake)
+    set(set_mode COMMAND ${CMAKE_COMMAND} -DIN=${spv} -DOUT=${words} -P ${script})
+    list(APPEND scripts ${script})
+  endif()
+  file(MAKE_DIRECTORY ${dir})
   add_custom_command(
-    OUTPUT ${spv}
-    COMMAND ${CMAKE_COMMAND} -E make_directory ${dir}
-    COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core ${ARG_FLAGS}
+    OUTPUT ${spv} ${header} # the first must be what glslang's list of included files names
+    COMMAND ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core
+            -I${PROJECT_SOURCE_DIR}/src/shaders ${ARG_FLAGS}
             --depfile ${spv}.d -o ${spv} ${ARG_SOURCE}
     COMMAND ${SPIRV_VAL} --target-env vulkan1.2 --scalar-block-layout ${spv}
-    DEPENDS ${ARG_SOURCE}
-    DEPFILE ${spv}.d # the files that it includes
-    COMMENT "GLSL ${ARG_NAME}"
-    VERBATIM)
-  if(ARG_OPACITY_MICROMAP_MODE)
-    set(plain ${spv})
-    set(spv ${dir}/${ARG_NAME}.mode.spv)
-    set(script ${PROJECT_SOURCE_DIR}/cmake/opacity_micromap_mode.cmake)
-    add_custom_command(
-      OUTPUT ${spv}
-      COMMAND ${CMAKE_COMMAND} -DIN=${plain} -DOUT=${spv} -P ${script}
-      DEPENDS ${plain} ${script}
-      VERBATIM)
-  endif()
-  add_custom_command(
-    OUTPUT ${header}
-    COMMAND ${CMAKE_COMMAND} -DIN=${spv} -DOUT=${header} -DSYMBOL=${ARG_NAME}
+    ${set_mode}
+    COMMAND ${CMAKE_COMMAND} -DIN=${words} -DOUT=${header} -DSYMBOL=${ARG_NAME}
             -P ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake
-    DEPENDS ${spv} ${PROJECT_SOURCE_DIR}/cmake/embed_words.cmake
+    DEPENDS ${ARG_SOURCE} ${scripts}
+    DEPFILE ${spv}.d
+    COMMENT "GLSL ${ARG_NAME}"
     VERBATIM)
   target_sources(${TARGET} PRIVATE ${header})
   target_include_directories(${TARGET} PRIVATE ${CMAKE_CURRENT_BINARY_DIR})

@@ -28,6 +28,8 @@ Examples:
       nine copies, a costly alpha test, coarser and smaller micromaps
   vellum render ash.glb --mode compare --trace pipeline
       the same rays by a ray tracing pipeline with an any-hit shader
+  vellum render ash.glb --mode states --zoom 4
+      the states of its micromaps in colours, from nearby
   vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
       a smooth picture from another side)";
 
@@ -45,7 +47,7 @@ std::uint32_t parseLevel(const std::string &text)
 }
 
 const std::map<std::string, Mode> kModes = {
-    {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}};
+    {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}, {"states", Mode::States}};
 const std::map<std::string, Trace> kTraces = {{"query", Trace::Query}, {"pipeline", Trace::Pipeline}};
 
 // What CLI11 stores as text. Names of enumerators too: it would take numbers and nothing for them.
@@ -57,6 +59,7 @@ struct RawOptions {
     std::string level = "7";
     unsigned format = 4;
     bool noLayer = false;
+    bool fewColors = false;
 };
 
 void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
@@ -67,8 +70,10 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
         .add_option("-m,--mode", raw.mode,
                     "alpha: no micromaps, the shader samples the texture for every candidate.\n"
                     "omm: micromaps, it samples only where they are unknown.\n"
-                    "compare: both, with a table of times, candidates per ray and differing pixels [omm]")
+                    "compare: both, with a table of times, candidates per ray and differing pixels.\n"
+                    "states: the micromaps' states in colours, which are printed [omm]")
         ->check(CLI::IsMember(kModes).description(""))
+        ->take_last() // scripts/demo puts its own before its user's
         ->type_name("MODE");
     command
         .add_option("-t,--trace", raw.trace,
@@ -82,9 +87,11 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
                     "VK_EXT_opacity_micromap [khr]")
         ->check(CLI::IsMember(micromapApis()).description(""))
         ->type_name("API");
-    command.add_option("-o,--output", options.output,
-                       "The PNG to write; compare writes <name>-alpha.png too, and\n"
-                       "<name>-difference.png if there is any [vellum.png]");
+    command
+        .add_option("-o,--output", options.output,
+                    "The PNG to write; compare writes <name>-alpha.png too, and\n"
+                    "<name>-difference.png if there is any [vellum.png]")
+        ->take_last();
     command.add_option("-s,--size", raw.size, "Width and height in pixels [1280x720]")->type_name("WxH");
     command.add_option("--samples", options.settings.samples, "Rays per pixel, averaged: 1 to 256 [1]")
         ->check(CLI::Range(1, 256).description(""));
@@ -95,14 +102,20 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
         ->check(CLI::IsMember({2, 4}).description(""));
     command.add_option("-n,--instances", options.instances, "Copies of the scene on a square grid: 1 to 1000 [1]")
         ->check(CLI::Range(1, 1000).description(""));
-    command.add_option("--frames", options.frames, "Frames to time; the median is printed [5]")
+    command
+        .add_option("--frames", options.frames,
+                    "Frames to time, whose median is printed; for compare, pairs of frames [5; for\n"
+                    "compare 9 to 99, as many as it takes, within a minute if it can]")
         ->check(CLI::Range(1, 10000).description(""));
+    command.add_flag("--side-by-side", options.sideBySide,
+                     "With --mode states: the picture by micromaps to the left of the states");
     command.add_flag("--heavy", options.settings.heavy, "16 more texture reads per candidate, like a costly material");
     command.add_option("--yaw", options.settings.view.yaw, "Turn of the camera around the scene in degrees [25]");
     command.add_option("--pitch", options.settings.view.pitch, "Tilt of the camera in degrees, -85 to 85 [3]")
         ->check(CLI::Range(-85, 85).description(""));
     command.add_option("--zoom", options.settings.view.zoom, "Above 1 closer than to see everything [1]")
         ->check(CLI::Range(0.05, 20.0).description(""));
+    command.add_flag("--few-colors", raw.fewColors, "PNGs of at most 256 colours: about half of the bytes");
     command.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
     command.add_flag("--no-layer", raw.noLayer, "Do not turn the layer on");
     command.add_option("--layer-path", options.layerFolder,
@@ -119,6 +132,13 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
     options.settings.trace = kTraces.at(raw.trace);
     options.api = micromapApis().at(raw.api);
     options.layer = !raw.noLayer;
+    options.colors = raw.fewColors ? Colors::Few : Colors::All;
+    if (options.sideBySide && options.mode != Mode::States)
+        throw Error("--side-by-side is for --mode states");
+    if (options.mode == Mode::States && options.settings.trace != Trace::Query)
+        throw Error("--mode states draws by ray queries, without --trace pipeline");
+    if (options.mode == Mode::States && options.frames)
+        throw Error("--mode states times nothing, so it takes no --frames");
     // NaN passes CLI11's range checks.
     const View &view = options.settings.view;
     if (!std::isfinite(view.yaw) || !std::isfinite(view.pitch) || !std::isfinite(view.zoom))

@@ -8,12 +8,12 @@
 #include <string>
 
 #include "bake/bake.h"
-#include "cli/renderer.h"
+#include "cli/renderer/renderer.h"
 
 namespace vellum::cli
 {
 
-enum class Mode { Alpha, Micromaps, Compare };
+enum class Mode { Alpha, Micromaps, Compare, States };
 
 struct RenderOptions {
     std::optional<std::filesystem::path> input; // the built-in grove without
@@ -23,7 +23,9 @@ struct RenderOptions {
     RenderSettings settings;
     BakeOptions bake;
     std::uint32_t instances = 1;
-    std::uint32_t frames = 5;
+    std::optional<std::uint32_t> frames; // to time, or pairs of them; without, as many as it takes
+    Colors colors = Colors::All;
+    bool sideBySide = false; // Mode::States: to the left of it, the picture by micromaps
     std::optional<std::string> device;
     bool layer = true;
     std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program

@@ -1,13 +1,16 @@
 #include "cli/render_command.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
 
-#include "cli/baked_scene.h"
-#include "cli/grove.h"
-#include "cli/layer_path.h"
-#include "cli/progress.h"
+#include "cli/base/paired_timing.h"
+#include "cli/base/progress.h"
+#include "cli/renderer/state_table.h"
+#include "cli/scene/baked_scene.h"
+#include "cli/scene/grove.h"
+#include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
 {
@@ -31,12 +34,18 @@ std::filesystem::path withSuffix(const std::filesystem::path &path, const char *
     return result.replace_filename(path.stem().string() + suffix + path.extension().string());
 }
 
+// Whether the pictures are drawn with micromaps that a device holds.
+bool tracesMicromaps(const RenderOptions &options)
+{
+    return options.mode == Mode::Micromaps || options.mode == Mode::Compare || options.sideBySide;
+}
+
 void printScene(const RenderOptions &options, const DeviceInfo &device, const RenderScene &scene)
 {
     fmt::print("device      {}\n", device.name);
     fmt::print("rays        by {}\n",
                options.settings.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline");
-    fmt::print("micromaps   {}\n", options.mode == Mode::Alpha
+    fmt::print("micromaps   {}\n", !tracesMicromaps(options)
                                        ? "not used"
                                        : fmt::format("{}, {}", nameOf(options.api), device.implementation));
     fmt::print("scene       {}: {} masked and {} solid triangles{}\n",
@@ -63,10 +72,11 @@ BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
     return bakeScene(scene, bake);
 }
 
-void writePicture(const std::filesystem::path &path, const Picture &picture)
+void writePicture(const RenderOptions &options, const std::filesystem::path &path, const Picture &picture)
 {
-    writePng(path, picture);
+    writePng(path, picture, options.colors);
     fmt::print("wrote       {}\n", path.string());
+    std::fflush(stdout); // timing may follow
 }
 
 DeviceNeeds needsOf(const RenderOptions &options, bool micromaps)
@@ -74,93 +84,144 @@ DeviceNeeds needsOf(const RenderOptions &options, bool micromaps)
     return {micromaps ? std::optional(options.api) : std::nullopt, options.settings.trace == Trace::Pipeline};
 }
 
-struct Timing {
-    double milliseconds = 0;
-    CandidateCount count;
-};
-
 int renderOne(const RenderOptions &options, Device &device, const RenderScene &scene,
               const std::vector<const Micromap *> &micromaps)
 {
     std::unique_ptr<Renderer> renderer;
     std::vector<double> times;
+    const std::uint32_t frames = options.frames.value_or(5);
     {
         Progress progress("rendering");
         renderer = std::make_unique<Renderer>(device, scene, micromaps, options.settings);
-        for (std::uint32_t i = 0; i < options.frames; ++i) {
+        for (std::uint32_t i = 0; i < frames; ++i) {
             times.push_back(renderer->frame());
-            progress.update(i + 1, options.frames);
+            progress.update(i + 1, frames);
         }
     }
-    fmt::print("frame       {:.2f} ms, the median of {}\n", median(times), options.frames);
+    fmt::print("frame       {:.2f} ms, the median of {}\n", median(times), frames);
     const CandidateCount count = renderer->count();
     fmt::print("candidates  {:.3f} per ray handed to the shader\n", count.perRay());
     if (!micromaps.empty())
         fmt::print("memory      {} bytes of micromaps\n", grouped(renderer->micromapBytes()));
-    writePicture(options.output, renderer->picture());
+    writePicture(options, options.output, renderer->picture());
     return 0;
 }
 
-void printComparison(const RenderOptions &options, const Timing &alpha, const Timing &omm, VkDeviceSize bytes,
-                     const Difference &difference)
+// Two renderers of one picture: without micromaps and with them.
+struct Contest {
+    Device plain, enabled; // the plain one enables no extension for micromaps and pays nothing for it
+    Renderer alpha, omm;
+    Contest(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
+        : plain(info, needsOf(options, false)), enabled(info, needsOf(options, true)),
+          alpha(plain, scene, {}, options.settings), omm(enabled, scene, baked.micromaps(), options.settings)
+    {
+    }
+};
+
+// Pairs of frames, as many as the options say. Otherwise until the ratio is known well enough for another run to come
+// to the same within 2 %, in all likelihood: a third of that for the error of each. Not for ever, though.
+PairedTiming timeFrames(const RenderOptions &options, Contest &contest)
 {
-    const auto ratio = [](double a, double b) { return a > 0 ? fmt::format("{:.3f}", b / a) : std::string("-"); };
+    constexpr std::size_t kFewest = 9;
+    constexpr double kMost = 99;
+    constexpr double kUncertainty = 0.007;
+    constexpr double kMilliseconds = 60'000;
+    Progress progress("timing");
+    double spent = 0;
+    const auto timed = [&](Renderer &renderer) {
+        return [&] {
+            const double time = renderer.frame();
+            spent += time;
+            return time;
+        };
+    };
+    PairedTiming timing(timed(contest.alpha), timed(contest.omm));
+    double done = 0;
+    while (done < 1) {
+        timing.measure();
+        const auto pairs = static_cast<double>(timing.pairs());
+        if (options.frames)
+            done = pairs / *options.frames;
+        else if (timing.pairs() < kFewest)
+            done = std::min(spent / kMilliseconds, 0.9);
+        else
+            done = std::max({pairs / kMost, spent / kMilliseconds, std::pow(kUncertainty / timing.uncertainty(), 2)});
+        progress.update(static_cast<std::size_t>(1000 * std::min(done, 1.0)), 1000);
+    }
+    return timing;
+}
+
+void printComparison(const RenderOptions &options, Contest &contest, const PairedTiming &timing,
+                     std::uint64_t differing)
+{
+    const double counts[2] = {contest.alpha.count().perRay(), contest.omm.count().perRay()};
+    const Quartiles ratio = timing.ratio();
+    const std::string candidates = counts[0] > 0 ? fmt::format("{:.3f}", counts[1] / counts[0]) : "-";
     const double pixels = static_cast<double>(options.settings.width) * options.settings.height;
-    const std::string share = fmt::format("{:.4f} %", 100.0 * static_cast<double>(difference.pixels) / pixels);
     fmt::print("\n|                                |        alpha |          omm | omm/alpha |\n"
                "|--------------------------------|-------------:|-------------:|----------:|\n");
-    fmt::print("| frame, ms (median of {:>4})     | {:>12.2f} | {:>12.2f} | {:>9} |\n", options.frames,
-               alpha.milliseconds, omm.milliseconds, ratio(alpha.milliseconds, omm.milliseconds));
-    fmt::print("| candidates to the shader / ray | {:>12.3f} | {:>12.3f} | {:>9} |\n", alpha.count.perRay(),
-               omm.count.perRay(), ratio(alpha.count.perRay(), omm.count.perRay()));
-    fmt::print("| micromap bytes                 | {:>12} | {:>12} | {:>9} |\n", 0, grouped(bytes), "");
-    fmt::print("| differing pixels               | {:>12} | {:>12} | {:>9} |\n\n", "", grouped(difference.pixels),
-               share);
+    fmt::print("| frame, ms (median)             | {:>12.2f} | {:>12.2f} | {:>9.3f} |\n", timing.a(), timing.b(),
+               ratio.middle);
+    fmt::print("| candidates to the shader / ray | {:>12.3f} | {:>12.3f} | {:>9} |\n", counts[0], counts[1],
+               candidates);
+    fmt::print("| micromap bytes                 | {:>12} | {:>12} | {:>9} |\n", 0,
+               grouped(contest.omm.micromapBytes()), "");
+    fmt::print("| differing pixels               | {:>12} | {:>12} | {:>9} |\n\n", "", grouped(differing),
+               fmt::format("{:.4f} %", 100 * static_cast<double>(differing) / pixels));
+    fmt::print(
+        "time ratio  {:.3f}, the median of {} pairs of frames; half of the pairs lie between {:.3f} and {:.3f}\n",
+        ratio.middle, timing.pairs(), ratio.low, ratio.high);
 }
 
 int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
 {
-    // Two devices: the classic one enables no extension for micromaps and pays nothing for it.
-    Device plain(info, needsOf(options, false));
-    Device enabled(info, needsOf(options, true));
-    Timing alpha;
-    Timing omm;
-    std::unique_ptr<Renderer> a;
-    std::unique_ptr<Renderer> b;
+    std::unique_ptr<Contest> contest;
+    Picture pictures[2];
     {
-        Progress progress("rendering");
-        a = std::make_unique<Renderer>(plain, scene, std::span<const Micromap *const>(), options.settings);
-        b = std::make_unique<Renderer>(enabled, scene, baked.micromaps(), options.settings);
-        // The first frame of each warms up.
-        a->frame();
-        b->frame();
-        std::vector<double> times[2];
-        for (std::uint32_t i = 0; i < options.frames; ++i) {
-            times[0].push_back(a->frame());
-            times[1].push_back(b->frame());
-            progress.update(i + 1, options.frames);
-        }
-        alpha = {median(times[0]), a->count()};
-        omm = {median(times[1]), b->count()};
+        const Progress progress("rendering");
+        contest = std::make_unique<Contest>(options, info, scene, baked);
+        // These frames also warm up.
+        contest->alpha.frame();
+        contest->omm.frame();
+        pictures[0] = contest->alpha.picture();
+        pictures[1] = contest->omm.picture();
     }
-    const Picture pictures[2] = {a->picture(), b->picture()};
     const Difference difference = compare(pictures[0], pictures[1]);
-    printComparison(options, alpha, omm, b->micromapBytes(), difference);
-    writePicture(options.output, pictures[1]);
-    writePicture(withSuffix(options.output, "-alpha"), pictures[0]);
+    writePicture(options, options.output, pictures[1]);
+    writePicture(options, withSuffix(options.output, "-alpha"), pictures[0]);
     if (difference.pixels != 0)
-        writePicture(withSuffix(options.output, "-difference"), difference.amplified);
+        writePicture(options, withSuffix(options.output, "-difference"), difference.amplified);
+    printComparison(options, *contest, timeFrames(options, *contest), difference.pixels);
+    return 0;
+}
+
+int renderStates(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene,
+                 const BakedScene &baked)
+{
+    const auto draw = [&](bool states) {
+        RenderSettings settings = options.settings;
+        settings.paintStates = states;
+        Device device(info, needsOf(options, !states));
+        Renderer renderer(device, scene, baked.micromaps(), settings);
+        renderer.frame();
+        return renderer.picture();
+    };
+    Picture picture;
+    {
+        const Progress progress("rendering");
+        picture = draw(true);
+        if (options.sideBySide)
+            picture = sideBySide(draw(false), picture);
+    }
+    const auto color = [](State state) { return kStateColors[static_cast<std::size_t>(state)]; };
+    fmt::print(
+        "states      opaque #{:06x}, transparent #{:06x} (a veil), unknown: opaque #{:06x}, transparent #{:06x}\n",
+        color(State::Opaque), color(State::Transparent), color(State::UnknownOpaque), color(State::UnknownTransparent));
+    writePicture(options, options.output, picture);
     return 0;
 }
 
 } // namespace
-
-double median(std::vector<double> values)
-{
-    std::sort(values.begin(), values.end());
-    const std::size_t middle = values.size() / 2;
-    return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
-}
 
 Scene loadScene(const std::optional<std::filesystem::path> &file)
 {
@@ -185,7 +246,7 @@ int renderCommand(const RenderOptions &options)
         offerLayer(options.layerFolder);
     const Instance instance(options.layer);
     const DeviceInfo info = chooseDevice(instance, options.device);
-    if (options.mode != Mode::Alpha)
+    if (tracesMicromaps(options))
         requireMicromaps(info, options.api, instance.layerEnabled());
     if (options.settings.trace == Trace::Pipeline && !info.rayTracingPipelines)
         throw Error(info.name +
@@ -199,6 +260,8 @@ int renderCommand(const RenderOptions &options)
     printBake(options, baked);
     if (options.mode == Mode::Compare)
         return renderBoth(options, info, scene, baked);
+    if (options.mode == Mode::States)
+        return renderStates(options, info, scene, baked);
     Device device(info, needsOf(options, true));
     return renderOne(options, device, scene, baked.micromaps());
 }

@@ -16,7 +16,4 @@ Scene loadScene(const std::optional<std::filesystem::path> &file);
 // layer may be installed.
 void offerLayer(const std::optional<std::filesystem::path> &folder);
 
-// The one in the middle, or the mean of the two. `values` must not be empty.
-double median(std::vector<double> values);
-
 } // namespace vellum::cli

@@ -155,7 +155,8 @@ VELLUM_CONST uint kNoticeUnknownMicromap = 8u; // serialized data that names a m
 VELLUM_CONST uint kNoticeMicromapTooSmall = 9u;  // micromap, or buffer, that is too small for a copy of a micromap
 VELLUM_CONST uint kNoticeMicromapNotBuilt = 10u; // copy of a micromap that was never built
 VELLUM_CONST uint kNoticeMicromapData = 11u;     // serialized data of a micromap that is no such data, or not all of it
-VELLUM_CONST uint kNotices = 12u;
+VELLUM_CONST uint kNoticeMicromapOverlap = 12u;  // source and target of a copy of a micromap overlap
+VELLUM_CONST uint kNotices = 13u;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
@@ -217,14 +218,13 @@ VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStruc
 // --- copies of micromaps (shaders/micromap_move.comp) ---
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
-VELLUM_CONST uint kMoveCheck = 2u;  // after a copy into a micromap that may be too small
+VELLUM_CONST uint kMoveCopy = 2u;   // clone or compact: what is in use
 VELLUM_CONST uint kMoveMarked = 4u; // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 
 // --- values of queries (shaders/query_value.comp) ---
-VELLUM_CONST uint kQueryMicromapCompacted = 0u;
+VELLUM_CONST uint kQueryMicromapCompacted = 0u; // and the size that a clone needs: what is in use
 VELLUM_CONST uint kQueryMicromapSerialized = 1u;
-VELLUM_CONST uint kQueryMicromapSize = 2u; // as it was created
 VELLUM_CONST uint kQueryMarked = 4u;       // a bit: the size is to be kMicromapSizeMark modulo 256
 // --- formats of their copies (shaders/query_copy.comp) ---
 VELLUM_CONST uint kQueryCopy64 = 1u;
@@ -249,6 +249,7 @@ VELLUM_CONST uint kComplaintNotBuilt = 9u;     // a micromap that was never buil
 VELLUM_CONST uint kComplaintTooLarge = 10u;    // a copy into a micromap that is too small, not about a triangle
 VELLUM_CONST uint kComplaintSerialized = 11u;  // not a serialized micromap of this layout
 VELLUM_CONST uint kComplaintIndexBuffer = 12u; // the index lies outside its buffer
+VELLUM_CONST uint kComplaintOverlap = 13u;     // a copy of a micromap onto itself, in part or whole
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

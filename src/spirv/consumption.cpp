@@ -69,6 +69,7 @@ bool Consumption::read(const RewriteOptions &options)
             return false;
         }
     }
+    anyDeclared_ = !modes.empty();
     const auto &stage = options.pipelineStage;
     for (const Instruction in : module_.section(Section::EntryPoints)) {
         if (in.opcode != spv::OpEntryPoint ||

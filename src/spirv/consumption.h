@@ -35,6 +35,8 @@ public:
     // Reads the execution modes, which may be removed afterwards. False with error() set if one is malformed.
     bool read(const RewriteOptions &options);
     [[nodiscard]] const std::string &error() const { return error_; }
+    // Whether any entry point declares something, be it that its queries consume none.
+    [[nodiscard]] bool anyDeclared() const { return anyDeclared_; }
 
     [[nodiscard]] Consumes in(Id function) const;
     // The condition of a function that is not Never or Always.
@@ -53,7 +55,8 @@ private:
     Consumes otherwise_{Consumes::When::Always}; // of functions that no entry point is known to reach
     std::map<Id, Consumes> entries_;             // by the entry point's function
     std::map<Id, Consumes> functions_;           // of those that entry points reach
-    Id variable_ = 0;                            // Private: what the running entry point declares; 0: nobody asked
+    bool anyDeclared_ = false;
+    Id variable_ = 0; // Private: what the running entry point declares; 0: nobody asked
     std::string error_;
 };
 

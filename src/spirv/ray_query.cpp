@@ -149,7 +149,7 @@ Id RayQueries::consumingFlags(Id flags, Code &out)
         const Id type = module_.resultType(module_.definition(flags));
         return types_.get(spv::OpConstant, {type, types_.valueOf(flags).value_or(0) & ~kHiddenRayFlags});
     }
-    if (!options_.carriesFlagBits) {
+    if (!options_.carriesFlagBits()) {
         error_ = "the ray flags of its ray queries are not constant or not alike, and the driver does not carry unused "
                  "flag bits";
         return 0;
@@ -214,7 +214,7 @@ Id RayQueries::flagsOfConsuming(Id type, Id flags, Code &out)
 
 Id RayQueries::flagsOfIdle(Id type, Id flags, Code &out)
 {
-    if (!options_.force2State || !options_.carriesFlagBits)
+    if (!options_.force2State || !options_.carriesFlagBits())
         return flags;
     return restoreValue(types_, linker_.function("vellumApplicationFlags"), type, flags, out);
 }

@@ -5,14 +5,15 @@
 #include "spirv/consumption.h"
 #include "spirv/proceed_loop.h"
 
+#include <functional>
 #include <set>
 
 namespace vellum::spirv
 {
 
 struct RayQueryOptions {
-    bool carriesFlagBits = true; // the driver gives ray flag bits 11..13 back
-    bool force2State = true;     // the module declares the capability of the ray flag ForceOpacityMicromap2State
+    const std::function<bool()> &carriesFlagBits; // the driver gives ray flag bits 11..13 back
+    bool force2State = true; // the module declares the capability of the ray flag ForceOpacityMicromap2State
 };
 
 class RayQueries

@@ -73,7 +73,7 @@ bool declares(std::span<const std::uint32_t> words, Predicate predicate)
 
 RewriteResult failed(std::string error)
 {
-    return {.status = RewriteResult::Status::Failed, .words = {}, .error = std::move(error)};
+    return {.status = RewriteResult::Status::Failed, .words = {}, .error = std::move(error), .queriesForget = false};
 }
 
 } // namespace
@@ -151,9 +151,14 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     }
     if (!linker.finish())
         return failed(linker.error());
-    if (!changed)
-        return {};
-    return {.status = RewriteResult::Status::Rewritten, .words = module->serialize(), .error = {}};
+    RewriteResult result;
+    result.queriesForget = options.queriesConsume == QueriesConsume::WhereDeclared && !consumption.anyDeclared() &&
+                           module->hasCapability(spv::CapabilityRayQueryKHR);
+    if (changed) {
+        result.status = RewriteResult::Status::Rewritten;
+        result.words = module->serialize();
+    }
+    return result;
 }
 
 } // namespace vellum::spirv

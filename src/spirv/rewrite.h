@@ -19,6 +19,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -54,10 +55,10 @@ struct RewriteOptions {
     std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
     // Whether the driver gives ray flag bits 11..13 back. Without them, a module whose ray queries do not all pass
-    // constant flags with the same hidden bits is Failed.
-    bool queriesCarryFlagBits = true;
+    // constant flags with the same hidden bits is Failed. Asked only where the answer matters.
+    std::function<bool()> queriesCarryFlagBits = [] { return true; };
     // The same of traceRay. Without them, a stage that hides any flag is Failed.
-    bool pipelinesCarryFlagBits = true;
+    std::function<bool()> pipelinesCarryFlagBits = [] { return true; };
     // The result is good for this stage only: other entry points are gone.
     std::optional<PipelineStage> pipelineStage;
 };
@@ -71,6 +72,8 @@ struct RewriteResult {
     Status status = Status::Unchanged;
     std::vector<std::uint32_t> words; // only when Rewritten
     std::string error;                // only when Failed
+    // It has ray queries, and only declarations could let them consume micromaps, but no entry point declares anything.
+    bool queriesForget = false;
 };
 
 // True if an entry point is a stage of ray tracing pipelines. False for what is no SPIR-V.

@@ -65,7 +65,7 @@ bool TraceRays::replace(Instruction in, Code &out)
     const auto value = types_.valueOf(flags);
     if (value && (*value & shared::kHiddenRayFlags) == 0)
         return false;
-    if (!carriesFlagBits_) {
+    if (!carriesFlagBits_()) {
         error_ =
             "it traces rays with flags that have to be hidden from the driver, or are not constant, and the driver "
             "does not carry unused flag bits";

@@ -1,6 +1,7 @@
 // The ray flags of OpTraceRayKHR and its kin, on their way to the driver (core/ray_flags.h).
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "spirv/code.h"
@@ -23,7 +24,7 @@ public:
         Everything, // in a pipeline that uses micromaps
         UnknownFlag // in one that does not
     };
-    TraceRays(Module &module, Types &types, Linker &linker, Hides hides, bool carriesFlagBits)
+    TraceRays(Module &module, Types &types, Linker &linker, Hides hides, const std::function<bool()> &carriesFlagBits)
         : module_(module), types_(types), linker_(linker), hides_(hides), carriesFlagBits_(carriesFlagBits)
     {
     }
@@ -37,7 +38,7 @@ private:
     Types &types_;
     Linker &linker_;
     Hides hides_;
-    bool carriesFlagBits_;
+    const std::function<bool()> &carriesFlagBits_;
     std::string error_;
 };
 

@@ -126,6 +126,10 @@ TEST_F(BadInput, BadOptions)
         {"render", "--size", "99999x99999"},
         {"render", "--instances", "0"},
         {"render", "--frames", "0"},
+        {"render", "--mode", "states", "--trace", "pipeline"},
+        {"render", "--mode", "states", "--frames", "3"},
+        {"render", "--side-by-side"},
+        {"render", "--mode", "compare", "--side-by-side"},
         {"render", "--samples", "1000"},
         {"render", "--zoom", "nan"},
         {"render", "--yaw", "inf"},
@@ -145,7 +149,7 @@ TEST_F(BadInput, NoVulkanDevice)
 {
     const std::vector<std::pair<std::string, std::string>> none = {{"VK_DRIVER_FILES", "/nonexistent"},
                                                                    {"VK_ICD_FILENAMES", "/nonexistent"}};
-    for (const char *mode : {"alpha", "omm", "compare"})
+    for (const char *mode : {"alpha", "omm", "compare", "states"})
         expectManners(runVellum({"render", "--mode", mode, "--output", output().string()}, none), "Vulkan");
     EXPECT_EQ(files(), 0u);
 }

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
+#include <sys/personality.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -31,6 +32,12 @@ std::string textOf(const std::filesystem::path &path)
         setenv(name.c_str(), value.c_str(), 1);
     // Under the sanitizers, only faults are wanted here; drivers keep memory to the end.
     setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
+    // Pictures are small: most of the time would go into compiling shaders. See tests/layer/harness/test_main.cpp.
+    setenv("GALLIVM_PERF", "nopt", 0);
+    setenv("MESA_SHADER_CACHE_DIR", VELLUM_TEST_SHADER_CACHE, 0);
+#if !defined(__SANITIZE_ADDRESS__)
+    personality(ADDR_NO_RANDOMIZE);
+#endif
     std::vector<char *> argv = {const_cast<char *>("vellum")};
     for (std::string &argument : arguments)
         argv.push_back(argument.data());

@@ -1,49 +1,12 @@
 // What `vellum render` draws and counts, by ray queries and by a ray tracing pipeline.
-#include <fstream>
-#include <iterator>
 #include <tuple>
 
-#include <gtest/gtest.h>
-
-#include "command.h"
-#include "glb_file.h"
+#include "rendering.h"
 
 using namespace vellum::test;
 
 namespace
 {
-
-Bytes readFile(const std::filesystem::path &path)
-{
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-}
-
-// The line of the output that begins so.
-std::string lineOf(const Outcome &outcome, const std::string &beginning)
-{
-    const std::size_t at = outcome.output.find("\n" + beginning);
-    if (at == std::string::npos)
-        return {};
-    return outcome.output.substr(at + 1, outcome.output.find('\n', at + 1) - at - 1);
-}
-
-class Rendering : public testing::Test
-{
-protected:
-    // A small picture of the grove: leaves, solid wood, ground and sky.
-    [[nodiscard]] Outcome render(const std::string &trace, std::vector<std::string> more) const
-    {
-        std::vector<std::string> arguments = {"render", "--trace", trace, "--size", "96x64", "--frames", "1"};
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        Outcome outcome = runVellum(arguments);
-        EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
-        EXPECT_EQ(outcome.errors, "");
-        return outcome;
-    }
-
-    TemporaryFolder folder;
-};
 
 class RenderingBy : public Rendering, public testing::WithParamInterface<std::string>
 {

@@ -7,7 +7,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "check.h"
-#include "layer/instance.h"
+#include "layer/door/instance.h"
 
 namespace vellum::fuzz
 {
@@ -104,13 +104,13 @@ FakeDevice::FakeDevice()
     FUZZ_CHECK(layer::createDevice(reinterpret_cast<VkPhysicalDevice>(instance), &deviceInfo, nullptr, &handle_) ==
                VK_SUCCESS);
     state_ = &layer::deviceOf(handle_);
-    state_->asked.hostCommands = true;
+    state_->driver.asked.hostCommands = true;
 
     VkDebugUtilsMessengerCreateInfoEXT messenger{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
     messenger.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
     messenger.messageType = ~0u;
     messenger.pfnUserCallback = countMessage;
-    state_->report().addMessenger(handleOf<VkDebugUtilsMessengerEXT>(0), messenger);
+    state_->driver.report().addMessenger(handleOf<VkDebugUtilsMessengerEXT>(0), messenger);
 }
 
 VkBuffer FakeDevice::makeBuffer(std::size_t size)
@@ -119,12 +119,12 @@ VkBuffer FakeDevice::makeBuffer(std::size_t size)
     memories.emplace_back(size);
     const auto buffer = handleOf<VkBuffer>(i);
     const auto memory = handleOf<VkDeviceMemory>(i);
-    state_->hostMemory.allocated(memory, size,
-                                 VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
-    state_->hostMemory.bound(buffer, memory, 0);
+    state_->buffers.host.allocated(memory, size,
+                                   VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
+    state_->buffers.host.bound(buffer, memory, 0);
     layer::BufferInfo info{};
     info.size = size;
-    state_->buffers.set(buffer, info);
+    state_->buffers.infos.set(buffer, info);
     return buffer;
 }
 
@@ -136,9 +136,9 @@ std::vector<std::uint8_t> &FakeDevice::bytes(VkBuffer buffer)
 void FakeDevice::clear()
 {
     for (std::size_t i = 0; i < memories.size(); ++i) {
-        state_->hostMemory.destroyed(handleOf<VkBuffer>(i));
-        state_->hostMemory.freed(handleOf<VkDeviceMemory>(i));
-        state_->buffers.take(handleOf<VkBuffer>(i));
+        state_->buffers.host.destroyed(handleOf<VkBuffer>(i));
+        state_->buffers.host.freed(handleOf<VkDeviceMemory>(i));
+        state_->buffers.infos.take(handleOf<VkBuffer>(i));
     }
     memories.clear();
 }

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "layer/device.h"
+#include "layer/door/device.h"
 
 namespace vellum::fuzz
 {
@@ -14,6 +14,7 @@ class FakeDevice
 public:
     FakeDevice();
     [[nodiscard]] VkDevice handle() const { return handle_; }
+    [[nodiscard]] layer::DeviceMicromaps &micromaps() const { return state_->micromaps; }
 
     // A buffer with memory of its own, so that AddressSanitizer sees where it ends.
     VkBuffer makeBuffer(std::size_t size);

@@ -4,7 +4,7 @@
 #include "check.h"
 #include "core/records.h"
 #include "fake_device.h"
-#include "layer/micromap.h"
+#include "layer/micromaps/micromap.h"
 #include "micromap_fuzz.h"
 #include "micromap_model.h"
 #include "reader.h"
@@ -26,7 +26,7 @@ public:
     ~Commands()
     {
         for (const VkMicromapEXT micromap : micromaps_)
-            layer::destroyMicromap(device_.handle(), micromap, nullptr);
+            layer::destroyMicromap(device_.micromaps(), device_.handle(), micromap, nullptr);
         device_.clear();
     }
     Commands(const Commands &) = delete;
@@ -140,7 +140,7 @@ VkMicromapEXT Commands::make(std::uint64_t size)
     create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
     create.buffer = device_.makeBuffer(create.offset + size);
     VkMicromapEXT micromap = VK_NULL_HANDLE;
-    FUZZ_CHECK(layer::createMicromap(device_.handle(), &create, nullptr, &micromap) == VK_SUCCESS);
+    FUZZ_CHECK(layer::createMicromap(device_.micromaps(), device_.handle(), &create, nullptr, &micromap) == VK_SUCCESS);
     micromaps_.push_back(micromap);
     return micromap;
 }
@@ -158,7 +158,7 @@ VkMicromapEXT Commands::build(std::uint64_t size)
     info_.dstMicromap = micromap;
     info_.triangleArray.hostAddress = array_.data();
     info_.data.hostAddress = data_.data();
-    const VkResult result = layer::buildMicromaps(device_.handle(), VK_NULL_HANDLE, 1, &info_);
+    const VkResult result = layer::buildMicromaps(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, 1, &info_);
     checkTold(result);
     return result == VK_SUCCESS ? micromap : VK_NULL_HANDLE;
 }
@@ -166,8 +166,8 @@ VkMicromapEXT Commands::build(std::uint64_t size)
 std::uint64_t Commands::property(VkMicromapEXT micromap, VkQueryType type)
 {
     std::uint64_t value = 0;
-    FUZZ_CHECK(layer::writeMicromapsProperties(device_.handle(), 1, &micromap, type, sizeof value, &value,
-                                               sizeof value) == VK_SUCCESS);
+    FUZZ_CHECK(layer::writeMicromapsProperties(device_.micromaps(), device_.handle(), 1, &micromap, type, sizeof value,
+                                               &value, sizeof value) == VK_SUCCESS);
     return value;
 }
 
@@ -191,10 +191,10 @@ void Commands::copy(VkMicromapEXT source, std::uint64_t used)
     info.src = source;
     info.dst = exact;
     info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-    checkTold(layer::copyMicromap(device_.handle(), VK_NULL_HANDLE, &info));
+    checkTold(layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info));
     checkBuilt(model_, bytesOf(exact));
     info.dst = make(input_.below(static_cast<std::uint32_t>(used)));
-    checkTold(layer::copyMicromap(device_.handle(), VK_NULL_HANDLE, &info));
+    checkTold(layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info));
     checkMicromap(info.dst);
     // It is no micromap then: what is asked of it, and copied from it, is nothing's.
     FUZZ_CHECK(property(info.dst, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT) == kHeaderBytes);
@@ -209,19 +209,19 @@ void Commands::serialize(VkMicromapEXT source, std::uint64_t used)
     out.src = source;
     out.dst.hostAddress = serialized.data();
     out.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    checkTold(layer::copyMicromapToMemory(device_.handle(), VK_NULL_HANDLE, &out));
+    checkTold(layer::copyMicromapToMemory(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &out));
 
     const VkMicromapEXT target = make(used);
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
     in.dst = target;
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
     checkBuilt(model_, bytesOf(target));
 
     const VkMicromapVersionInfoEXT version{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, serialized.data()};
     VkAccelerationStructureCompatibilityKHR compatibility{};
-    layer::getDeviceMicromapCompatibility(device_.handle(), &version, &compatibility);
+    layer::getDeviceMicromapCompatibility(device_.micromaps(), device_.handle(), &version, &compatibility);
     FUZZ_CHECK(compatibility == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR);
     deserializeDamaged(std::move(serialized), used);
 }
@@ -239,7 +239,7 @@ void Commands::deserializeDamaged(std::vector<std::uint8_t> serialized, std::uin
     in.dst = make(input_.flag() ? used : input_.below(static_cast<std::uint32_t>(used) + 64));
     std::ranges::fill(bytesOf(in.dst), input_.byte());
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
     checkMicromap(in.dst);
 }
 
@@ -252,12 +252,12 @@ void Commands::deserializeAnything()
     std::memcpy(serialized.data() + 32, &size, sizeof size);
     const VkMicromapVersionInfoEXT version{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, serialized.data()};
     VkAccelerationStructureCompatibilityKHR compatibility{};
-    layer::getDeviceMicromapCompatibility(device_.handle(), &version, &compatibility);
+    layer::getDeviceMicromapCompatibility(device_.micromaps(), device_.handle(), &version, &compatibility);
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
     in.dst = make(serialized[0]);
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
     checkMicromap(in.dst);
 }
 
@@ -269,7 +269,8 @@ void Commands::run()
     model_.maxLevel = 0;
     readUsages();
     VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
-    layer::getMicromapBuildSizes(device_.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR, &info_, &sizes);
+    layer::getMicromapBuildSizes(device_.micromaps(), device_.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR,
+                                 &info_, &sizes);
     FUZZ_CHECK((sizes.micromapSize == 0) == (FakeDevice::takeMessages() > 0));
     if (sizes.micromapSize == 0 || sizes.micromapSize > kMostBytes)
         return;

@@ -36,8 +36,8 @@ inline void readOptions(std::span<const std::uint32_t> words, SpirvInput &input)
 {
     const std::uint32_t bits = words.size() > kOptionsWord ? words[kOptionsWord] : 0;
     input.options = {.rootAddress = 0xfedcba9876543210, .firstSlots = 0x0123456789abcde0};
-    input.options.queriesCarryFlagBits = (bits & kQueriesDoNotCarry) == 0;
-    input.options.pipelinesCarryFlagBits = (bits & kPipelinesDoNotCarry) == 0;
+    input.options.queriesCarryFlagBits = [bits] { return (bits & kQueriesDoNotCarry) == 0; };
+    input.options.pipelinesCarryFlagBits = [bits] { return (bits & kPipelinesDoNotCarry) == 0; };
     if ((bits & kInPipeline) == 0)
         return;
     std::uint32_t skip = bits >> kEntryPointShift & 3;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "expected.h"
+#include "harness/expected.h"
 
 namespace oracle
 {

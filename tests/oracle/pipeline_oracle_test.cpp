@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "compare.h"
-#include "pipeline_tracer.h"
+#include "harness/pipeline_tracer.h"
 
 namespace
 {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <random>
 
-#include "tracer.h"
+#include "harness/tracer.h"
 
 namespace oracle
 {

@@ -153,7 +153,7 @@ TEST(Flags, OpaqueMakesBoxesOpaque)
 // constant_flags.comp passes the same constants everywhere, flags.comp what it was given.
 TEST(GlslFlags, NeedCarriedBitsOnlyWhenTheyAreNotConstant)
 {
-    const spirv::RewriteOptions options{.rootAddress = 0, .queriesCarryFlagBits = false};
+    const spirv::RewriteOptions options{.rootAddress = 0, .queriesCarryFlagBits = [] { return false; }};
     EXPECT_EQ(spirv::rewrite(loadShader("while_loop.comp", "v15"), options).status, Status::Rewritten);
     const auto result = spirv::rewrite(loadShader("flags.comp", "v15"), options);
     EXPECT_EQ(result.status, Status::Failed);

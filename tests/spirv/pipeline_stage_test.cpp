@@ -119,12 +119,12 @@ TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
 TEST(PipelineStages, NeedCarriedBitsOnlyToHideFlags)
 {
     spirv::RewriteOptions options = optionsOf(kTrace);
-    options.pipelinesCarryFlagBits = false;
+    options.pipelinesCarryFlagBits = [] { return false; };
     const auto result = spirv::rewrite(loadShader("trace.rgen", "v15"), options);
     EXPECT_EQ(result.status, Status::Failed);
     EXPECT_NE(result.error.find("flag bits"), std::string::npos) << result.error;
     options = optionsOf(kTriangles);
-    options.pipelinesCarryFlagBits = false;
+    options.pipelinesCarryFlagBits = [] { return false; };
     EXPECT_EQ(spirv::rewrite(loadShader("any_hit.rahit", "v15"), options).status, Status::Rewritten);
 }
 

@@ -6,8 +6,8 @@
 #include <random>
 #include <string>
 
-#include "expected.h"
-#include "footprint.h"
+#include "harness/expected.h"
+#include "structures/footprint.h"
 #include "world.h"
 
 namespace

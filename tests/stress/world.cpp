@@ -208,11 +208,7 @@ World::World(Gpu &gpu, const Extent &extent)
                        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
     scratch_ = Buffer(gpu_, scratch + 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
     serialized_ = Buffer(gpu_, blasRoomBytes_ + 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
-    VkQueryPoolCreateInfo pool{};
-    pool.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-    pool.queryType = micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
-    pool.queryCount = 1;
-    VT_CHECK(vkCreateQueryPool(gpu_.device(), &pool, nullptr, &sizes_));
+    sizes_ = QueryPool(gpu_, micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
     for (std::uint32_t m = 0; m < extent_.micromaps(); ++m)
         buildMicromap(m);
     for (std::uint32_t b = 0; b < extent_.blases; ++b) {
@@ -223,7 +219,6 @@ World::World(Gpu &gpu, const Extent &extent)
 
 World::~World()
 {
-    vkDestroyQueryPool(gpu_.device(), sizes_, nullptr);
     for (const Bottom &blas : blases_)
         gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
     for (const Map &micromap : micromaps_)
@@ -298,8 +293,7 @@ VkDeviceSize World::compactedBytes(std::uint32_t micromap)
 {
     gpu_.submit([&](VkCommandBuffer commands) {
         vkCmdResetQueryPool(commands, sizes_, 0, 1);
-        recordMicromapProperties(gpu_, commands, std::span(&micromaps_[micromap].handle, 1),
-                                 micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT), sizes_, 0);
+        recordMicromapProperties(gpu_, commands, std::span(&micromaps_[micromap].handle, 1), sizes_.type(), sizes_, 0);
     });
     VkDeviceSize bytes = 0;
     VT_CHECK(vkGetQueryPoolResults(gpu_.device(), sizes_, 0, 1, sizeof bytes, &bytes, sizeof bytes,

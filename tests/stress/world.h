@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "tracer.h"
+#include "harness/tracer.h"
 
 namespace stress
 {
@@ -89,7 +89,7 @@ private:
     std::vector<Bottom> blases_;
     vt::Buffer vertices_, indices_, data_, triangles_;
     vt::Buffer micromapRoom_, blasRoom_, scratch_, serialized_;
-    VkQueryPool sizes_ = VK_NULL_HANDLE; // one query of a compacted size
+    vt::QueryPool sizes_; // one query of a compacted size
     VkDeviceSize micromapBytes_ = 0, blasBytes_ = 0, blasRoomBytes_ = 0;
 };
 

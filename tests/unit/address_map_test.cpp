@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "layer/address_map.h"
+#include "layer/memory/address_map.h"
 
 namespace
 {

@@ -1,7 +1,7 @@
 // What is flushed and invalidated of memory that is not coherent.
 #include <gtest/gtest.h>
 
-#include "layer/host_memory.h"
+#include "layer/memory/host_memory.h"
 
 namespace
 {

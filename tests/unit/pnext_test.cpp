@@ -1,5 +1,5 @@
 // Chain copies what it must of an application's const pNext chain, and nothing of the application's changes.
-#include "layer/pnext.h"
+#include "layer/ground/pnext.h"
 
 #include <gtest/gtest.h>
 

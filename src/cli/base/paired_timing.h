@@ -1,0 +1,40 @@
+// Compares the durations of two things on a machine that may have other work to do.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <vector>
+
+#include "cli/base/statistics.h"
+
+namespace vellum::cli
+{
+
+// Runs the two in turn, A B A B ... A. Each B counts against the mean of the A before it and the A after it, so that a
+// drift of the machine's speed cancels, and the median of these ratios is what single disturbances do not move.
+class PairedTiming
+{
+public:
+    using Run = std::function<double()>; // returns how long it took
+
+    PairedTiming(Run a, Run b) : m_a(std::move(a)), m_b(std::move(b)) {}
+
+    // Adds a pair.
+    void measure();
+
+    [[nodiscard]] std::size_t pairs() const { return m_ratios.size(); }
+    // After at least one pair: the median durations, and the ratios of B to A.
+    [[nodiscard]] double a() const { return median(m_times[0]); }
+    [[nodiscard]] double b() const { return median(m_times[1]); }
+    [[nodiscard]] Quartiles ratio() const { return quartiles(m_ratios); }
+    // The standard error of the median ratio, relative to it, estimated from the quartiles as if the ratios were
+    // normally distributed. Means something from about five pairs on.
+    [[nodiscard]] double uncertainty() const;
+
+private:
+    Run m_a, m_b;
+    std::vector<double> m_times[2];
+    std::vector<double> m_ratios;
+};
+
+} // namespace vellum::cli

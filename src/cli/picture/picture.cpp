@@ -1,0 +1,135 @@
+#include "cli/picture/picture.h"
+
+#include <algorithm>
+#include <cstring>
+#include <png.h>
+#include <unistd.h>
+
+#include "cli/base/error.h"
+#include "cli/picture/palette.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+std::vector<std::uint8_t> toRgb(const std::vector<std::uint32_t> &pixels)
+{
+    std::vector<std::uint8_t> rgb;
+    rgb.reserve(pixels.size() * 3);
+    for (const std::uint32_t pixel : pixels)
+        for (unsigned shift = 0; shift < 24; shift += 8)
+            rgb.push_back(static_cast<std::uint8_t>(pixel >> shift));
+    return rgb;
+}
+
+std::vector<std::uint8_t> encode(const Picture &picture, Colors colors)
+{
+    png_image image{};
+    image.version = PNG_IMAGE_VERSION;
+    image.width = picture.width;
+    image.height = picture.height;
+    image.format = PNG_FORMAT_RGB;
+    std::vector<std::uint8_t> bytesOfPixels;
+    std::vector<std::uint8_t> map;
+    if (colors == Colors::Few) {
+        Palette palette = makePalette(picture);
+        image.format = PNG_FORMAT_RGB_COLORMAP;
+        image.colormap_entries = static_cast<png_uint_32>(palette.colors.size());
+        map = toRgb(palette.colors);
+        bytesOfPixels = std::move(palette.indices);
+    } else {
+        bytesOfPixels = toRgb(picture.pixels);
+    }
+    std::vector<std::uint8_t> file(PNG_IMAGE_PNG_SIZE_MAX(image));
+    png_alloc_size_t bytes = file.size();
+    if (png_image_write_to_memory(&image, file.data(), &bytes, 0, bytesOfPixels.data(), 0, map.data()) == 0)
+        throw Error(std::string("the picture cannot be encoded: ") + image.message);
+    file.resize(bytes);
+    return file;
+}
+
+// Deletes an unfinished file.
+struct Unfinished {
+    std::string path;
+    int descriptor = -1;
+    ~Unfinished()
+    {
+        if (descriptor >= 0)
+            close(descriptor);
+        if (!path.empty())
+            unlink(path.c_str());
+    }
+};
+
+} // namespace
+
+void checkWritable(const std::filesystem::path &path)
+{
+    const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
+    std::error_code error;
+    if (!std::filesystem::is_directory(folder, error))
+        throw Error(path.string() + " cannot be written: " + folder.string() + " is not a directory");
+    if (std::filesystem::is_directory(path, error))
+        throw Error(path.string() + " cannot be written: it is a directory");
+    if (access(folder.c_str(), W_OK) != 0)
+        throw Error(path.string() + " cannot be written: " + std::strerror(errno));
+}
+
+void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors)
+{
+    const std::vector<std::uint8_t> file = encode(picture, colors);
+    Unfinished unfinished;
+    std::string name = path.string() + ".XXXXXX";
+    unfinished.descriptor = mkstemp(name.data());
+    const auto fail = [&] { return Error(path.string() + " cannot be written: " + std::strerror(errno)); };
+    if (unfinished.descriptor < 0)
+        throw fail();
+    unfinished.path = name;
+    for (std::size_t done = 0; done < file.size();) {
+        const ssize_t count = write(unfinished.descriptor, file.data() + done, file.size() - done);
+        if (count < 0)
+            throw fail();
+        done += static_cast<std::size_t>(count);
+    }
+    // mkstemp's files are private; a picture is like any other file.
+    std::filesystem::permissions(name, std::filesystem::perms(0644));
+    if (std::rename(name.c_str(), path.c_str()) != 0)
+        throw fail();
+    unfinished.path.clear();
+}
+
+Picture sideBySide(const Picture &left, const Picture &right)
+{
+    Picture both{left.width + right.width, left.height, {}};
+    for (std::size_t row = 0; row < both.height; ++row) {
+        for (const Picture *part : {&left, &right}) {
+            const auto first = part->pixels.begin() + static_cast<std::ptrdiff_t>(row * part->width);
+            both.pixels.insert(both.pixels.end(), first, first + part->width);
+        }
+    }
+    return both;
+}
+
+Difference compare(const Picture &a, const Picture &b)
+{
+    Difference difference;
+    difference.amplified = {a.width, a.height, std::vector<std::uint32_t>(a.pixels.size(), 0xff000000u)};
+    for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+        if (a.pixels[i] == b.pixels[i])
+            continue;
+        ++difference.pixels;
+        std::uint32_t shown = 0xff000000u;
+        for (unsigned shift = 0; shift < 24; shift += 8) {
+            const std::uint32_t x = (a.pixels[i] >> shift) & 255;
+            const std::uint32_t y = (b.pixels[i] >> shift) & 255;
+            const std::uint32_t apart = x > y ? x - y : y - x;
+            difference.largest = std::max(difference.largest, apart);
+            shown |= std::clamp(8 * apart, 32u, 255u) << shift;
+        }
+        difference.amplified.pixels[i] = shown;
+    }
+    return difference;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,173 @@
+#include "cli/renderer/acceleration.h"
+
+#include <algorithm>
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr VkBufferUsageFlags kBuildInput =
+    VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+
+VkTransformMatrixKHR matrixOf(const Placement &placement)
+{
+    VkTransformMatrixKHR matrix{};
+    for (std::size_t column = 0; column < 3; ++column) {
+        Vec3 axis{};
+        axis[column] = 1;
+        const Vec3 image = placement.apply(axis) - placement.offset;
+        for (std::size_t row = 0; row < 3; ++row)
+            matrix.matrix[row][column] = image[row];
+    }
+    for (std::size_t row = 0; row < 3; ++row)
+        matrix.matrix[row][3] = placement.offset[row];
+    return matrix;
+}
+
+} // namespace
+
+AccelerationStructure::AccelerationStructure(Device &device, VkAccelerationStructureTypeKHR type,
+                                             std::span<const VkAccelerationStructureGeometryKHR> geometries,
+                                             std::span<const std::uint32_t> counts)
+    : AccelerationStructure(device)
+{
+    const DeviceFunctions &vk = device.functions();
+    VkAccelerationStructureBuildGeometryInfoKHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
+    info.type = type;
+    info.flags = VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR;
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+    info.geometryCount = static_cast<std::uint32_t>(geometries.size());
+    info.pGeometries = geometries.data();
+    VkAccelerationStructureBuildSizesInfoKHR sizes{};
+    sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    vk.getAccelerationStructureBuildSizes(device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
+                                          counts.data(), &sizes);
+
+    m_storage =
+        Buffer(device, sizes.accelerationStructureSize,
+               VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT,
+               Buffer::Place::Device);
+    VkAccelerationStructureCreateInfoKHR create{};
+    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
+    create.buffer = m_storage.handle();
+    create.size = sizes.accelerationStructureSize;
+    create.type = type;
+    check(vk.createAccelerationStructure(device.handle(), &create, nullptr, &m_structure),
+          "creating an acceleration structure");
+    const VkDeviceSize alignment = std::max<VkDeviceSize>(device.scratchAlignment(), 1);
+    const Buffer scratch(device, sizes.buildScratchSize + alignment,
+                         VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT,
+                         Buffer::Place::Device);
+    info.dstAccelerationStructure = m_structure;
+    info.scratchData.deviceAddress = scratch.address(alignment);
+    std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
+    for (const std::uint32_t count : counts)
+        ranges.push_back({count, 0, 0, 0});
+    const VkAccelerationStructureBuildRangeInfoKHR *range = ranges.data();
+    device.run([&](VkCommandBuffer commands) {
+        vk.cmdBuildAccelerationStructures(commands, 1, &info, &range);
+        const VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
+                                      VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
+                                      VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR};
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                             VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &barrier, 0, nullptr, 0, nullptr);
+    });
+}
+
+AccelerationStructure::~AccelerationStructure()
+{
+    if (m_structure != VK_NULL_HANDLE)
+        m_owner->functions().destroyAccelerationStructure(m_owner->handle(), m_structure, nullptr);
+}
+
+VkDeviceAddress AccelerationStructure::address() const
+{
+    const VkAccelerationStructureDeviceAddressInfoKHR info{
+        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, m_structure};
+    return m_owner->functions().getAccelerationStructureDeviceAddress(m_owner->handle(), &info);
+}
+
+World::World(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps)
+{
+    std::vector<const Geometry *> geometries;
+    for (const Geometry &g : scene.scene.geometries)
+        geometries.push_back(&g);
+    m_scene = buildBottom(device, geometries, &scene.scene, micromaps);
+    const Geometry *ground = &scene.ground;
+    m_ground = buildBottom(device, std::span(&ground, 1), nullptr, {});
+    buildTop(device, scene);
+}
+
+std::unique_ptr<AccelerationStructure> World::buildBottom(Device &device, std::span<const Geometry *const> geometries,
+                                                          const Scene *materials,
+                                                          std::span<const Micromap *const> micromaps)
+{
+    std::vector<Mesh> meshes;
+    std::vector<VkAccelerationStructureGeometryKHR> infos;
+    std::vector<std::uint32_t> counts;
+    for (std::size_t i = 0; i < geometries.size(); ++i) {
+        const Geometry &g = *geometries[i];
+        meshes.push_back({uploadBuffer(device, std::as_bytes(std::span(g.positions)), kBuildInput),
+                          uploadBuffer(device, std::as_bytes(std::span(g.indices)), kBuildInput)});
+        VkAccelerationStructureGeometryKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
+        info.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
+        const bool masked = materials != nullptr && materials->materials[g.material].masked;
+        info.flags = masked ? VkGeometryFlagsKHR{0} : VkGeometryFlagsKHR{VK_GEOMETRY_OPAQUE_BIT_KHR};
+        VkAccelerationStructureGeometryTrianglesDataKHR &triangles = info.geometry.triangles;
+        triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
+        triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+        triangles.vertexData.deviceAddress = meshes.back().positions.address();
+        triangles.vertexStride = sizeof(Vec3);
+        triangles.maxVertex = static_cast<std::uint32_t>(g.positions.size() - 1);
+        triangles.indexType = VK_INDEX_TYPE_UINT32;
+        triangles.indexData.deviceAddress = meshes.back().indices.address();
+        if (i < micromaps.size() && micromaps[i] != nullptr) {
+            m_micromaps.push_back(makeMicromap(device, *micromaps[i]));
+            triangles.pNext = m_micromaps.back()->attachment();
+        }
+        infos.push_back(info);
+        counts.push_back(static_cast<std::uint32_t>(g.indices.size() / 3));
+    }
+    return std::make_unique<AccelerationStructure>(device, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, infos,
+                                                   counts);
+}
+
+void World::buildTop(Device &device, const RenderScene &scene)
+{
+    std::vector<VkAccelerationStructureInstanceKHR> instances;
+    const auto add = [&](const Placement &placement, std::size_t firstRecord, const AccelerationStructure &bottom) {
+        VkAccelerationStructureInstanceKHR instance{};
+        instance.transform = matrixOf(placement);
+        instance.instanceCustomIndex = static_cast<std::uint32_t>(firstRecord) & 0xffffffu;
+        instance.mask = 0xff;
+        instance.flags = VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR;
+        instance.accelerationStructureReference = bottom.address();
+        instances.push_back(instance);
+    };
+    for (const Placement &copy : scene.copies)
+        add(copy, 0, *m_scene);
+    add({}, scene.records.size() - 1, *m_ground);
+
+    const Buffer buffer = uploadBuffer(device, std::as_bytes(std::span(instances)), kBuildInput, 16);
+    VkAccelerationStructureGeometryKHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
+    info.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR;
+    info.geometry.instances.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR;
+    info.geometry.instances.data.deviceAddress = buffer.address(16);
+    const auto count = static_cast<std::uint32_t>(instances.size());
+    m_top = std::make_unique<AccelerationStructure>(device, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR,
+                                                    std::span(&info, 1), std::span(&count, 1));
+}
+
+VkDeviceSize World::micromapBytes() const
+{
+    VkDeviceSize bytes = 0;
+    for (const auto &micromap : m_micromaps)
+        bytes += micromap->bytes();
+    return bytes;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,22 @@
+// The picture by ray queries: one compute shader, shaders/render.comp.
+#pragma once
+
+#include "cli/renderer/trace_pipeline.h"
+
+namespace vellum::cli
+{
+
+class QueryPipeline final : public TracePipeline
+{
+public:
+    QueryPipeline(Device &device, const TracePipelineInfo &info);
+    ~QueryPipeline() override;
+
+    void record(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height) const override;
+
+private:
+    Device &m_device;
+    VkPipeline m_pipeline = VK_NULL_HANDLE;
+};
+
+} // namespace vellum::cli

@@ -1,0 +1,76 @@
+// A pipeline that draws the picture, in one of two ways: by ray queries in a compute shader or by a ray tracing
+// pipeline.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "cli/vulkan/context.h"
+
+namespace vellum::cli
+{
+
+enum class Trace { Query, Pipeline };
+
+// Where a way of tracing takes place.
+struct TraceStages {
+    VkPipelineBindPoint bindPoint;
+    VkPipelineStageFlags pipelineStage;
+    VkShaderStageFlags shaders; // that see the descriptors and push constants
+};
+TraceStages stagesOf(Trace trace);
+
+// The specialization constants 0, 1, ... of shaders/scene.glsl.
+struct TraceConstants {
+    std::uint32_t textures = 1;
+    std::uint32_t heavyReads = 0;
+    VkBool32 counting = VK_FALSE;
+    VkBool32 painting = VK_FALSE;
+};
+
+struct TracePipelineInfo {
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    bool micromaps = false; // the structures that it traces have some
+    TraceConstants constants;
+};
+
+class TracePipeline
+{
+public:
+    virtual ~TracePipeline() = default;
+    TracePipeline(const TracePipeline &) = delete;
+    TracePipeline &operator=(const TracePipeline &) = delete;
+
+    // Traces these many pixels. Descriptors and push constants must be bound.
+    virtual void record(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height) const = 0;
+
+protected:
+    TracePipeline() = default;
+};
+
+// `device` must outlive the pipeline. Throws Error.
+std::unique_ptr<TracePipeline> makeTracePipeline(Device &device, Trace trace, const TracePipelineInfo &info);
+
+// For the implementations: a shader until its pipeline is made.
+class ShaderStage
+{
+public:
+    // `constants` must outlive this.
+    ShaderStage(Device &device, VkShaderStageFlagBits stage, std::span<const std::uint32_t> code,
+                const TraceConstants &constants);
+    ~ShaderStage();
+    ShaderStage(const ShaderStage &) = delete;
+    ShaderStage &operator=(const ShaderStage &) = delete;
+
+    // Valid as long as this lives.
+    [[nodiscard]] VkPipelineShaderStageCreateInfo info() const;
+
+private:
+    VkDevice m_device;
+    VkShaderStageFlagBits m_stage;
+    VkShaderModule m_module = VK_NULL_HANDLE;
+    VkSpecializationInfo m_specialization;
+};
+
+} // namespace vellum::cli

@@ -1,0 +1,125 @@
+#include "cli/scene/density.h"
+
+#include <algorithm>
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr int kDirections = 14;
+
+// Directions over the upper hemisphere, evenly by the golden angle.
+Vec3 direction(int i)
+{
+    const float y = (static_cast<float>(i) + 0.5f) / kDirections;
+    const float r = std::sqrt(1 - y * y);
+    const float angle = 2.39996323f * static_cast<float>(i);
+    return {r * std::cos(angle), y, r * std::sin(angle)};
+}
+
+} // namespace
+
+Density::Density(const Scene &scene)
+{
+    for (const Geometry &g : scene.geometries)
+        for (const Vec3 &p : g.positions)
+            m_box.include(p);
+    const Vec3 size = m_box.size();
+    m_cell = std::max({size[0], size[1], size[2], 1e-6f}) / kCells;
+    for (std::size_t i = 0; i < 3; ++i)
+        m_count[i] = static_cast<int>(size[i] / m_cell) + 1;
+    m_area.resize(static_cast<std::size_t>(m_count[0] * m_count[1] * m_count[2]));
+    for (const Geometry &g : scene.geometries) {
+        // About half of a leaf card is leaf.
+        const float share = scene.materials[g.material].masked ? 0.4f : 1.0f;
+        for (std::size_t i = 0; i + 2 < g.indices.size(); i += 3) {
+            const Vec3 &a = g.positions[g.indices[i]];
+            const Vec3 &b = g.positions[g.indices[i + 1]];
+            const Vec3 &c = g.positions[g.indices[i + 2]];
+            const float area = share * 0.5f * length(cross(b - a, c - a));
+            add((a + b + c) * (1.0f / 3), area * 0.25f);
+            for (const Vec3 *corner : {&a, &b, &c})
+                add(*corner * 0.5f + (a + b + c) * (1.0f / 6), area * 0.25f);
+        }
+    }
+    blur();
+}
+
+void Density::add(const Vec3 &point, float area)
+{
+    std::array<int, 3> c{};
+    for (std::size_t i = 0; i < 3; ++i)
+        c[i] = std::clamp(static_cast<int>((point[i] - m_box.low[i]) / m_cell), 0, m_count[i] - 1);
+    m_area[static_cast<std::size_t>((c[2] * m_count[1] + c[1]) * m_count[0] + c[0])] +=
+        area / (m_cell * m_cell * m_cell);
+}
+
+void Density::blur()
+{
+    const int strides[3] = {1, m_count[0], m_count[0] * m_count[1]};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::vector<float> before = m_area;
+        for (std::size_t i = 0; i < m_area.size(); ++i) {
+            const int place = (static_cast<int>(i) / strides[axis]) % m_count[axis];
+            const auto step = static_cast<std::size_t>(strides[axis]);
+            const float left = place > 0 ? before[i - step] : 0;
+            const float right = place + 1 < m_count[axis] ? before[i + step] : 0;
+            m_area[i] = 0.5f * before[i] + 0.25f * (left + right);
+        }
+    }
+}
+
+float Density::at(const Vec3 &point) const
+{
+    int base[3];
+    float part[3];
+    for (std::size_t i = 0; i < 3; ++i) {
+        const float x = (point[i] - m_box.low[i]) / m_cell - 0.5f;
+        if (!(x > -1) || !(x < static_cast<float>(m_count[i])))
+            return 0;
+        base[i] = static_cast<int>(std::floor(x));
+        part[i] = x - static_cast<float>(base[i]);
+    }
+    float sum = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        const int x = base[0] + (corner & 1);
+        const int y = base[1] + ((corner >> 1) & 1);
+        const int z = base[2] + (corner >> 2);
+        if (x < 0 || y < 0 || z < 0 || x >= m_count[0] || y >= m_count[1] || z >= m_count[2])
+            continue;
+        const float weight = ((corner & 1) != 0 ? part[0] : 1 - part[0]) *
+                             (((corner >> 1) & 1) != 0 ? part[1] : 1 - part[1]) *
+                             ((corner >> 2) != 0 ? part[2] : 1 - part[2]);
+        sum += weight * m_area[static_cast<std::size_t>((z * m_count[1] + y) * m_count[0] + x)];
+    }
+    return sum;
+}
+
+float Density::skyVisibility(const Vec3 &point) const
+{
+    float seen = 0;
+    for (int i = 0; i < kDirections; ++i) {
+        const Vec3 along = direction(i);
+        float depth = 0;
+        // The first cell is the surface's own.
+        for (float t = 1.5f; t < 1.8f * kCells; t += 1.25f)
+            depth += at(point + along * (t * m_cell));
+        // Randomly turned leaves cover half of their area.
+        seen += std::exp(-0.5f * depth * 1.25f * m_cell);
+    }
+    return seen / kDirections;
+}
+
+Vec3 Density::outward(const Vec3 &point) const
+{
+    Vec3 gradient{};
+    for (std::size_t i = 0; i < 3; ++i) {
+        Vec3 step{};
+        step[i] = 1.5f * m_cell;
+        gradient[i] = at(point - step) - at(point + step);
+    }
+    return gradient;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,34 @@
+// How much geometry there is where, coarsely: for soft ambient light, and normals that make a crown look round.
+#pragma once
+
+#include <vector>
+
+#include "cli/scene/math.h"
+
+namespace vellum::cli
+{
+
+class Density
+{
+public:
+    explicit Density(const Scene &scene);
+
+    // How much of the sky is seen from a point, 0..1, by marching through the grid in some directions.
+    [[nodiscard]] float skyVisibility(const Vec3 &point) const;
+    // Away from where there is more geometry; not normalised.
+    [[nodiscard]] Vec3 outward(const Vec3 &point) const;
+
+private:
+    static constexpr int kCells = 40; // along the longest side
+
+    [[nodiscard]] float at(const Vec3 &point) const;
+    void add(const Vec3 &point, float area);
+    void blur();
+
+    Box m_box;
+    float m_cell = 1;
+    std::array<int, 3> m_count{};
+    std::vector<float> m_area; // per volume, in 1 / length
+};
+
+} // namespace vellum::cli

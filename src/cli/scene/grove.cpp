@@ -1,0 +1,224 @@
+#include "cli/scene/grove.h"
+
+#include "cli/scene/leaf_texture.h"
+#include "cli/scene/math.h"
+#include "cli/scene/random.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+// How a kind of plant grows. Lengths in metres, angles in radians.
+struct Habit {
+    float trunkLength, trunkRadius;
+    int levels;      // of branches after the trunk
+    int children[3]; // on each branch of the level before
+    float shrink;    // length of a child to its parent's
+    float spread;    // between a child and its parent
+    float rise;      // how strongly shoots turn upwards
+    float bare;      // share of a branch below its first child
+    float cardSize;
+    int cards;            // on each branch of the last level
+    float droop;          // of the cards
+    std::uint32_t leaves; // their geometry in the scene
+};
+
+struct Shoot {
+    Vec3 base, direction;
+    float length, radius;
+};
+
+struct Frame {
+    Vec3 side, other;
+};
+
+Frame frameOf(const Vec3 &direction)
+{
+    const Vec3 helper = std::abs(direction[1]) < 0.9f ? Vec3{0, 1, 0} : Vec3{1, 0, 0};
+    const Vec3 side = normalize(cross(direction, helper));
+    return {side, cross(direction, side)};
+}
+
+class Grower
+{
+public:
+    Grower(Scene &scene, std::uint64_t seed) : m_scene(scene), m_random(seed) {}
+
+    void grow(const Habit &habit, const Vec3 &foot, float scale)
+    {
+        Habit scaled = habit;
+        scaled.trunkLength *= scale;
+        scaled.trunkRadius *= scale;
+        const Vec3 up = normalize({m_random.between(-0.06f, 0.06f), 1, m_random.between(-0.06f, 0.06f)});
+        // The foot is sunk, so that no gap shows where the ground is.
+        shoot(scaled, {foot - Vec3{0, 0.05f, 0}, up, scaled.trunkLength, scaled.trunkRadius}, 0);
+    }
+
+private:
+    static constexpr std::uint32_t kWood = 0; // geometry of branches
+    static constexpr int kSegments = 6;
+
+    void shoot(const Habit &habit, const Shoot &s, int level)
+    {
+        std::vector<Vec3> path = {s.base};
+        Vec3 direction = s.direction;
+        for (int i = 0; i < kSegments; ++i) {
+            const float wander = level == 0 ? 0.10f : 0.24f;
+            direction = normalize(direction + Vec3{m_random.between(-wander, wander),
+                                                   habit.rise / kSegments + m_random.between(-wander, wander) * 0.5f,
+                                                   m_random.between(-wander, wander)});
+            path.push_back(path.back() + direction * (s.length / kSegments));
+        }
+        tube(path, s.radius, level == 0);
+        if (level == habit.levels) {
+            foliage(habit, path);
+            return;
+        }
+        const int count = habit.children[level];
+        for (int i = 0; i < count; ++i) {
+            const float along =
+                habit.bare + (1 - habit.bare) * (static_cast<float>(i) + 0.7f) / static_cast<float>(count);
+            child(habit, s, path, std::min(along, 0.98f), 2.39996f * static_cast<float>(i), level);
+        }
+    }
+
+    void child(const Habit &habit, const Shoot &parent, const std::vector<Vec3> &path, float along, float turn,
+               int level)
+    {
+        const float place = along * kSegments;
+        const auto segment = std::min<std::size_t>(static_cast<std::size_t>(place), kSegments - 1);
+        const Vec3 base = path[segment] + (path[segment + 1] - path[segment]) * (place - static_cast<float>(segment));
+        const Vec3 direction = normalize(path[segment + 1] - path[segment]);
+        const Frame frame = frameOf(direction);
+        const float angle = turn + m_random.between(-0.5f, 0.5f);
+        const float spread = habit.spread * m_random.between(0.8f, 1.2f) * (1.15f - 0.5f * along);
+        const Vec3 out = frame.side * std::cos(angle) + frame.other * std::sin(angle);
+        // Lower branches are longer: a rounded crown.
+        const float length = parent.length * habit.shrink * (1.15f - 0.55f * along) * m_random.between(0.85f, 1.15f);
+        const float radius = parent.radius * (1 - 0.8f * along) * 0.55f + 0.004f;
+        shoot(habit, {base, normalize(direction * std::cos(spread) + out * std::sin(spread)), length, radius},
+              level + 1);
+    }
+
+    void tube(const std::vector<Vec3> &path, float radius, bool trunk)
+    {
+        Geometry &g = m_scene.geometries[kWood];
+        const std::uint32_t sides = trunk ? 12 : 6;
+        const auto first = static_cast<std::uint32_t>(g.positions.size());
+        for (std::size_t i = 0; i < path.size(); ++i) {
+            const Vec3 direction = normalize(path[std::min(i + 1, path.size() - 1)] - path[i > 0 ? i - 1 : 0]);
+            const Frame frame = frameOf(direction);
+            const float along = static_cast<float>(i) / static_cast<float>(path.size() - 1);
+            const float flare = trunk && i == 0 ? 1.5f : 1.0f;
+            const float r = radius * (1 - 0.8f * along) * flare;
+            for (std::uint32_t k = 0; k < sides; ++k) {
+                const float angle = 2 * kPi * static_cast<float>(k) / static_cast<float>(sides);
+                g.positions.push_back(path[i] + frame.side * (r * std::cos(angle)) +
+                                      frame.other * (r * std::sin(angle)));
+                g.uvs.push_back({});
+            }
+        }
+        for (std::uint32_t i = 0; i + 1 < path.size(); ++i) {
+            for (std::uint32_t k = 0; k < sides; ++k) {
+                const std::uint32_t a = first + i * sides + k;
+                const std::uint32_t b = first + i * sides + (k + 1) % sides;
+                g.indices.insert(g.indices.end(), {a, a + sides, b, b, a + sides, b + sides});
+            }
+        }
+    }
+
+    void foliage(const Habit &habit, const std::vector<Vec3> &path)
+    {
+        for (int i = 0; i < habit.cards; ++i) {
+            const float along = 0.25f + 0.75f * (static_cast<float>(i) + 1) / static_cast<float>(habit.cards);
+            const float place = std::min(along, 0.999f) * kSegments;
+            const auto segment = static_cast<std::size_t>(place);
+            const Vec3 base =
+                path[segment] + (path[segment + 1] - path[segment]) * (place - static_cast<float>(segment));
+            const Vec3 direction = normalize(path[segment + 1] - path[segment]);
+            const Frame frame = frameOf(direction);
+            const float angle = 2.39996f * static_cast<float>(i) + m_random.between(-0.6f, 0.6f);
+            const Vec3 out = frame.side * std::cos(angle) + frame.other * std::sin(angle);
+            const Vec3 up = normalize(direction * 0.7f + out * 0.9f - Vec3{0, habit.droop, 0});
+            card(habit.leaves, base, up, habit.cardSize * m_random.between(0.8f, 1.15f));
+        }
+    }
+
+    // A twig's square, with the middle of its lower edge at `base`.
+    void card(std::uint32_t geometry, const Vec3 &base, const Vec3 &up, float size)
+    {
+        Geometry &g = m_scene.geometries[geometry];
+        // Leaves turn their faces upwards.
+        const Vec3 wish = {m_random.between(-0.8f, 0.8f), 1, m_random.between(-0.8f, 0.8f)};
+        const Vec3 across = normalize(cross(up, wish)) * (0.5f * size);
+        const Vec3 top = base + up * size;
+        const auto first = static_cast<std::uint32_t>(g.positions.size());
+        g.positions.insert(g.positions.end(), {base - across, base + across, top + across, top - across});
+        g.uvs.insert(g.uvs.end(), {{0, 1}, {1, 1}, {1, 0}, {0, 0}});
+        for (const std::uint32_t corner : {0u, 1u, 2u, 0u, 2u, 3u})
+            g.indices.push_back(first + corner);
+    }
+
+    Scene &m_scene;
+    Random m_random;
+};
+
+Material leafMaterial(const char *name, int image)
+{
+    Material m;
+    m.name = name;
+    m.masked = true;
+    m.image = image;
+    m.wrapU = Wrap::Clamp;
+    m.wrapV = Wrap::Clamp;
+    return m;
+}
+
+constexpr std::uint32_t kBeechLeaves = 1;
+constexpr std::uint32_t kBirchLeaves = 2;
+
+} // namespace
+
+Scene makeGrove()
+{
+    Scene scene;
+    LeafStyle beech;
+    beech.leaves = 7;
+    beech.length = 0.36f;
+    beech.width = 0.22f;
+    LeafStyle birch;
+    birch.seed = 7;
+    birch.leaves = 9;
+    birch.length = 0.27f;
+    birch.width = 0.21f;
+    birch.widest = 0.30f;
+    birch.teeth = 0.16f;
+    birch.veins = 6;
+    birch.young = {0.46f, 0.55f, 0.23f};
+    birch.old = {0.27f, 0.39f, 0.15f};
+    scene.images = {paintTwig(beech, 512), paintTwig(birch, 512)};
+    Material wood;
+    wood.name = "branches";
+    wood.baseColor = {0.36f, 0.29f, 0.22f, 1};
+    scene.materials = {wood, leafMaterial("beech leaves", 0), leafMaterial("birch leaves", 1)};
+    for (std::uint32_t i = 0; i < 3; ++i)
+        scene.geometries.push_back({i, {}, {}, {}});
+
+    const Habit beechTree = {4.6f, 0.26f, 2, {11, 6, 0}, 0.62f, 1.0f, 0.30f, 0.30f, 0.80f, 8, 0.15f, kBeechLeaves};
+    const Habit birchTree = {7.2f, 0.15f, 2, {16, 4, 0}, 0.30f, 0.95f, 0.25f, 0.28f, 0.75f, 7, 0.45f, kBirchLeaves};
+    const Habit bush = {0.7f, 0.06f, 2, {9, 4, 0}, 0.85f, 0.95f, 0.35f, 0.15f, 0.66f, 6, 0.0f, kBeechLeaves};
+    Grower grower(scene, 11);
+    grower.grow(beechTree, {-2.2f, 0, -0.8f}, 1.0f);
+    grower.grow(birchTree, {2.2f, 0, -2.2f}, 0.95f);
+    grower.grow(birchTree, {4.2f, 0, -0.6f}, 0.8f);
+    grower.grow(beechTree, {0.2f, 0, -5.0f}, 0.95f);
+    grower.grow(bush, {0.9f, 0, 1.0f}, 1.0f);
+    grower.grow(bush, {-4.4f, 0, 2.4f}, 0.9f);
+    // Close to the camera, to show single leaves.
+    grower.grow(bush, {4.9f, 0, 5.4f}, 1.25f);
+    grower.grow(bush, {1.4f, 0, 8.4f}, 1.0f);
+    return scene;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,216 @@
+#include "cli/scene/render_scene.h"
+
+#include <algorithm>
+
+#include "cli/scene/density.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+std::uint32_t packNormal(const Vec3 &normal, float visibility)
+{
+    const float sum = std::abs(normal[0]) + std::abs(normal[1]) + std::abs(normal[2]);
+    float x = normal[0] / sum;
+    float y = normal[1] / sum;
+    if (normal[2] < 0) {
+        const float old = x;
+        x = (1 - std::abs(y)) * (x >= 0 ? 1.0f : -1.0f);
+        y = (1 - std::abs(old)) * (y >= 0 ? 1.0f : -1.0f);
+    }
+    const auto twelve = [](float f) { return static_cast<std::uint32_t>(std::lround((f * 0.5f + 0.5f) * 4095)); };
+    const auto eight = static_cast<std::uint32_t>(std::lround(std::clamp(visibility, 0.0f, 1.0f) * 255));
+    return twelve(x) | twelve(y) << 12 | eight << 24;
+}
+
+// Normals by the area-weighted mean of the triangles at each vertex.
+std::vector<Vec3> smoothNormals(const Geometry &g)
+{
+    std::vector<Vec3> normals(g.positions.size(), Vec3{});
+    for (std::size_t i = 0; i + 2 < g.indices.size(); i += 3) {
+        const Vec3 &a = g.positions[g.indices[i]];
+        const Vec3 normal = cross(g.positions[g.indices[i + 1]] - a, g.positions[g.indices[i + 2]] - a);
+        for (std::size_t k = 0; k < 3; ++k)
+            normals[g.indices[i + k]] = normals[g.indices[i + k]] + normal;
+    }
+    for (Vec3 &n : normals)
+        n = normalize(n);
+    return normals;
+}
+
+void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &record, const Density &density)
+{
+    std::vector<Vec3> normals = smoothNormals(g);
+    std::vector<std::uint32_t> packed(g.positions.size());
+    const bool leaves = record.kind == static_cast<std::uint32_t>(Kind::Leaves);
+    for (std::size_t i = 0; i < packed.size(); ++i) {
+        const Vec3 &p = g.positions[i];
+        float visibility = 1;
+        if (record.kind == static_cast<std::uint32_t>(Kind::Ground)) {
+            for (const Placement &copy : result.copies)
+                visibility *= density.skyVisibility(copy.inverse(p));
+        } else {
+            visibility = density.skyVisibility(p);
+        }
+        if (leaves) {
+            // The card's own direction only ruffles that of the crown's surface.
+            const Vec3 out = normalize(density.outward(p));
+            const Vec3 own = dot(normals[i], out) < 0 ? normals[i] * -1.0f : normals[i];
+            normals[i] = normalize(out * 0.6f + own * 0.4f);
+        }
+        packed[i] = packNormal(normals[i], visibility);
+    }
+    result.records.push_back(record);
+    result.records.back().firstTriangle = static_cast<std::uint32_t>(result.normals.size() / 3);
+    for (const std::uint32_t index : g.indices) {
+        result.normals.push_back(packed[index]);
+        result.uvs.push_back(g.uvs[index].u);
+        result.uvs.push_back(g.uvs[index].v);
+    }
+}
+
+// The height that things stand on: the lowest point of what is solid; leaf cards may hang lower.
+float groundHeight(const Scene &scene, const Box &all)
+{
+    float height = 1e30f;
+    for (const Geometry &g : scene.geometries)
+        if (!scene.materials[g.material].masked)
+            for (const Vec3 &p : g.positions)
+                height = std::min(height, p[1]);
+    return height < 1e29f ? height : all.low[1];
+}
+
+std::vector<Placement> placeCopies(std::uint32_t copies, const Box &box)
+{
+    std::vector<Placement> placements;
+    auto side = static_cast<std::uint32_t>(std::ceil(std::sqrt(static_cast<double>(copies))));
+    const Vec3 center = box.center();
+    const float step = 0.9f * std::max(box.size()[0], box.size()[2]);
+    for (std::uint32_t i = 0; i < copies; ++i) {
+        Placement p;
+        if (copies > 1) {
+            const float x = static_cast<float>(i % side) - 0.5f * static_cast<float>(side - 1);
+            const float z = static_cast<float>(i / side) - 0.5f * static_cast<float>(side - 1);
+            p.angle = 2.39996323f * static_cast<float>(i);
+            p.scale = 0.85f + 0.3f * static_cast<float>((i * 7) % 9) / 8.0f;
+            // Turned and scaled about the foot of the scene's own axis, which then stands on the grid.
+            p.offset = {x * step, box.low[1] * (1 - p.scale), z * step};
+            const Vec3 turned = Placement{p.angle, p.scale, {}}.apply({center[0], 0, center[2]});
+            p.offset = p.offset - Vec3{turned[0], 0, turned[2]};
+        }
+        placements.push_back(p);
+    }
+    return placements;
+}
+
+// Fine cells under the scene, where light and shadow change, and long ones out to the horizon.
+Geometry makeGround(const Box &bounds, float height)
+{
+    constexpr int kFine = 72;
+    const Vec3 center = bounds.center();
+    const float reach = std::max({bounds.size()[0], bounds.size()[2], 0.5f * bounds.size()[1], 1e-3f});
+    std::vector<float> steps = {-60, -12, -3.5f};
+    for (int i = 0; i <= kFine; ++i)
+        steps.push_back(-1.4f + 2.8f * static_cast<float>(i) / kFine);
+    steps.insert(steps.end(), {3.5f, 12, 60});
+    Geometry ground;
+    for (const float z : steps) {
+        for (const float x : steps) {
+            ground.positions.push_back({center[0] + x * reach, height, center[2] + z * reach});
+            ground.uvs.push_back({});
+        }
+    }
+    const auto columns = static_cast<std::uint32_t>(steps.size());
+    for (std::uint32_t j = 0; j + 1 < columns; ++j) {
+        for (std::uint32_t i = 0; i + 1 < columns; ++i) {
+            const std::uint32_t a = j * columns + i;
+            const std::uint32_t c = a + columns;
+            ground.indices.insert(ground.indices.end(), {a, c, a + 1, a + 1, c, c + 1});
+        }
+    }
+    return ground;
+}
+
+// Enough points to see how the scene looks from any side.
+std::vector<Vec3> findOutline(const RenderScene &scene, float height)
+{
+    constexpr std::size_t kEnough = 60000;
+    std::size_t total = 0;
+    for (const Geometry &g : scene.scene.geometries)
+        total += g.positions.size() * scene.copies.size();
+    const std::size_t step = total / kEnough + 1;
+    std::vector<Vec3> points;
+    for (const Placement &copy : scene.copies) {
+        for (const Geometry &g : scene.scene.geometries) {
+            for (std::size_t i = 0; i < g.positions.size(); i += step) {
+                points.push_back(copy.apply(g.positions[i]));
+                points.back()[1] = std::max(points.back()[1], height);
+            }
+        }
+    }
+    return points;
+}
+
+} // namespace
+
+std::size_t RenderScene::maskedTriangles() const
+{
+    std::size_t count = 0;
+    for (const Geometry &g : scene.geometries)
+        count += scene.materials[g.material].masked ? g.indices.size() / 3 : 0;
+    return count;
+}
+
+std::size_t RenderScene::solidTriangles() const
+{
+    std::size_t count = 0;
+    for (const Geometry &g : scene.geometries)
+        count += scene.materials[g.material].masked ? 0 : g.indices.size() / 3;
+    return count;
+}
+
+RenderScene prepareScene(Scene scene, std::uint32_t copies)
+{
+    RenderScene result;
+    result.scene = std::move(scene);
+    Box box;
+    for (const Geometry &g : result.scene.geometries)
+        for (const Vec3 &p : g.positions)
+            box.include(p);
+    const float height = groundHeight(result.scene, box);
+    Box standing = box;
+    standing.low[1] = height;
+    result.copies = placeCopies(copies, standing);
+    for (const Placement &copy : result.copies)
+        for (unsigned corner = 0; corner < 8; ++corner)
+            result.bounds.include(copy.apply({(corner & 1) != 0 ? box.high[0] : box.low[0],
+                                              (corner & 2) != 0 ? box.high[1] : std::max(box.low[1], height),
+                                              (corner & 4) != 0 ? box.high[2] : box.low[2]}));
+    result.ground = makeGround(result.bounds, height);
+    result.outline = findOutline(result, height);
+
+    std::vector<std::int32_t> textureOf;
+    for (std::size_t i = 0; i < result.scene.materials.size(); ++i) {
+        const bool textured = result.scene.materials[i].image >= 0;
+        textureOf.push_back(textured ? static_cast<std::int32_t>(result.texturedMaterials.size()) : -1);
+        if (textured)
+            result.texturedMaterials.push_back(static_cast<std::uint32_t>(i));
+    }
+    const Density density(result.scene);
+    for (const Geometry &g : result.scene.geometries) {
+        const Material &m = result.scene.materials[g.material];
+        const Kind kind = m.masked ? Kind::Leaves : Kind::Solid;
+        addGeometry(result, g,
+                    {0,
+                     textureOf[g.material],
+                     m.alphaCutoff,
+                     static_cast<std::uint32_t>(kind),
+                     {m.baseColor[0], m.baseColor[1], m.baseColor[2], m.baseColor[3]}},
+                    density);
+    }
+    addGeometry(result, result.ground, {0, -1, 0, static_cast<std::uint32_t>(Kind::Ground), {1, 1, 1, 1}}, density);
+    return result;
+}
+
+} // namespace vellum::cli

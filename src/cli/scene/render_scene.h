@@ -1,0 +1,44 @@
+// A scene prepared for the renderer: what the shader reads, laid out as it reads it, and where the copies stand.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "cli/scene/math.h"
+
+namespace vellum::cli
+{
+
+// shaders/scene.glsl reads this
+struct GeometryRecord {
+    std::uint32_t firstTriangle; // in uvs and normals
+    std::int32_t texture;        // -1: none
+    float cutoff;
+    std::uint32_t kind; // a Kind
+    float color[4];     // linear
+};
+static_assert(sizeof(GeometryRecord) == 32);
+
+enum class Kind : std::uint32_t { Solid = 0, Leaves = 1, Ground = 2 };
+
+struct RenderScene {
+    Scene scene;
+    Geometry ground; // a grid around the copies
+    std::vector<Placement> copies;
+    Box bounds;                // of all copies, without the ground
+    std::vector<Vec3> outline; // some of their points above the ground, for the camera
+
+    std::vector<std::uint32_t> texturedMaterials; // the material that each texture of the shader is for
+
+    std::vector<GeometryRecord> records; // of the scene's geometries, then the ground's
+    std::vector<float> uvs;              // three (u, v) per triangle
+    std::vector<std::uint32_t> normals; // three per triangle: octahedral normal (12 + 12 bits), sky visibility (8 bits)
+
+    [[nodiscard]] std::size_t maskedTriangles() const;
+    [[nodiscard]] std::size_t solidTriangles() const;
+};
+
+// Takes a scene over, with `copies` (1 or more) of it standing on a square grid.
+RenderScene prepareScene(Scene scene, std::uint32_t copies);
+
+} // namespace vellum::cli

@@ -1,0 +1,141 @@
+// Vulkan instances and devices.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+#include <vulkan/vulkan.h>
+
+#include "cli/base/error.h"
+#include "vellum/vulkan_opacity_micromap.h"
+
+namespace vellum::cli
+{
+
+// Throws Error, saying what failed and how, for everything but VK_SUCCESS.
+void check(VkResult result, const char *what);
+
+class Instance
+{
+public:
+    // Enables the layer where `wantLayer` and the loader finds it.
+    explicit Instance(bool wantLayer);
+    ~Instance();
+    Instance(const Instance &) = delete;
+    Instance &operator=(const Instance &) = delete;
+
+    [[nodiscard]] VkInstance handle() const { return m_instance; }
+    [[nodiscard]] bool layerEnabled() const { return m_layerEnabled; }
+
+private:
+    VkInstance m_instance = VK_NULL_HANDLE;
+    bool m_layerEnabled = false;
+};
+
+// The extension that micromaps are made and used with.
+enum class MicromapApi {
+    Khr, // VK_KHR_opacity_micromap, with VK_KHR_device_address_commands, which it depends on
+    Ext, // VK_EXT_opacity_micromap
+};
+// The extension's name.
+const char *nameOf(MicromapApi api);
+
+struct DeviceInfo {
+    VkPhysicalDevice handle = VK_NULL_HANDLE;
+    std::string name;
+    VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
+    bool rayQuery = false; // and what else the renderer needs
+    bool rayTracingPipelines = false;
+    bool khrMicromaps = false; // from whomever
+    bool extMicromaps = false;
+    std::string implementation; // of micromaps, in words
+
+    [[nodiscard]] bool has(MicromapApi api) const { return api == MicromapApi::Khr ? khrMicromaps : extMicromaps; }
+};
+
+std::vector<DeviceInfo> listDevices(const Instance &instance);
+
+// The device that `wish` names by its number in the list or by a part of its name; without a wish, the most powerful
+// kind that has ray queries. Throws Error where there is none.
+DeviceInfo chooseDevice(const Instance &instance, const std::optional<std::string> &wish);
+
+// Throws Error where the device lacks the extension. `layer`: the layer was turned on.
+void requireMicromaps(const DeviceInfo &device, MicromapApi api, bool layer);
+
+// Functions of extensions, which the loader does not export.
+struct DeviceFunctions {
+    PFN_vkCreateAccelerationStructureKHR createAccelerationStructure;
+    PFN_vkDestroyAccelerationStructureKHR destroyAccelerationStructure;
+    PFN_vkGetAccelerationStructureBuildSizesKHR getAccelerationStructureBuildSizes;
+    PFN_vkGetAccelerationStructureDeviceAddressKHR getAccelerationStructureDeviceAddress;
+    PFN_vkCmdBuildAccelerationStructuresKHR cmdBuildAccelerationStructures;
+    // Null without VK_KHR_device_address_commands, which is there for VK_KHR_opacity_micromap only.
+    PFN_vkCreateAccelerationStructure2KHR createAccelerationStructure2;
+    // Null without VK_EXT_opacity_micromap.
+    PFN_vkCreateMicromapEXT createMicromap;
+    PFN_vkDestroyMicromapEXT destroyMicromap;
+    PFN_vkGetMicromapBuildSizesEXT getMicromapBuildSizes;
+    PFN_vkCmdBuildMicromapsEXT cmdBuildMicromaps;
+    // Null without VK_KHR_ray_tracing_pipeline.
+    PFN_vkCreateRayTracingPipelinesKHR createRayTracingPipelines;
+    PFN_vkGetRayTracingShaderGroupHandlesKHR getRayTracingShaderGroupHandles;
+    PFN_vkCmdTraceRaysKHR cmdTraceRays;
+};
+
+// What a device is to have enabled besides ray queries.
+struct DeviceNeeds {
+    std::optional<MicromapApi> micromaps;
+    bool rayTracingPipelines = false; // VK_KHR_ray_tracing_pipeline
+};
+
+class Device
+{
+public:
+    // Throws Error where the device cannot do what is needed.
+    Device(const DeviceInfo &info, const DeviceNeeds &needs);
+    ~Device();
+    Device(const Device &) = delete;
+    Device &operator=(const Device &) = delete;
+
+    [[nodiscard]] VkDevice handle() const { return m_device; }
+    [[nodiscard]] const DeviceInfo &info() const { return m_info; }
+    // What micromaps are made with, where they are enabled.
+    [[nodiscard]] std::optional<MicromapApi> micromapApi() const { return m_micromapApi; }
+    [[nodiscard]] const DeviceFunctions &functions() const { return m_functions; }
+    [[nodiscard]] VkDeviceSize scratchAlignment() const { return m_scratchAlignment; }
+    [[nodiscard]] const VkPhysicalDeviceLimits &limits() const { return m_limits; }
+    // Timestamps are worth more than the host's clock: a processor that is not the host's, with a timer.
+    [[nodiscard]] bool hasTimestamps() const { return m_timestamps; }
+
+    // A memory type of `allowed` with all `needed` properties, best with `preferred` too; nothing where there is none.
+    [[nodiscard]] std::optional<std::uint32_t> memoryType(std::uint32_t allowed, VkMemoryPropertyFlags needed,
+                                                          VkMemoryPropertyFlags preferred) const;
+    // Records commands, submits them and waits until they are done.
+    void run(const std::function<void(VkCommandBuffer)> &record);
+    // For work that is recorded once and submitted often.
+    [[nodiscard]] VkCommandBuffer allocateCommands();
+    void submitAndWait(VkCommandBuffer commands);
+
+private:
+    Device(const DeviceInfo &info, std::optional<MicromapApi> micromaps) : m_info(info), m_micromapApi(micromaps) {}
+    void create(const DeviceNeeds &needs);
+    void loadFunctions(const DeviceNeeds &needs);
+    void readProperties();
+
+    DeviceInfo m_info;
+    std::optional<MicromapApi> m_micromapApi;
+    VkDevice m_device = VK_NULL_HANDLE;
+    VkQueue m_queue = VK_NULL_HANDLE;
+    std::uint32_t m_family = 0;
+    bool m_timestamps = false;
+    VkCommandPool m_pool = VK_NULL_HANDLE;
+    VkFence m_fence = VK_NULL_HANDLE;
+    DeviceFunctions m_functions{};
+    VkPhysicalDeviceMemoryProperties m_memory{};
+    VkPhysicalDeviceLimits m_limits{};
+    VkDeviceSize m_scratchAlignment = 0;
+};
+
+} // namespace vellum::cli

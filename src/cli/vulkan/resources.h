@@ -1,0 +1,74 @@
+// Buffers and textures, each with memory of its own.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "cli/vulkan/context.h"
+#include "gltf/scene.h"
+
+namespace vellum::cli
+{
+
+// `alignment` must be above zero.
+VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment);
+
+class Buffer
+{
+public:
+    enum class Place { Device, Host };
+
+    Buffer() = default;
+    // A buffer of at least one byte. On the host it is mapped and coherent. Throws Error.
+    Buffer(Device &device, VkDeviceSize size, VkBufferUsageFlags usage, Place place);
+    ~Buffer();
+    Buffer(Buffer &&other) noexcept { *this = std::move(other); }
+    Buffer &operator=(Buffer &&other) noexcept;
+
+    [[nodiscard]] VkBuffer handle() const { return m_buffer; }
+    [[nodiscard]] VkDeviceSize size() const { return m_size; }
+    [[nodiscard]] void *mapped() const { return m_mapped; }
+    // The first address that is a multiple of `alignment`. Needs VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
+    [[nodiscard]] VkDeviceAddress address(VkDeviceSize alignment = 1) const;
+
+private:
+    VkDevice m_device = VK_NULL_HANDLE;
+    VkBuffer m_buffer = VK_NULL_HANDLE;
+    VkDeviceMemory m_memory = VK_NULL_HANDLE;
+    VkDeviceSize m_size = 0;
+    void *m_mapped = nullptr;
+};
+
+// A buffer in the device's memory with these bytes at its first address that is a multiple of `alignment`, and zeros
+// around them.
+Buffer uploadBuffer(Device &device, std::span<const std::byte> bytes, VkBufferUsageFlags usage,
+                    VkDeviceSize alignment = 1);
+
+// The first bytes of a device buffer that can be copied from.
+std::vector<std::uint32_t> downloadWords(Device &device, const Buffer &buffer, std::size_t words);
+
+class Texture
+{
+public:
+    // The material tells how it is sampled. Throws Error.
+    Texture(Device &device, const Image &image, const Material &material);
+    ~Texture();
+    Texture(Texture &&other) noexcept { *this = std::move(other); }
+    Texture &operator=(Texture &&other) noexcept;
+
+    [[nodiscard]] VkImageView view() const { return m_view; }
+    [[nodiscard]] VkSampler sampler() const { return m_sampler; }
+
+private:
+    Texture() = default;
+    void upload(Device &device, const Image &image);
+
+    VkDevice m_device = VK_NULL_HANDLE;
+    VkImage m_image = VK_NULL_HANDLE;
+    VkDeviceMemory m_memory = VK_NULL_HANDLE;
+    VkImageView m_view = VK_NULL_HANDLE;
+    VkSampler m_sampler = VK_NULL_HANDLE;
+};
+
+} // namespace vellum::cli

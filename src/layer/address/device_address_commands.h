@@ -1,0 +1,63 @@
+// VK_KHR_device_address_commands: commands that take address ranges where older ones take buffers, carried out with the
+// older ones (layer/address_lookup.h). What the addressFlags tell, every driver finds out from the buffer.
+#pragma once
+
+#include <mutex>
+
+#include "layer/memory/gpu_memory.h"
+#include "vellum/vulkan_opacity_micromap.h"
+
+namespace vellum::layer
+{
+
+struct DeviceAddresses;
+
+// Stands for a null index buffer where the driver cannot be given one (VK_KHR_maintenance6 is not enabled).
+class ZeroIndices
+{
+public:
+    VkBuffer get(const GpuContext &context); // VK_NULL_HANDLE where there is no memory for it
+
+private:
+    std::mutex mutex_;
+    GpuBuffer buffer_;
+};
+// Whether VK_NULL_HANDLE may be bound as index buffer on a device made like this.
+bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info);
+
+// address_copies.cpp
+void cmdCopyMemory(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR *);
+void cmdCopyMemoryToImage(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
+void cmdCopyImageToMemory(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
+void cmdUpdateMemory(DeviceAddresses &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
+                     VkDeviceSize, const void *);
+void cmdFillMemory(DeviceAddresses &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
+                   uint32_t);
+void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t,
+                                     const VkStridedDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
+                                     VkQueryResultFlags);
+void cmdWriteMarkerToMemory(DeviceAddresses &, VkCommandBuffer, const VkMemoryMarkerInfoAMD *);
+
+// address_draws.cpp
+void cmdBindIndexBuffer3(DeviceAddresses &, VkCommandBuffer, const VkBindIndexBuffer3InfoKHR *);
+void cmdBindVertexBuffers3(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t, const VkBindVertexBuffer3InfoKHR *);
+void cmdDrawIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
+void cmdDrawIndexedIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
+void cmdDrawMeshTasksIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
+void cmdDrawIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
+void cmdDrawIndexedIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
+void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
+void cmdDispatchIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDispatchIndirect2InfoKHR *);
+void cmdBeginConditionalRendering2(DeviceAddresses &, VkCommandBuffer, const VkConditionalRenderingBeginInfo2EXT *);
+
+// address_transform_feedback.cpp
+void cmdBindTransformFeedbackBuffers2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                                      const VkBindTransformFeedbackBuffer2InfoEXT *);
+void cmdBeginTransformFeedback2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                                const VkBindTransformFeedbackBuffer2InfoEXT *);
+void cmdEndTransformFeedback2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                              const VkBindTransformFeedbackBuffer2InfoEXT *);
+void cmdDrawIndirectByteCount2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
+                               const VkBindTransformFeedbackBuffer2InfoEXT *, uint32_t, uint32_t);
+
+} // namespace vellum::layer

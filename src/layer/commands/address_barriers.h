@@ -1,0 +1,17 @@
+// Range barriers of VK_KHR_device_address_commands, in the pNext of dependency infos.
+#pragma once
+
+#include <vector>
+
+#include "vellum/vulkan_opacity_micromap.h"
+
+namespace vellum::layer
+{
+
+struct DeviceBuffers;
+
+// Appends the range barriers of a dependency info, as barriers that every driver knows.
+void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersInfoKHR &info,
+                      std::vector<VkMemoryBarrier2> &memory, std::vector<VkBufferMemoryBarrier2> &buffers);
+
+} // namespace vellum::layer

@@ -1,0 +1,56 @@
+// What the layer keeps of a command buffer: what the application has set that injected work disturbs or depends on.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/ground/vulkan_newer.h"
+#include "layer/memory/scratch_memory.h"
+
+namespace vellum::layer
+{
+
+struct DeviceCommands;
+
+struct CommandState {
+    struct PushedConstants {
+        VkPipelineLayout layout;
+        VkShaderStageFlags stages;
+        uint32_t offset;
+        std::vector<std::byte> bytes;
+    };
+    VkCommandPool pool = VK_NULL_HANDLE;
+    bool secondary = false;
+
+    VkPipeline computePipeline = VK_NULL_HANDLE;
+    VkPipeline rayTracingPipeline = VK_NULL_HANDLE;
+    std::optional<newer::ShaderEXT> computeShader; // bound last instead of a pipeline; may be null
+    std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
+    std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
+    bool inheritsConditionalRendering = false;
+    bool refusedTransformFeedback = false; // by vkCmdBeginTransformFeedback2EXT: its end is to be refused too
+    bool cellsWait = false; // transfers to cells wait for what came before in the stage of builds; since it was begun
+    ScratchMemory scratch;  // of injected work; lives as long as what is recorded
+
+    void forgetBindings();
+};
+
+VkResult allocateCommandBuffers(DeviceCommands &, VkDevice, const VkCommandBufferAllocateInfo *, VkCommandBuffer *);
+void freeCommandBuffers(DeviceCommands &, VkDevice, VkCommandPool, uint32_t, const VkCommandBuffer *);
+void destroyCommandPool(DeviceCommands &, VkDevice, VkCommandPool, const VkAllocationCallbacks *);
+VkResult beginCommandBuffer(DeviceCommands &, VkCommandBuffer, const VkCommandBufferBeginInfo *);
+void cmdBindPipeline(DeviceCommands &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
+void cmdBindShaders(DeviceCommands &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
+                    const newer::ShaderEXT *);
+void cmdPushConstants(DeviceCommands &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
+                      const void *);
+void cmdPushConstants2(DeviceCommands &, VkCommandBuffer, const newer::PushConstantsInfo *);
+void cmdExecuteCommands(DeviceCommands &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
+void cmdBeginConditionalRendering(DeviceCommands &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
+void cmdEndConditionalRendering(DeviceCommands &, VkCommandBuffer);
+
+} // namespace vellum::layer

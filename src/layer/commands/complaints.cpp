@@ -1,0 +1,184 @@
+#include "layer/commands/complaints.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "core/records.h"
+#include "layer/commands/device_commands.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+struct Entry {
+    uint32_t what, triangle, value0, value1;
+    uint64_t object;
+};
+
+struct Text {
+    const char *id;
+    std::string text;
+};
+
+Text textOf(const Entry &e)
+{
+    const std::string triangle = "triangle " + std::to_string(e.triangle) + ": ";
+    const std::string level = std::to_string(e.value1 & 0xffffu);
+    const std::string format = std::to_string(e.value1 >> 16);
+    const bool structure = (e.object & kStructureObject) != 0;
+    switch (e.what) {
+    case kComplaintUnreadable:
+        return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554"
+                          : "VELLUM-micromap-triangle-array",
+                triangle + "lies outside the buffer of triangleArray"};
+    case kComplaintFormat:
+        return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11555"
+                          : "VELLUM-VUID-VkMicromapBuildInfoEXT-format-11657",
+                triangle + "format " + format + " is neither 2-state nor 4-state"};
+    case kComplaintLevel:
+        return {(e.value1 >> 16) == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT
+                    ? (structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556"
+                                 : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659")
+                    : (structure ? "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
+                                 : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660"),
+                triangle + "subdivision level " + level + " is above 12"};
+    case kComplaintUndeclared:
+        return {"VELLUM-micromap-usage-counts",
+                triangle + "subdivision level " + level + " is not in the usage counts"};
+    case kComplaintData:
+        return {structure ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "VELLUM-micromap-data",
+                triangle + "its data at offset " + std::to_string(e.value0) + " end outside the buffer of data"};
+    case kComplaintNoRoom: return {"VELLUM-micromap-usage-counts", triangle + "more data than the usage counts say"};
+    case kComplaintCounts:
+        return {"VELLUM-micromap-usage-counts", "the triangles have " + std::to_string(e.value1) +
+                                                    " data units of 16 bytes, the usage counts say " +
+                                                    std::to_string(e.value0)};
+    case kComplaintIndex:
+        return {"VELLUM-micromap-index", triangle + "index " + std::to_string(static_cast<int32_t>(e.value0)) +
+                                             " plus baseTriangle is outside the micromap's " +
+                                             std::to_string(e.value1) + " triangles"};
+    case kComplaintIndexBuffer:
+        return {"VELLUM-micromap-index", triangle + "its index lies outside the buffer of indexBuffer"};
+    case kComplaintNotBuilt:
+        return {"VELLUM-micromap-not-constructed", "the micromap was not constructed before it is used"};
+    case kComplaintOverlap:
+        return {"VELLUM-micromap-copy-overlap", "src and dst of a copy overlap; the target is as it was"};
+    case kComplaintTooLarge: return {"VELLUM-micromap-copy-size", "the target of a copy is too small"};
+    default:
+        return {structure ? "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960"
+                          : "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-src-07549",
+                "the source is not a serialized micromap of this version of the layer, or is cut off"};
+    }
+}
+
+} // namespace
+
+void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t object)
+{
+    const Text text = textOf({what, triangle, value0, value1, object});
+    const bool structure = (object & kStructureObject) != 0;
+    report.error(text.id, text.text,
+                 structure ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT,
+                 object & ~kStructureObject);
+}
+
+VkResult Complaints::create(const GpuContext &context)
+{
+    return log_.create(context, (kLogHeaderWords + kLogCapacity * kLogEntryWords) * 4);
+}
+
+void Complaints::drainLocked(Reporter &report)
+{
+    if (!log_.words())
+        return;
+    uint32_t *words = log_.words();
+    const uint32_t logged = __atomic_load_n(words + kLogCount, __ATOMIC_ACQUIRE);
+    for (; reported_ < std::min(logged, kLogCapacity); ++reported_) {
+        const uint32_t *at = words + kLogHeaderWords + reported_ * kLogEntryWords;
+        Entry entry{__atomic_load_n(at, __ATOMIC_ACQUIRE), at[1], at[2], at[3], 0};
+        if (entry.what == 0)
+            return; // still being written
+        std::memcpy(&entry.object, at + 4, sizeof entry.object);
+        complain(report, entry.what, entry.triangle, entry.value0, entry.value1, entry.object);
+    }
+    if (logged > kLogCapacity && !toldOfOverflow_) {
+        toldOfOverflow_ = true;
+        report.error("VELLUM-validation-log", "more wrong input than the " + std::to_string(kLogCapacity) +
+                                                  " reported; the rest is told of after vkDeviceWaitIdle");
+    }
+}
+
+void Complaints::drain(Reporter &report)
+{
+    std::lock_guard lock(mutex_);
+    drainLocked(report);
+}
+
+void Complaints::drainIdle(Reporter &report)
+{
+    std::lock_guard lock(mutex_);
+    drainLocked(report);
+    if (reported_ == 0)
+        return;
+    std::memset(log_.words(), 0, (kLogHeaderWords + reported_ * kLogEntryWords) * 4);
+    reported_ = 0;
+    toldOfOverflow_ = false;
+}
+
+VkResult queueWaitIdle(DeviceCommands &device, VkQueue queue)
+{
+    VkResult result;
+    {
+        const TrialQueue::Lock lock = device.trials.lock(queue);
+        result = device.driver.next.QueueWaitIdle(queue);
+    }
+    device.complaints.drain(device.driver.report());
+    return result;
+}
+
+VkResult deviceWaitIdle(DeviceCommands &device, VkDevice handle)
+{
+    VkResult result;
+    {
+        const TrialQueue::Lock lock = device.trials.lock();
+        result = device.driver.next.DeviceWaitIdle(handle);
+    }
+    if (result == VK_SUCCESS)
+        device.complaints.drainIdle(device.driver.report());
+    return result;
+}
+
+VkResult waitForFences(DeviceCommands &device, VkDevice handle, uint32_t count, const VkFence *fences, VkBool32 all,
+                       uint64_t timeout)
+{
+    const VkResult result = device.driver.next.WaitForFences(handle, count, fences, all, timeout);
+    device.complaints.drain(device.driver.report());
+    return result;
+}
+
+VkResult getFenceStatus(DeviceCommands &device, VkDevice handle, VkFence fence)
+{
+    const VkResult result = device.driver.next.GetFenceStatus(handle, fence);
+    device.complaints.drain(device.driver.report());
+    return result;
+}
+
+VkResult waitSemaphores(DeviceCommands &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
+{
+    const VkResult result = device.driver.next.WaitSemaphores(handle, info, timeout);
+    device.complaints.drain(device.driver.report());
+    return result;
+}
+
+VkResult queueSubmit(DeviceCommands &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits, VkFence fence)
+{
+    device.complaints.drain(device.driver.report());
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    return device.driver.next.QueueSubmit(queue, count, submits, fence);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,54 @@
+// Wrong input that only the device sees: with the setting `validate`, the layer's shaders log it in host-visible
+// memory, and the host tells of it where it learns that work is done, or hands in more work.
+#pragma once
+
+#include <mutex>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/ground/report.h"
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+struct DeviceCommands;
+
+// What the log names a micromap by: its handle, which is a pointer, and this bit where it is an acceleration structure.
+inline constexpr uint64_t kStructureObject = 1;
+constexpr uint64_t complaintObject(VkObjectType type, uint64_t handle)
+{
+    return type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR ? handle | kStructureObject : handle;
+}
+
+// Tells of one wrong input; what: kComplaint* of core/records.h, which say what the values are.
+void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t object);
+
+class Complaints
+{
+public:
+    VkResult create(const GpuContext &context);
+    // Of the log, for push constants; 0 where nothing is validated.
+    [[nodiscard]] VkDeviceAddress address() const { return log_.address(); }
+    // Reports what the device has logged since the last call, each entry once.
+    void drain(Reporter &report);
+    // The same while the device does nothing: then the log can begin anew.
+    void drainIdle(Reporter &report);
+
+private:
+    void drainLocked(Reporter &report);
+
+    std::mutex mutex_;
+    GpuBuffer log_;
+    uint32_t reported_ = 0;
+    bool toldOfOverflow_ = false;
+};
+
+VkResult queueWaitIdle(DeviceCommands &, VkQueue);
+VkResult deviceWaitIdle(DeviceCommands &, VkDevice);
+VkResult waitForFences(DeviceCommands &, VkDevice, uint32_t, const VkFence *, VkBool32, uint64_t);
+VkResult getFenceStatus(DeviceCommands &, VkDevice, VkFence);
+VkResult waitSemaphores(DeviceCommands &, VkDevice, const VkSemaphoreWaitInfo *, uint64_t);
+VkResult queueSubmit(DeviceCommands &, VkQueue, uint32_t, const VkSubmitInfo *, VkFence);
+
+} // namespace vellum::layer

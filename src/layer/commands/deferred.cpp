@@ -1,0 +1,50 @@
+#include "layer/commands/deferred.h"
+
+#include "layer/commands/device_commands.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+void finish(const DeviceCommands &device, VkDeferredOperationKHR operation)
+{
+    const auto deferred = device.deferredOperations.get(operation);
+    if (!deferred)
+        return;
+    std::lock_guard lock(deferred->mutex);
+    if (deferred->work)
+        deferred->work->finish();
+    deferred->work.reset();
+}
+
+} // namespace
+
+VkResult deferredOperationJoin(DeviceCommands &device, VkDevice handle, VkDeferredOperationKHR operation)
+{
+    const VkResult result = device.driver.next.DeferredOperationJoinKHR(handle, operation);
+    if (result == VK_SUCCESS) {
+        // Validation layers below learn of what was made only when the result is asked for.
+        device.driver.next.GetDeferredOperationResultKHR(handle, operation);
+        finish(device, operation);
+    }
+    return result;
+}
+
+VkResult getDeferredOperationResult(DeviceCommands &device, VkDevice handle, VkDeferredOperationKHR operation)
+{
+    const VkResult result = device.driver.next.GetDeferredOperationResultKHR(handle, operation);
+    if (result != VK_NOT_READY)
+        finish(device, operation);
+    return result;
+}
+
+void destroyDeferredOperation(DeviceCommands &device, VkDevice handle, VkDeferredOperationKHR operation,
+                              const VkAllocationCallbacks *allocator)
+{
+    finish(device, operation);
+    device.deferredOperations.take(operation);
+    device.driver.next.DestroyDeferredOperationKHR(handle, operation, allocator);
+}
+
+} // namespace vellum::layer

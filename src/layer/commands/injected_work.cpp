@@ -1,0 +1,242 @@
+#include "layer/commands/injected_work.h"
+
+#include "layer/commands/device_commands.h"
+#include "shaders/blas_records.h"
+#include "shaders/hit_records.h"
+#include "shaders/micromap_analyse.h"
+#include "shaders/micromap_check.h"
+#include "shaders/micromap_clear.h"
+#include "shaders/micromap_fold.h"
+#include "shaders/micromap_lossy.h"
+#include "shaders/micromap_lossy_choose.h"
+#include "shaders/micromap_lossy_parts.h"
+#include "shaders/micromap_move.h"
+#include "shaders/micromap_owners.h"
+#include "shaders/micromap_parts.h"
+#include "shaders/micromap_place.h"
+#include "shaders/micromap_scan.h"
+#include "shaders/micromap_share.h"
+#include "shaders/micromap_stay.h"
+#include "shaders/micromap_sums.h"
+#include "shaders/query_copy.h"
+#include "shaders/query_value.h"
+#include "shaders/ray_flag_probe.h"
+#include "shaders/structure_copy.h"
+#include "shaders/structure_restore.h"
+#include "shaders/structure_save.h"
+#include "shaders/structure_size.h"
+#include "shaders/tlas_instances.h"
+#include "shaders/top_save.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+struct Code {
+    const uint32_t *words;
+    size_t bytes;
+};
+
+Code codeOf(InjectedShader shader)
+{
+    switch (shader) {
+    case InjectedShader::MicromapClear: return {micromap_clear, sizeof micromap_clear};
+    case InjectedShader::MicromapStay: return {micromap_stay, sizeof micromap_stay};
+    case InjectedShader::MicromapCheck: return {micromap_check, sizeof micromap_check};
+    case InjectedShader::MicromapAnalyse: return {micromap_analyse, sizeof micromap_analyse};
+    case InjectedShader::MicromapParts: return {micromap_parts, sizeof micromap_parts};
+    case InjectedShader::MicromapShare: return {micromap_share, sizeof micromap_share};
+    case InjectedShader::MicromapSums: return {micromap_sums, sizeof micromap_sums};
+    case InjectedShader::MicromapScan: return {micromap_scan, sizeof micromap_scan};
+    case InjectedShader::MicromapPlace: return {micromap_place, sizeof micromap_place};
+    case InjectedShader::MicromapFold: return {micromap_fold, sizeof micromap_fold};
+    case InjectedShader::MicromapOwners: return {micromap_owners, sizeof micromap_owners};
+    case InjectedShader::MicromapLossy: return {micromap_lossy, sizeof micromap_lossy};
+    case InjectedShader::MicromapLossyParts: return {micromap_lossy_parts, sizeof micromap_lossy_parts};
+    case InjectedShader::MicromapLossyChoose: return {micromap_lossy_choose, sizeof micromap_lossy_choose};
+    case InjectedShader::MicromapMove: return {micromap_move, sizeof micromap_move};
+    case InjectedShader::QueryValue: return {query_value, sizeof query_value};
+    case InjectedShader::QueryCopy: return {query_copy, sizeof query_copy};
+    case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
+    case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};
+    case InjectedShader::RayFlagProbe: return {ray_flag_probe, sizeof ray_flag_probe};
+    case InjectedShader::StructureCopy: return {structure_copy, sizeof structure_copy};
+    case InjectedShader::StructureSave: return {structure_save, sizeof structure_save};
+    case InjectedShader::StructureRestore: return {structure_restore, sizeof structure_restore};
+    case InjectedShader::StructureSize: return {structure_size, sizeof structure_size};
+    case InjectedShader::TopSave: return {top_save, sizeof top_save};
+    default: return {tlas_instances, sizeof tlas_instances};
+    }
+}
+
+constexpr uint32_t kMaxGroups = 65535; // the least maxComputeWorkGroupCount
+
+} // namespace
+
+VkResult InjectedPipelines::create(const GpuContext &context)
+{
+    context_ = context;
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};
+    VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
+    info.pushConstantRangeCount = 1;
+    info.pPushConstantRanges = &range;
+    return context.next->CreatePipelineLayout(context.device, &info, nullptr, &layout_);
+}
+
+InjectedPipelines::~InjectedPipelines()
+{
+    if (!context_.next)
+        return;
+    for (const VkPipeline pipeline : pipelines_) {
+        if (pipeline)
+            context_.next->DestroyPipeline(context_.device, pipeline, nullptr);
+    }
+    if (layout_)
+        context_.next->DestroyPipelineLayout(context_.device, layout_, nullptr);
+}
+
+VkPipeline InjectedPipelines::get(InjectedShader shader)
+{
+    std::lock_guard lock(mutex_);
+    VkPipeline &pipeline = pipelines_[static_cast<size_t>(shader)];
+    if (pipeline)
+        return pipeline;
+    const Code code = codeOf(shader);
+    VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+    moduleInfo.codeSize = code.bytes;
+    moduleInfo.pCode = code.words;
+    VkShaderModule module = VK_NULL_HANDLE;
+    if (context_.next->CreateShaderModule(context_.device, &moduleInfo, nullptr, &module) != VK_SUCCESS)
+        return VK_NULL_HANDLE;
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+    info.stage = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                  nullptr,
+                  0,
+                  VK_SHADER_STAGE_COMPUTE_BIT,
+                  module,
+                  "main",
+                  nullptr};
+    info.layout = layout_;
+    if (context_.next->CreateComputePipelines(context_.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline) !=
+        VK_SUCCESS)
+        pipeline = VK_NULL_HANDLE;
+    context_.next->DestroyShaderModule(context_.device, module, nullptr);
+    return pipeline;
+}
+
+InjectedWork::InjectedWork(DeviceCommands &device, VkCommandBuffer commandBuffer)
+    : device_(device), commandBuffer_(commandBuffer), state_(device.states.get(commandBuffer))
+{
+}
+
+bool InjectedWork::refusedIn(const DeviceCommands &device, VkCommandBuffer commandBuffer, const char *command)
+{
+    const auto state = device.states.get(commandBuffer);
+    if (!state || !state->inheritsConditionalRendering)
+        return false;
+    device.driver.report().notAvailable(std::string(command) +
+                                        " in a secondary command buffer that inherits conditional rendering");
+    return true;
+}
+
+bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
+{
+    const VkPipeline pipeline = device_.injected.get(shader);
+    if (!pipeline) {
+        device_.driver.report().error("VELLUM-injected-pipeline",
+                                      "the driver could not make a pipeline of the layer's own shaders");
+        return false;
+    }
+    const DeviceTable &next = device_.driver.next;
+    if (!disturbed_ && state_ && state_->conditionalRendering) {
+        // The application's condition is about its own draws and dispatches, not about builds.
+        next.CmdEndConditionalRenderingEXT(commandBuffer_);
+    }
+    disturbed_ = true;
+    next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes, push);
+    return true;
+}
+
+VkDispatchIndirectCommand InjectedWork::groupsOf(uint64_t invocations, uint32_t groupSize)
+{
+    // The shaders number their workgroups through x and y, and skip what is beyond their count.
+    const uint64_t groups = (invocations + groupSize - 1) / groupSize;
+    const uint64_t rows = (groups + kMaxGroups - 1) / kMaxGroups;
+    return {static_cast<uint32_t>(rows > 1 ? kMaxGroups : groups), static_cast<uint32_t>(rows), 1};
+}
+
+bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushBytes,
+                       const VkDispatchIndirectCommand &groups)
+{
+    if (!bind(shader, push, pushBytes))
+        return false;
+    device_.driver.next.CmdDispatch(commandBuffer_, groups.x, groups.y, groups.z);
+    return true;
+}
+
+bool InjectedWork::runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer,
+                               VkDeviceSize offset)
+{
+    if (!bind(shader, push, pushBytes))
+        return false;
+    device_.driver.next.CmdDispatchIndirect(commandBuffer_, buffer, offset);
+    return true;
+}
+
+void InjectedWork::barrier(bool forHost)
+{
+    const VkPipelineStageFlags host = forHost ? VK_PIPELINE_STAGE_HOST_BIT : 0;
+    const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
+                                 VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
+                                 VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
+    device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
+                                           VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | host, 0, 1, &memory, 0, nullptr, 0,
+                                           nullptr);
+}
+
+ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
+{
+    if (!state_)
+        return {};
+    state_->scratch.restart();
+    return state_->scratch.place(device_.buffers.gpu, bytes);
+}
+
+// A dispatch of nothing, with what the application has pushed; zeros, as in a new command buffer, where it has not.
+void InjectedWork::uploadPushConstants()
+{
+    std::array<std::byte, kPushBytes> bytes{};
+    for (const CommandState::PushedConstants &push : state_->pushes) {
+        if (push.offset < bytes.size())
+            std::copy_n(push.bytes.begin(), std::min(push.bytes.size(), bytes.size() - push.offset),
+                        bytes.begin() + push.offset);
+    }
+    device_.driver.next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
+                                         kPushBytes, bytes.data());
+    device_.driver.next.CmdDispatch(commandBuffer_, 0, 1, 1);
+}
+
+InjectedWork::~InjectedWork()
+{
+    if (!disturbed_ || !state_)
+        return;
+    const DeviceTable &next = device_.driver.next;
+    if (device_.driver.keepsOldPushConstants)
+        uploadPushConstants();
+    if (state_->computePipeline) {
+        next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, state_->computePipeline);
+    } else if (state_->computeShader && next.CmdBindShadersEXT) {
+        const VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
+        next.CmdBindShadersEXT(commandBuffer_, 1, &stage, &*state_->computeShader);
+    }
+    for (const CommandState::PushedConstants &push : state_->pushes) {
+        next.CmdPushConstants(commandBuffer_, push.layout, push.stages, push.offset,
+                              static_cast<uint32_t>(push.bytes.size()), push.bytes.data());
+    }
+    if (state_->conditionalRendering)
+        next.CmdBeginConditionalRenderingEXT(commandBuffer_, &*state_->conditionalRendering);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,329 @@
+#include "layer/door/device.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <shared_mutex>
+#include <string>
+#include <thread>
+#include <unordered_map>
+#include <vector>
+
+#include <vulkan/vk_layer.h>
+
+#include "layer/ground/pnext.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+std::shared_mutex devicesMutex;
+std::unordered_map<void *, std::unique_ptr<Device>> devices;
+
+bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
+{
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
+        if (std::strcmp(info.ppEnabledExtensionNames[i], extension) == 0)
+            return true;
+    }
+    return false;
+}
+
+// 0 of a device that is no CPU.
+uint32_t threadsOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceProperties properties{};
+    instance.next.GetPhysicalDeviceProperties(physicalDevice, &properties);
+    return properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
+}
+
+template <typename T>
+const T *featuresIn(const VkDeviceCreateInfo &info, VkStructureType type)
+{
+    return findInChain<T>(info.pNext, type);
+}
+
+const VkPhysicalDeviceOpacityMicromapFeaturesEXT *extFeatures(const VkDeviceCreateInfo &info)
+{
+    return featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+}
+
+const VkPhysicalDeviceOpacityMicromapFeaturesKHR *khrFeatures(const VkDeviceCreateInfo &info)
+{
+    return featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesKHR>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+}
+
+// What the application asks for, of what the layer may provide.
+Asked askedFor(const VkDeviceCreateInfo &info)
+{
+    Asked asked;
+    asked.ext = asksFor(info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    asked.khr = asksFor(info, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    asked.addressCommands = asksFor(info, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    if (const auto *features = extFeatures(info)) {
+        asked.extFeature = features->micromap;
+        asked.captureReplay = features->micromapCaptureReplay;
+        asked.hostCommands = features->micromapHostCommands;
+    }
+    if (const auto *features = khrFeatures(info))
+        asked.khrFeature = features->micromap;
+    if (const auto *features = featuresIn<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
+        asked.structures = features->accelerationStructure;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayQueryFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR))
+        asked.rayQueries = features->rayQuery;
+    if (const auto *features = featuresIn<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR))
+        asked.rayTracingPipelines = features->rayTracingPipeline;
+    return asked;
+}
+
+// Whether the layer has to provide something; with VK_ERROR_EXTENSION_NOT_PRESENT where nobody can.
+VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info, bool &emulated)
+{
+    emulated = false;
+    const Asked asked = askedFor(info);
+    const bool displacement = asksFor(info, newer::kDisplacementMicromapExtension);
+    if (!asked.ext && !asked.khr && !asked.addressCommands && !displacement)
+        return VK_SUCCESS;
+    const Implementations have = implementationsOn(instance, physicalDevice);
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
+        emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
+    // Micromaps are all the driver's or all the layer's.
+    if (displacement && (emulated || have.ext == Implementation::Emulation)) {
+        instance.report.error("VELLUM-displacement-micromaps",
+                              "VK_NV_displacement_micromap is not there where VK_EXT_opacity_micromap is emulated",
+                              VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
+        return VK_ERROR_EXTENSION_NOT_PRESENT;
+    }
+    const char *missing = asked.ext && have.ext == Implementation::None   ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME
+                          : asked.khr && have.khr == Implementation::None ? VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME
+                                                                          : nullptr;
+    if (!missing)
+        return VK_SUCCESS;
+    instance.report.error("VELLUM-device-without-ray-tracing",
+                          std::string(missing) + " cannot be provided on this device: it has no acceleration "
+                                                 "structures or no buffer device addresses",
+                          VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
+    return VK_ERROR_EXTENSION_NOT_PRESENT;
+}
+
+// The device as the driver is asked for it: without what the layer provides, with what the layer needs.
+struct DriverDeviceInfo {
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, bool importsHostMemory)
+        : info(application), chain(application.pNext)
+    {
+        const auto provided = [ownAddressCommands](const char *name) {
+            if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
+                return ownAddressCommands;
+            return std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
+                   std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
+                   std::strcmp(name, newer::kPipelineOpacityMicromapExtension) == 0;
+        };
+        for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {
+            if (!provided(application.ppEnabledExtensionNames[i]))
+                extensions.push_back(application.ppEnabledExtensionNames[i]);
+        }
+        if (importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
+            extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
+        info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
+        info.ppEnabledExtensionNames = extensions.data();
+        chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+        chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+        if (ownAddressCommands)
+            chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
+        chain.remove(newer::kPipelineOpacityMicromapFeatures);
+        chain.remove(newer::kDisplacementMicromapFeatures);
+        // The tables are reached by address from every rewritten shader.
+        if (auto *core =
+                chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
+            core->bufferDeviceAddress = VK_TRUE;
+        } else if (auto *own = chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(
+                       VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
+            own->bufferDeviceAddress = VK_TRUE;
+        } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES) &&
+                   !findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
+            addresses.bufferDeviceAddress = VK_TRUE;
+            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
+        }
+        info.pNext = chain.head();
+    }
+    VkDeviceCreateInfo info;
+    Chain chain;
+    std::vector<const char *> extensions;
+    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
+};
+
+// Driver::keepsOldPushConstants. Only its text tells the version: driverVersion is always 0.0.1.
+bool isLavapipeBefore26(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceDriverProperties driver{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &driver, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    unsigned major = 0;
+    return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && std::sscanf(driver.driverInfo, "Mesa %u", &major) == 1 &&
+           major < 26;
+}
+
+std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    std::array<uint8_t, VK_UUID_SIZE> uuid;
+    std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
+    return uuid;
+}
+
+std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    uint32_t count = 0;
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, nullptr);
+    std::vector<VkQueueFamilyProperties> families(count);
+    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, families.data());
+    return families;
+}
+
+DriverHabits &habitsOf(Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    std::lock_guard lock(instance.habitsMutex);
+    return instance.habits[physicalDevice];
+}
+
+const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
+{
+    const auto *link = static_cast<const VkLayerDeviceCreateInfo *>(info.pNext);
+    while (link && !(link->sType == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO && link->function == function))
+        link = static_cast<const VkLayerDeviceCreateInfo *>(link->pNext);
+    return link;
+}
+
+PFN_vkSetDeviceLoaderData loaderDataCallback(const VkDeviceCreateInfo &info)
+{
+    const VkLayerDeviceCreateInfo *link = loaderInfo(info, VK_LOADER_DATA_CALLBACK);
+    return link ? link->u.pfnSetDeviceLoaderData : nullptr;
+}
+
+VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
+{
+    auto *link = const_cast<VkLayerDeviceCreateInfo *>(loaderInfo(info, VK_LAYER_LINK_INFO));
+    return link && link->u.pLayerInfo ? link : nullptr;
+}
+
+} // namespace
+
+Device *deviceOfKey(void *key)
+{
+    std::shared_lock lock(devicesMutex);
+    const auto it = devices.find(key);
+    return it == devices.end() ? nullptr : it->second.get();
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *handle)
+{
+    Instance &instance = instanceOf(physicalDevice);
+    VkLayerDeviceCreateInfo *link = linkInfo(*info);
+    if (!link)
+        return VK_ERROR_INITIALIZATION_FAILED;
+    const PFN_vkGetInstanceProcAddr nextInstanceGet = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
+    const PFN_vkGetDeviceProcAddr nextDeviceGet = link->u.pLayerInfo->pfnNextGetDeviceProcAddr;
+    link->u.pLayerInfo = link->u.pLayerInfo->pNext; // the loader's protocol
+    const auto nextCreate = reinterpret_cast<PFN_vkCreateDevice>(nextInstanceGet(instance.handle, "vkCreateDevice"));
+    if (!nextCreate)
+        return VK_ERROR_INITIALIZATION_FAILED;
+
+    bool emulated = false;
+    VkResult result = emulates(instance, physicalDevice, *info, emulated);
+    if (result != VK_SUCCESS)
+        return result;
+    auto device = std::make_unique<Device>();
+    device->driver.emulated = emulated;
+    if (emulated) {
+        device->driver.asked = askedFor(*info);
+        if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
+            instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
+            return VK_ERROR_FEATURE_NOT_PRESENT;
+        }
+        device->driver.ownAddressCommands =
+            device->driver.asked.addressCommands &&
+            implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
+        device->buffers.gpu.importsHostMemory = importsHostMemory(instance, physicalDevice);
+        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands,
+                                          device->buffers.gpu.importsHostMemory);
+        result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
+    } else {
+        result = nextCreate(physicalDevice, info, allocator, handle);
+    }
+    if (result != VK_SUCCESS)
+        return result;
+
+    device->driver.handle = *handle;
+    device->driver.physicalDevice = physicalDevice;
+    device->instance = &instance;
+    device->driver.instance = &instance.next;
+    device->driver.settings = &instance.settings;
+    device->driver.reporter = &instance.report;
+    device->driver.habits = &habitsOf(instance, physicalDevice);
+    device->driver.next.load(*handle, nextDeviceGet);
+    if (device->driver.emulated) {
+        device->buffers.gpu.device = *handle;
+        device->buffers.gpu.next = &device->driver.next;
+        device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
+        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
+        device->pipelines.anyHitModules.create(device->buffers.gpu);
+        device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) {
+            bufferHasAddress(objects, buffer);
+        };
+        result = device->objects.root.create(device->buffers.gpu);
+        if (result == VK_SUCCESS)
+            result = device->commands.injected.create(device->buffers.gpu);
+        if (result == VK_SUCCESS && instance.settings.validate)
+            result = device->commands.complaints.create(device->buffers.gpu);
+        device->driver.threads = threadsOf(instance, physicalDevice);
+        device->driver.keepsOldPushConstants = isLavapipeBefore26(instance, physicalDevice);
+        device->driver.driverUuid = driverUuidOf(instance, physicalDevice);
+        if (result != VK_SUCCESS) {
+            instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
+            const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
+            device.reset();
+            destroy(*handle, allocator);
+            *handle = VK_NULL_HANDLE;
+            return result;
+        }
+        device->driver.queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+        device->commands.trials.choose(device->buffers.gpu, instance.report, queueFamiliesOf(instance, physicalDevice),
+                                       *info, loaderDataCallback(*info));
+        instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
+    }
+    std::unique_lock lock(devicesMutex);
+    devices[dispatchKey(*handle)] = std::move(device);
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCallbacks *allocator)
+{
+    if (!handle)
+        return;
+    std::unique_ptr<Device> device;
+    {
+        std::unique_lock lock(devicesMutex);
+        const auto it = devices.find(dispatchKey(handle));
+        if (it == devices.end())
+            return;
+        device = std::move(it->second);
+        devices.erase(it);
+    }
+    reportNotices(device->objects);
+    device->commands.complaints.drain(device->driver.report());
+    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
+    device.reset();
+    destroy(handle, allocator);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,331 @@
+// The layer's way in: the loader's negotiation, and one table row per intercepted command.
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <type_traits>
+
+#include <vulkan/vk_layer.h>
+
+#include "layer/commands/sync.h"
+#include "layer/door/device.h"
+#include "layer/memory/buffers.h"
+#include "layer/micromaps/micromap.h"
+#include "layer/objects/object_names.h"
+#include "layer/pipelines/hit_records.h"
+#include "layer/pipelines/shader_binary.h"
+#include "layer/pipelines/shaders.h"
+#include "layer/structures/structure_build.h"
+#include "layer/structures/structure_copy.h"
+#include "layer/structures/structure_create.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance, const char *name);
+VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, const char *name);
+
+enum class Scope {
+    Global,   // before there is an instance
+    Instance, // where the next layer has it
+    Device,   // on every device
+    Debug,    // on every device, where the next layer has it; loaders call it through the instance's chain
+    Emulated, // on emulated devices, where the next layer has it
+    Own,      // on emulated devices: the commands of VK_EXT_opacity_micromap
+    Address,  // where VK_KHR_device_address_commands is enabled and the layer's
+    Create2,  // where VK_KHR_device_address_commands is enabled, whoever's it is
+};
+
+struct Row {
+    const char *name;
+    Scope scope;
+    PFN_vkVoidFunction function;
+    const char *from = nullptr; // where the command is given only on devices that have another, that one
+};
+
+// No exception crosses the Vulkan ABI. The layer throws nothing itself; the library does when memory runs out.
+template <typename Result, typename Function>
+Result guarded(Function function) noexcept
+{
+    try {
+        return function();
+    } catch (const std::exception &) {
+        std::fputs("vellum: VELLUM-out-of-memory: out of host memory; the command was not carried out\n", stderr);
+    }
+    if constexpr (std::is_same_v<Result, VkResult>)
+        return VK_ERROR_OUT_OF_HOST_MEMORY;
+    else if constexpr (!std::is_void_v<Result>)
+        return Result{};
+}
+
+// A function as Vulkan calls it.
+template <auto function>
+struct Command;
+
+template <typename Result, typename First, typename... Others, Result(VKAPI_PTR *function)(First, Others...)>
+requires(!std::is_reference_v<First>) struct Command<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(First first, Others... others) noexcept
+    {
+        return guarded<Result>([&] { return function(first, others...); });
+    }
+};
+
+// One of a room, which works on what the room has of a device.
+template <typename Result, typename Room, typename Handle, typename... Arguments,
+          Result (*function)(Room &, Handle, Arguments...)>
+struct Command<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
+    {
+        return guarded<Result>([&] { return function(roomOf<Room>(deviceOf(handle)), handle, arguments...); });
+    }
+};
+
+template <auto function>
+Row row(const char *name, Scope scope, const char *from = nullptr)
+{
+    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(&Command<function>::call), from};
+}
+
+const Row kRows[] = {
+    row<getInstanceProcAddr>("vkGetInstanceProcAddr", Scope::Global),
+    row<createInstance>("vkCreateInstance", Scope::Global),
+    row<enumerateInstanceLayerProperties>("vkEnumerateInstanceLayerProperties", Scope::Global),
+    row<enumerateInstanceExtensionProperties>("vkEnumerateInstanceExtensionProperties", Scope::Global),
+    row<destroyInstance>("vkDestroyInstance", Scope::Instance),
+    row<createDevice>("vkCreateDevice", Scope::Instance),
+    row<enumerateDeviceExtensionProperties>("vkEnumerateDeviceExtensionProperties", Scope::Instance),
+    row<getPhysicalDeviceFeatures2>("vkGetPhysicalDeviceFeatures2", Scope::Instance),
+    row<getPhysicalDeviceFeatures2>("vkGetPhysicalDeviceFeatures2KHR", Scope::Instance),
+    row<getPhysicalDeviceProperties2>("vkGetPhysicalDeviceProperties2", Scope::Instance),
+    row<getPhysicalDeviceProperties2>("vkGetPhysicalDeviceProperties2KHR", Scope::Instance),
+    row<getPhysicalDeviceToolProperties>("vkGetPhysicalDeviceToolProperties", Scope::Instance),
+    row<getPhysicalDeviceToolProperties>("vkGetPhysicalDeviceToolPropertiesEXT", Scope::Instance),
+    row<getPhysicalDeviceExternalBufferProperties>("vkGetPhysicalDeviceExternalBufferProperties", Scope::Instance),
+    row<getPhysicalDeviceExternalBufferProperties>("vkGetPhysicalDeviceExternalBufferPropertiesKHR", Scope::Instance),
+    row<createDebugUtilsMessenger>("vkCreateDebugUtilsMessengerEXT", Scope::Instance),
+    row<destroyDebugUtilsMessenger>("vkDestroyDebugUtilsMessengerEXT", Scope::Instance),
+
+    row<getDeviceProcAddr>("vkGetDeviceProcAddr", Scope::Device),
+    row<destroyDevice>("vkDestroyDevice", Scope::Device),
+
+    row<createBuffer>("vkCreateBuffer", Scope::Emulated),
+    row<destroyBuffer>("vkDestroyBuffer", Scope::Emulated),
+    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Emulated),
+    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Emulated),
+    row<allocateMemory>("vkAllocateMemory", Scope::Emulated),
+    row<freeMemory>("vkFreeMemory", Scope::Emulated),
+    row<bindBufferMemory>("vkBindBufferMemory", Scope::Emulated),
+    row<bindBufferMemory2>("vkBindBufferMemory2", Scope::Emulated),
+    row<bindBufferMemory2>("vkBindBufferMemory2KHR", Scope::Emulated),
+    row<mapMemory>("vkMapMemory", Scope::Emulated),
+    row<unmapMemory>("vkUnmapMemory", Scope::Emulated),
+    row<mapMemory2>("vkMapMemory2", Scope::Emulated),
+    row<mapMemory2>("vkMapMemory2KHR", Scope::Emulated),
+    row<unmapMemory2>("vkUnmapMemory2", Scope::Emulated),
+    row<unmapMemory2>("vkUnmapMemory2KHR", Scope::Emulated),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddress", Scope::Emulated),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressKHR", Scope::Emulated),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Emulated),
+    row<cmdBindDescriptorBuffers>("vkCmdBindDescriptorBuffersEXT", Scope::Emulated),
+    row<createQueryPool>("vkCreateQueryPool", Scope::Emulated),
+    row<destroyQueryPool>("vkDestroyQueryPool", Scope::Emulated),
+    row<resetQueryPool>("vkResetQueryPool", Scope::Emulated),
+    row<resetQueryPool>("vkResetQueryPoolEXT", Scope::Emulated),
+    row<getQueryPoolResults>("vkGetQueryPoolResults", Scope::Emulated),
+    row<cmdResetQueryPool>("vkCmdResetQueryPool", Scope::Emulated),
+    row<cmdCopyQueryPoolResults>("vkCmdCopyQueryPoolResults", Scope::Emulated),
+    row<cmdWriteAccelerationStructuresProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
+    row<writeAccelerationStructuresProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
+    row<queueWaitIdle>("vkQueueWaitIdle", Scope::Emulated),
+    row<deviceWaitIdle>("vkDeviceWaitIdle", Scope::Emulated),
+    row<waitForFences>("vkWaitForFences", Scope::Emulated),
+    row<getFenceStatus>("vkGetFenceStatus", Scope::Emulated),
+    row<waitSemaphores>("vkWaitSemaphores", Scope::Emulated),
+    row<waitSemaphores>("vkWaitSemaphoresKHR", Scope::Emulated),
+    row<queueSubmit>("vkQueueSubmit", Scope::Emulated),
+    row<queueBindSparse>("vkQueueBindSparse", Scope::Emulated),
+    row<queuePresent>("vkQueuePresentKHR", Scope::Emulated),
+    row<setPrivateData>("vkSetPrivateData", Scope::Emulated),
+    row<setPrivateData>("vkSetPrivateDataEXT", Scope::Emulated),
+    row<getPrivateData>("vkGetPrivateData", Scope::Emulated),
+    row<getPrivateData>("vkGetPrivateDataEXT", Scope::Emulated),
+    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlot", Scope::Emulated),
+    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Emulated),
+    row<setDebugUtilsObjectName>("vkSetDebugUtilsObjectNameEXT", Scope::Debug),
+    row<setDebugUtilsObjectTag>("vkSetDebugUtilsObjectTagEXT", Scope::Debug),
+    row<debugMarkerSetObjectName>("vkDebugMarkerSetObjectNameEXT", Scope::Debug),
+    row<debugMarkerSetObjectTag>("vkDebugMarkerSetObjectTagEXT", Scope::Debug),
+
+    row<createShaderModule>("vkCreateShaderModule", Scope::Emulated),
+    row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),
+    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Emulated),
+    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Emulated),
+    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Emulated),
+    row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
+    row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),
+    row<getCaptureReplayShaderGroupHandles>("vkGetRayTracingCaptureReplayShaderGroupHandlesKHR", Scope::Emulated),
+    row<getShaderGroupStackSize>("vkGetRayTracingShaderGroupStackSizeKHR", Scope::Emulated),
+    row<cmdSetRayTracingPipelineStackSize>("vkCmdSetRayTracingPipelineStackSizeKHR", Scope::Emulated),
+    row<cmdTraceRays>("vkCmdTraceRaysKHR", Scope::Emulated),
+    row<cmdTraceRaysIndirect>("vkCmdTraceRaysIndirectKHR", Scope::Emulated),
+    row<cmdTraceRaysIndirect2>("vkCmdTraceRaysIndirect2KHR", Scope::Emulated),
+    row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Emulated),
+    row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Emulated),
+    row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Emulated),
+    row<createShaders>("vkCreateShadersEXT", Scope::Emulated),
+    row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
+
+    row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Emulated),
+    row<destroyAccelerationStructure>("vkDestroyAccelerationStructureKHR", Scope::Emulated),
+    row<getAccelerationStructureBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated),
+    row<getAccelerationStructureDeviceAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Emulated),
+    row<getDeviceAccelerationStructureCompatibility>("vkGetDeviceAccelerationStructureCompatibilityKHR",
+                                                     Scope::Emulated),
+    row<cmdBuildAccelerationStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated),
+
+    row<cmdBuildAccelerationStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Emulated),
+    row<buildAccelerationStructures>("vkBuildAccelerationStructuresKHR", Scope::Emulated),
+    row<copyAccelerationStructure>("vkCopyAccelerationStructureKHR", Scope::Emulated),
+    row<copyAccelerationStructureToMemory>("vkCopyAccelerationStructureToMemoryKHR", Scope::Emulated),
+    row<copyMemoryToAccelerationStructure>("vkCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
+    row<cmdCopyAccelerationStructure>("vkCmdCopyAccelerationStructureKHR", Scope::Emulated),
+    row<cmdCopyMemoryToAccelerationStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
+    row<cmdCopyAccelerationStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Emulated),
+
+    row<allocateCommandBuffers>("vkAllocateCommandBuffers", Scope::Emulated),
+    row<freeCommandBuffers>("vkFreeCommandBuffers", Scope::Emulated),
+    row<destroyCommandPool>("vkDestroyCommandPool", Scope::Emulated),
+    row<beginCommandBuffer>("vkBeginCommandBuffer", Scope::Emulated),
+    row<cmdBindPipeline>("vkCmdBindPipeline", Scope::Emulated),
+    row<cmdBindShaders>("vkCmdBindShadersEXT", Scope::Emulated),
+    row<cmdPushConstants>("vkCmdPushConstants", Scope::Emulated),
+    row<cmdPushConstants2>("vkCmdPushConstants2", Scope::Emulated),
+    row<cmdPushConstants2>("vkCmdPushConstants2KHR", Scope::Emulated),
+    row<cmdExecuteCommands>("vkCmdExecuteCommands", Scope::Emulated),
+    row<cmdBeginConditionalRendering>("vkCmdBeginConditionalRenderingEXT", Scope::Emulated),
+    row<cmdEndConditionalRendering>("vkCmdEndConditionalRenderingEXT", Scope::Emulated),
+
+    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2", Scope::Emulated),
+    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2KHR", Scope::Emulated),
+    row<cmdSetEvent2>("vkCmdSetEvent2", Scope::Emulated),
+    row<cmdSetEvent2>("vkCmdSetEvent2KHR", Scope::Emulated),
+    row<cmdResetEvent2>("vkCmdResetEvent2", Scope::Emulated),
+    row<cmdResetEvent2>("vkCmdResetEvent2KHR", Scope::Emulated),
+    row<cmdWaitEvents2>("vkCmdWaitEvents2", Scope::Emulated),
+    row<cmdWaitEvents2>("vkCmdWaitEvents2KHR", Scope::Emulated),
+    row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2", Scope::Emulated),
+    row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2KHR", Scope::Emulated),
+    row<cmdWriteBufferMarker2>("vkCmdWriteBufferMarker2AMD", Scope::Emulated),
+    row<queueSubmit2>("vkQueueSubmit2", Scope::Emulated),
+    row<queueSubmit2>("vkQueueSubmit2KHR", Scope::Emulated),
+    row<createRenderPass2>("vkCreateRenderPass2", Scope::Emulated),
+    row<createRenderPass2>("vkCreateRenderPass2KHR", Scope::Emulated),
+
+    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::Create2),
+
+    row<createMicromap>("vkCreateMicromapEXT", Scope::Own),
+    row<destroyMicromap>("vkDestroyMicromapEXT", Scope::Own),
+    row<getMicromapBuildSizes>("vkGetMicromapBuildSizesEXT", Scope::Own),
+    row<getDeviceMicromapCompatibility>("vkGetDeviceMicromapCompatibilityEXT", Scope::Own),
+    row<cmdBuildMicromaps>("vkCmdBuildMicromapsEXT", Scope::Own),
+    row<cmdCopyMicromap>("vkCmdCopyMicromapEXT", Scope::Own),
+    row<cmdCopyMicromapToMemory>("vkCmdCopyMicromapToMemoryEXT", Scope::Own),
+    row<cmdCopyMemoryToMicromap>("vkCmdCopyMemoryToMicromapEXT", Scope::Own),
+    row<cmdWriteMicromapsProperties>("vkCmdWriteMicromapsPropertiesEXT", Scope::Own),
+    row<buildMicromaps>("vkBuildMicromapsEXT", Scope::Own),
+    row<copyMicromap>("vkCopyMicromapEXT", Scope::Own),
+    row<copyMicromapToMemory>("vkCopyMicromapToMemoryEXT", Scope::Own),
+    row<copyMemoryToMicromap>("vkCopyMemoryToMicromapEXT", Scope::Own),
+    row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Own),
+
+    row<cmdCopyMemory>("vkCmdCopyMemoryKHR", Scope::Address),
+    row<cmdCopyMemoryToImage>("vkCmdCopyMemoryToImageKHR", Scope::Address),
+    row<cmdCopyImageToMemory>("vkCmdCopyImageToMemoryKHR", Scope::Address),
+    row<cmdUpdateMemory>("vkCmdUpdateMemoryKHR", Scope::Address),
+    row<cmdFillMemory>("vkCmdFillMemoryKHR", Scope::Address),
+    row<cmdCopyQueryPoolResultsToMemory>("vkCmdCopyQueryPoolResultsToMemoryKHR", Scope::Create2),
+    row<cmdWriteMarkerToMemory>("vkCmdWriteMarkerToMemoryAMD", Scope::Address, "vkCmdWriteBufferMarkerAMD"),
+    row<cmdBindIndexBuffer3>("vkCmdBindIndexBuffer3KHR", Scope::Address),
+    row<cmdBindVertexBuffers3>("vkCmdBindVertexBuffers3KHR", Scope::Address),
+    row<cmdDrawIndirect2>("vkCmdDrawIndirect2KHR", Scope::Address),
+    row<cmdDrawIndexedIndirect2>("vkCmdDrawIndexedIndirect2KHR", Scope::Address),
+    row<cmdDrawIndirectCount2>("vkCmdDrawIndirectCount2KHR", Scope::Address),
+    row<cmdDrawIndexedIndirectCount2>("vkCmdDrawIndexedIndirectCount2KHR", Scope::Address),
+    row<cmdDrawMeshTasksIndirect2>("vkCmdDrawMeshTasksIndirect2EXT", Scope::Address, "vkCmdDrawMeshTasksIndirectEXT"),
+    row<cmdDrawMeshTasksIndirectCount2>("vkCmdDrawMeshTasksIndirectCount2EXT", Scope::Address,
+                                        "vkCmdDrawMeshTasksIndirectCountEXT"),
+    row<cmdDispatchIndirect2>("vkCmdDispatchIndirect2KHR", Scope::Address),
+    row<cmdBeginConditionalRendering2>("vkCmdBeginConditionalRendering2EXT", Scope::Create2,
+                                       "vkCmdBeginConditionalRenderingEXT"),
+    row<cmdBindTransformFeedbackBuffers2>("vkCmdBindTransformFeedbackBuffers2EXT", Scope::Address,
+                                          "vkCmdBindTransformFeedbackBuffersEXT"),
+    row<cmdBeginTransformFeedback2>("vkCmdBeginTransformFeedback2EXT", Scope::Address,
+                                    "vkCmdBeginTransformFeedbackEXT"),
+    row<cmdEndTransformFeedback2>("vkCmdEndTransformFeedback2EXT", Scope::Address, "vkCmdEndTransformFeedbackEXT"),
+    row<cmdDrawIndirectByteCount2>("vkCmdDrawIndirectByteCount2EXT", Scope::Address, "vkCmdDrawIndirectByteCountEXT"),
+};
+
+const Row *find(const char *name)
+{
+    for (const Row &r : kRows) {
+        if (std::strcmp(r.name, name) == 0)
+            return &r;
+    }
+    return nullptr;
+}
+
+// Device commands asked for by instance are the same for all its devices, emulated or not: they are left to
+// vkGetDeviceProcAddr, which the loader asks for each device. Only vkDestroyDevice and vkGetDeviceProcAddr are the same
+// for all.
+VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, const char *name)
+{
+    const Row *r = find(name);
+    if (r && r->scope == Scope::Global)
+        return r->function;
+    // Layers above ask without an instance for what they call with one, as MangoHud 0.6.8 and vkBasalt 0.3.2 do for
+    // vkCreateDevice.
+    if (!handle)
+        return r && (r->scope == Scope::Instance || r->scope == Scope::Device) ? r->function : nullptr;
+    Instance &instance = instanceOf(handle);
+    const PFN_vkVoidFunction next = instance.next.GetInstanceProcAddr(handle, name);
+    const bool ours = r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
+    if (ours && next)
+        return r->function;
+    return next;
+}
+
+VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, const char *name)
+{
+    const Row *r = find(name);
+    if (r && r->scope == Scope::Device)
+        return r->function;
+    Device *device = deviceOfKey(dispatchKey(handle));
+    if (!device)
+        return nullptr;
+    if (device->driver.emulated && r && r->from && !device->driver.next.GetDeviceProcAddr(handle, r->from))
+        return nullptr;
+    if (device->driver.emulated && r &&
+        ((r->scope == Scope::Own && device->driver.asked.ext) ||
+         (r->scope == Scope::Address && device->driver.ownAddressCommands) ||
+         (r->scope == Scope::Create2 && device->driver.asked.addressCommands)))
+        return r->function;
+    const PFN_vkVoidFunction next = device->driver.next.GetDeviceProcAddr(handle, name);
+    const bool ours = r && (r->scope == Scope::Debug || (device->driver.emulated && r->scope == Scope::Emulated));
+    return ours && next ? r->function : next;
+}
+
+} // namespace
+} // namespace vellum::layer
+
+extern "C" __attribute__((visibility("default"))) VKAPI_ATTR VkResult VKAPI_CALL
+vkNegotiateLoaderLayerInterfaceVersion(VkNegotiateLayerInterface *interface)
+{
+    if (interface->sType != LAYER_NEGOTIATE_INTERFACE_STRUCT || interface->loaderLayerInterfaceVersion < 2)
+        return VK_ERROR_INITIALIZATION_FAILED;
+    interface->loaderLayerInterfaceVersion = 2;
+    interface->pfnGetInstanceProcAddr = vellum::layer::getInstanceProcAddr;
+    interface->pfnGetDeviceProcAddr = vellum::layer::getDeviceProcAddr;
+    interface->pfnGetPhysicalDeviceProcAddr = nullptr;
+    return VK_SUCCESS;
+}

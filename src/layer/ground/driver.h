@@ -1,0 +1,71 @@
+// The ground: what every other room stands on and what knows nothing of micromaps. Dispatch tables, pNext chains,
+// settings, messages, newer Vulkan declarations, and the driver below a device.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/ground/dispatch.h"
+#include "layer/ground/report.h"
+#include "layer/ground/settings.h"
+
+namespace vellum::layer
+{
+
+// What the application enabled on an emulated device.
+struct Asked {
+    bool ext = false;             // VK_EXT_opacity_micromap
+    bool khr = false;             // VK_KHR_opacity_micromap
+    bool addressCommands = false; // VK_KHR_device_address_commands
+    bool extFeature = false;      // VkPhysicalDeviceOpacityMicromapFeaturesEXT::micromap
+    bool khrFeature = false;      // VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap
+    bool captureReplay = false;
+    bool hostCommands = false;
+    bool structures = false; // VkPhysicalDeviceAccelerationStructureFeaturesKHR::accelerationStructure
+    bool rayQueries = false; // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
+    bool rayTracingPipelines = false;
+
+    // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
+    [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
+};
+
+// What was found out about a physical device by trying, for all devices of an instance; nothing, where it was not tried
+// yet.
+struct DriverHabits {
+    std::mutex mutex;
+    std::optional<bool> queriesCarryFlagBits; // pipelines/ray_flag_probe.h
+    std::optional<bool> pipelinesCarryFlagBits;
+};
+
+// A device as the next layer or the driver made it.
+struct Driver {
+    VkDevice handle = VK_NULL_HANDLE;
+    VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
+    const InstanceTable *instance = nullptr;
+    const Settings *settings = nullptr;
+    Reporter *reporter = nullptr;
+    DriverHabits *habits = nullptr;
+    DeviceTable next;
+
+    bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
+    Asked asked;
+    bool ownAddressCommands = false;   // VK_KHR_device_address_commands is enabled, and the layer's
+    bool nullIndexBuffer = false;      // VK_NULL_HANDLE may be bound as index buffer
+    bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
+    std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
+    // Lavapipe before Mesa 26: the rays of a pipeline that consists of libraries only see the push constants of the last
+    // dispatch, not those that are set. They are to be the application's.
+    bool keepsOldPushConstants = false;
+    uint32_t threads = 0; // of a device that is a CPU; 0: it is none
+
+    [[nodiscard]] Reporter &report() const { return *reporter; }
+    [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;
+    // The reference that instances name a bottom-level structure by.
+    [[nodiscard]] VkDeviceAddress structureAddress(VkAccelerationStructureKHR structure) const;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,27 @@
+// The layer's settings. Sources, the later ones winning: vk_layer_settings.txt (working directory, or the file or
+// folder that VK_LAYER_SETTINGS_PATH names), VkLayerSettingsCreateInfoEXT, environment variables.
+#pragma once
+
+#include <string>
+
+namespace vellum::layer
+{
+
+inline constexpr const char *kLayerName = "VK_LAYER_VELLUM_opacity_micromap";
+
+enum class ReportLevel { None, Error, Warning, Info };
+
+struct Settings {
+    bool forceEmulation = false;            // VELLUM_FORCE_EMULATION, vellum_opacity_micromap.force_emulation
+    ReportLevel report = ReportLevel::None; // VELLUM_REPORT, .report: what also goes to stderr
+    bool validate = false; // VELLUM_VALIDATE, .validate: shaders look for wrong input, and the layer tells of it
+    // VELLUM_ASSUME_MICROMAPS, .assume_micromaps: ray tracing pipelines without the micromap bit and ray queries
+    // without the execution mode use micromaps all the same, where the feature is enabled
+    bool assumeMicromaps = false;
+    std::string dumpShaders; // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
+};
+
+// `instanceChain`: the pNext chain of VkInstanceCreateInfo.
+Settings readSettings(const void *instanceChain);
+
+} // namespace vellum::layer

@@ -1,0 +1,111 @@
+#include "layer/memory/address_map.h"
+
+#include <algorithm>
+#include <iterator>
+#include <mutex>
+
+namespace vellum::layer
+{
+
+// Buffers hardly ever overlap, so an insertion or removal changes the reach of few ranges, mostly of none.
+void AddressMap::updateReach(Ranges::iterator from)
+{
+    VkDeviceAddress reach = from == ranges_.begin() ? 0 : std::prev(from)->second.reach;
+    for (auto it = from; it != ranges_.end(); ++it) {
+        reach = std::max(reach, it->second.end);
+        if (it->second.reach == reach)
+            return;
+        it->second.reach = reach;
+    }
+}
+
+template <typename Visit>
+void AddressMap::visitAt(VkDeviceAddress address, Visit visit) const
+{
+    for (auto it = ranges_.upper_bound(address); it != ranges_.begin();) {
+        --it;
+        if (it->second.reach <= address || (it->second.end > address && visit(it->first, it->second)))
+            return;
+    }
+}
+
+void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage)
+{
+    if (address == 0)
+        return;
+    std::unique_lock lock(mutex_);
+    if (addresses_.emplace(buffer, address).second) {
+        const auto it = ranges_.insert({address, {buffer, address + size, usage, 0}});
+        updateReach(it);
+    }
+}
+
+void AddressMap::remove(VkBuffer buffer)
+{
+    std::unique_lock lock(mutex_);
+    const auto known = addresses_.find(buffer);
+    if (known == addresses_.end())
+        return;
+    const auto [first, last] = ranges_.equal_range(known->second);
+    const auto it = std::find_if(first, last, [buffer](const auto &range) { return range.second.buffer == buffer; });
+    if (it != last)
+        updateReach(ranges_.erase(it));
+    addresses_.erase(known);
+}
+
+AddressMap::Place AddressMap::find(VkDeviceAddress address) const
+{
+    std::shared_lock lock(mutex_);
+    Place place;
+    visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
+        if (range.end - address > place.bytes)
+            place = {range.buffer, address - begin, range.end - address};
+        return false;
+    });
+    return place;
+}
+
+VkDeviceAddress AddressMap::addressOf(VkBuffer buffer) const
+{
+    std::shared_lock lock(mutex_);
+    const auto known = addresses_.find(buffer);
+    return known == addresses_.end() ? 0 : known->second;
+}
+
+VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
+{
+    const Place place = find(address);
+    return place.buffer ? place.bytes : UINT64_MAX;
+}
+
+AddressMap::Place AddressMap::covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
+{
+    std::shared_lock lock(mutex_);
+    Place place;
+    visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
+        if (range.end - address < size || (range.usage & usage) != usage)
+            return false;
+        place = {range.buffer, address - begin, range.end - address};
+        return true;
+    });
+    return place;
+}
+
+std::vector<AddressMap::Place> AddressMap::within(VkDeviceAddress address, VkDeviceSize size) const
+{
+    std::shared_lock lock(mutex_);
+    std::vector<Place> places;
+    const VkDeviceAddress end = size > UINT64_MAX - address ? UINT64_MAX : address + size;
+    for (auto it = ranges_.lower_bound(end); it != ranges_.begin();) {
+        --it;
+        if (it->second.reach <= address)
+            break;
+        const VkDeviceAddress begin = std::max(it->first, address);
+        const VkDeviceAddress last = std::min(it->second.end, end);
+        if (begin < last)
+            places.push_back({it->second.buffer, begin - it->first, last - begin});
+    }
+    return places;
+}
+
+} // namespace vellum::layer

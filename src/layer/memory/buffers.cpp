@@ -1,0 +1,140 @@
+#include "layer/memory/buffers.h"
+
+#include <vector>
+
+#include "layer/ground/pnext.h"
+#include "layer/memory/device_buffers.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkFlags64 kMicromapUsages =
+    VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT;
+
+// The application's create info as the driver is to see it.
+struct DriverBufferInfo {
+    explicit DriverBufferInfo(const VkBufferCreateInfo &application) : info(application), chain(application.pNext)
+    {
+        usage = driverUsage(application.usage);
+        info.usage = static_cast<VkBufferUsageFlags>(usage);
+        // Where it is given, it replaces the 32-bit flags (VK_KHR_maintenance5).
+        if (findInChain(application.pNext, newer::kBufferUsageFlags2CreateInfo)) {
+            if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
+                usage = flags2->usage = driverUsage(flags2->usage);
+        }
+        info.pNext = chain.head();
+    }
+    VkBufferCreateInfo info;
+    Chain chain;
+    VkFlags64 usage;
+};
+
+} // namespace
+
+VkFlags64 driverUsage(VkFlags64 usage)
+{
+    const VkFlags64 storage =
+        VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
+    const VkFlags64 inputs = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT |
+                             VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+    VkFlags64 result = usage & ~kMicromapUsages;
+    // Micromap data is copied, where it can stay as it lies.
+    if (usage & inputs)
+        result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
+    if (usage & (inputs | storage))
+        result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
+    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261 and -geometry-03673); or that of a
+    // micromap build, which has the arguments of its dispatches there.
+    const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    if ((usage & scratch) == scratch)
+        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
+                  VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+    // Micromaps are read in 16-byte units: their memory is aligned like that of acceleration structures.
+    if (usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)
+        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
+    if (usage & storage)
+        result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    return result;
+}
+
+VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCreateInfo *info,
+                      const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+{
+    const DriverBufferInfo driverInfo(*info);
+    const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
+    if (result == VK_SUCCESS)
+        device.infos.set(*buffer, {info->size, driverInfo.usage});
+    return result;
+}
+
+void destroyBuffer(DeviceBuffers &device, VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
+{
+    device.addresses.remove(buffer);
+    device.infos.take(buffer);
+    device.host.destroyed(buffer);
+    device.driver.next.DestroyBuffer(handle, buffer, allocator);
+}
+
+void getDeviceBufferMemoryRequirements(DeviceBuffers &device, VkDevice handle,
+                                       const VkDeviceBufferMemoryRequirements *info,
+                                       VkMemoryRequirements2 *requirements)
+{
+    const DriverBufferInfo driverInfo(*info->pCreateInfo);
+    VkDeviceBufferMemoryRequirements driverQuery = *info;
+    driverQuery.pCreateInfo = &driverInfo.info;
+    device.driver.next.GetDeviceBufferMemoryRequirements(handle, &driverQuery, requirements);
+}
+
+VkResult allocateMemory(DeviceBuffers &device, VkDevice handle, const VkMemoryAllocateInfo *info,
+                        const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+{
+    // Acceleration structure storage gets a device address (driverUsage above), which its memory must allow
+    // (VUID-vkBindBufferMemory-bufferDeviceAddress-03339). Which memory that will be is not known here.
+    VkMemoryAllocateInfo driverInfo = *info;
+    Chain chain(info->pNext);
+    VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
+    if (auto *own = chain.edit<VkMemoryAllocateFlagsInfo>(VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO)) {
+        own->flags |= VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    } else if (!findInChain(info->pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO)) {
+        flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+        chain.prepend(reinterpret_cast<VkBaseInStructure *>(&flags));
+    }
+    driverInfo.pNext = chain.head();
+    const VkResult result = device.driver.next.AllocateMemory(handle, &driverInfo, allocator, memory);
+    if (result == VK_SUCCESS)
+        device.host.allocated(*memory, info->allocationSize,
+                              device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+    return result;
+}
+
+void rememberAddress(DeviceBuffers &device, VkBuffer buffer)
+{
+    const BufferInfo info = device.infos.get(buffer);
+    if (device.driver.asked.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
+        device.addresses.add(device.driver.bufferAddress(buffer), buffer, info.size, info.usage);
+    device.onAddress(buffer);
+}
+
+VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &device, VkDevice handle, const VkBufferDeviceAddressInfo *info)
+{
+    const VkDeviceAddress address = device.driver.next.GetBufferDeviceAddress(handle, info);
+    const BufferInfo buffer = device.infos.get(info->buffer);
+    device.addresses.add(address, info->buffer, buffer.size, buffer.usage);
+    device.onAddress(info->buffer);
+    return address;
+}
+
+void cmdBindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
+                              const VkDescriptorBufferBindingInfoEXT *infos)
+{
+    // The usage here is that of the buffer (VUID-VkDescriptorBufferBindingInfoEXT-usage).
+    std::vector<VkDescriptorBufferBindingInfoEXT> own(infos, infos + count);
+    for (VkDescriptorBufferBindingInfoEXT &info : own)
+        info.usage = static_cast<VkBufferUsageFlags>(driverUsage(info.usage));
+    device.driver.next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,31 @@
+// The room of memory: the application's buffers and memory objects, which buffer an address lies in, the host's view of
+// them, and buffers of the layer's own.
+#pragma once
+
+#include <functional>
+
+#include "layer/ground/driver.h"
+#include "layer/ground/handle_map.h"
+#include "layer/memory/address_map.h"
+#include "layer/memory/gpu_memory.h"
+#include "layer/memory/host_memory.h"
+
+namespace vellum::layer
+{
+
+struct BufferInfo {
+    VkDeviceSize size = 0;
+    VkFlags64 usage = 0; // as the driver knows it
+};
+
+struct DeviceBuffers {
+    Driver &driver;
+    GpuContext gpu{};
+    HandleMap<VkBuffer, BufferInfo> infos{};
+    AddressMap addresses{};
+    HostMemory host{};
+    // Called when a buffer has got memory, or its address is asked for.
+    std::function<void(VkBuffer)> onAddress{};
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,59 @@
+#include "layer/memory/fixed_memory.h"
+
+#include <cstdint>
+
+#ifdef __linux__
+#include <sys/mman.h>
+#endif
+
+namespace vellum::layer
+{
+
+#if defined(__linux__) && defined(MAP_FIXED_NOREPLACE) && UINTPTR_MAX > UINT32_MAX
+
+namespace
+{
+
+// Far from where Linux puts programs, heaps, libraries and stacks, with 47 bits of address space or more.
+constexpr std::uintptr_t kFirst = 0x2f00'0000'0000;
+constexpr std::uintptr_t kPlaces = 64;
+
+} // namespace
+
+FixedMemory::~FixedMemory()
+{
+    if (data_)
+        munmap(data_, bytes_);
+}
+
+bool FixedMemory::reserve(std::size_t bytes)
+{
+    if (data_ || bytes == 0 || bytes > kMostBytes)
+        return false;
+    for (std::uintptr_t place = 0; place < kPlaces; ++place) {
+        void *wanted = reinterpret_cast<void *>(kFirst + place * kMostBytes);
+        void *got = mmap(wanted, bytes, PROT_READ | PROT_WRITE,
+                         MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE | MAP_FIXED_NOREPLACE, -1, 0);
+        if (got == wanted) {
+            data_ = static_cast<std::byte *>(got);
+            bytes_ = bytes;
+            return true;
+        }
+        if (got != MAP_FAILED) // by a kernel that takes the address for a hint
+            munmap(got, bytes);
+    }
+    return false;
+}
+
+#else
+
+FixedMemory::~FixedMemory() = default;
+
+bool FixedMemory::reserve(std::size_t)
+{
+    return false;
+}
+
+#endif
+
+} // namespace vellum::layer

@@ -1,0 +1,149 @@
+#include "layer/memory/gpu_memory.h"
+
+#include <cstring>
+#include <utility>
+#include <vector>
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+
+// The types that a buffer's memory may have, the better ones first: memory that is also local to the device is
+// preferred, since shaders read these buffers at every hit. There may be little of it that the host can see.
+std::vector<uint32_t> memoryTypes(const VkPhysicalDeviceMemoryProperties &memory, uint32_t allowed)
+{
+    const VkMemoryPropertyFlags host = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+    std::vector<uint32_t> types;
+    for (const VkMemoryPropertyFlags local : {VkMemoryPropertyFlags{VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT}, 0u}) {
+        for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+            const VkMemoryPropertyFlags flags = memory.memoryTypes[i].propertyFlags;
+            if ((allowed & (1u << i)) != 0 && (flags & host) == host &&
+                (flags & VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT) == local)
+                types.push_back(i);
+        }
+    }
+    return types;
+}
+
+} // namespace
+
+GpuBuffer &GpuBuffer::operator=(GpuBuffer &&other) noexcept
+{
+    if (this != &other) {
+        reset();
+        context_ = other.context_;
+        buffer_ = std::exchange(other.buffer_, VK_NULL_HANDLE);
+        memory_ = std::exchange(other.memory_, VK_NULL_HANDLE);
+        address_ = std::exchange(other.address_, 0);
+        mapped_ = std::exchange(other.mapped_, nullptr);
+    }
+    return *this;
+}
+
+VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage,
+                           Content content)
+{
+    reset();
+    context_ = context;
+    const DeviceTable &next = *context.next;
+    VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
+    bufferInfo.size = bytes;
+    bufferInfo.usage = kUsage | extraUsage;
+    VkResult result = next.CreateBuffer(context.device, &bufferInfo, nullptr, &buffer_);
+    if (result != VK_SUCCESS)
+        return result;
+
+    VkMemoryRequirements requirements{};
+    next.GetBufferMemoryRequirements(context.device, buffer_, &requirements);
+    VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
+    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, requirements.size, 0};
+    result = VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    for (const uint32_t type : memoryTypes(context.memory, requirements.memoryTypeBits)) {
+        allocateInfo.memoryTypeIndex = type;
+        result = next.AllocateMemory(context.device, &allocateInfo, nullptr, &memory_);
+        // Another type may be of another heap, which has room.
+        if (result != VK_ERROR_OUT_OF_DEVICE_MEMORY)
+            break;
+    }
+    void *mapped = nullptr;
+    if (result == VK_SUCCESS)
+        result = next.BindBufferMemory(context.device, buffer_, memory_, 0);
+    if (result == VK_SUCCESS)
+        result = next.MapMemory(context.device, memory_, 0, VK_WHOLE_SIZE, 0, &mapped);
+    if (result != VK_SUCCESS) {
+        reset();
+        return result;
+    }
+    mapped_ = static_cast<uint32_t *>(mapped);
+    if (content == Content::Zero)
+        std::memset(mapped_, 0, bytes);
+    const VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer_};
+    address_ = next.GetBufferDeviceAddress(context.device, &addressInfo);
+    return VK_SUCCESS;
+}
+
+VkResult GpuBuffer::createOn(const GpuContext &context, void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage)
+{
+    reset();
+    context_ = context;
+    const VkResult result =
+        context.importsHostMemory ? makeOn(memory, bytes, extraUsage) : VK_ERROR_FEATURE_NOT_PRESENT;
+    if (result != VK_SUCCESS)
+        reset();
+    return result;
+}
+
+VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage)
+{
+    constexpr VkExternalMemoryHandleTypeFlagBits kHost = VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT;
+    const DeviceTable &next = *context_.next;
+    const VkExternalMemoryBufferCreateInfo external{VK_STRUCTURE_TYPE_EXTERNAL_MEMORY_BUFFER_CREATE_INFO, nullptr,
+                                                    kHost};
+    VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, &external};
+    bufferInfo.size = bytes;
+    bufferInfo.usage = kUsage | extraUsage;
+    VkResult result = next.CreateBuffer(context_.device, &bufferInfo, nullptr, &buffer_);
+    if (result != VK_SUCCESS)
+        return result;
+    VkMemoryRequirements requirements{};
+    next.GetBufferMemoryRequirements(context_.device, buffer_, &requirements);
+    VkMemoryHostPointerPropertiesEXT host{VK_STRUCTURE_TYPE_MEMORY_HOST_POINTER_PROPERTIES_EXT};
+    result = next.GetMemoryHostPointerPropertiesEXT(context_.device, kHost, memory, &host);
+    if (result != VK_SUCCESS)
+        return result;
+    const std::vector<uint32_t> types = memoryTypes(context_.memory, requirements.memoryTypeBits & host.memoryTypeBits);
+    if (types.empty() || requirements.size > bytes)
+        return VK_ERROR_INVALID_EXTERNAL_HANDLE;
+    const VkImportMemoryHostPointerInfoEXT import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT, nullptr, kHost,
+                                                  memory};
+    const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, &import,
+                                          VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+    const VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, bytes, types.front()};
+    result = next.AllocateMemory(context_.device, &allocateInfo, nullptr, &memory_);
+    if (result == VK_SUCCESS)
+        result = next.BindBufferMemory(context_.device, buffer_, memory_, 0);
+    if (result != VK_SUCCESS)
+        return result;
+    const VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer_};
+    address_ = next.GetBufferDeviceAddress(context_.device, &addressInfo);
+    mapped_ = static_cast<uint32_t *>(memory);
+    return address_ == reinterpret_cast<uintptr_t>(memory) ? VK_SUCCESS : VK_ERROR_INVALID_EXTERNAL_HANDLE;
+}
+
+void GpuBuffer::reset()
+{
+    if (buffer_)
+        context_.next->DestroyBuffer(context_.device, buffer_, nullptr);
+    if (memory_)
+        context_.next->FreeMemory(context_.device, memory_, nullptr);
+    buffer_ = VK_NULL_HANDLE;
+    memory_ = VK_NULL_HANDLE;
+    address_ = 0;
+    mapped_ = nullptr;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,53 @@
+// Buffers that the layer owns: host-visible, coherent, with a device address. The host prepares what the GPU reads.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include "layer/ground/dispatch.h"
+
+namespace vellum::layer
+{
+
+struct DeviceTable;
+
+struct GpuContext {
+    VkDevice device = VK_NULL_HANDLE;
+    const DeviceTable *next = nullptr;
+    VkPhysicalDeviceMemoryProperties memory{};
+    bool importsHostMemory = false; // VK_EXT_external_memory_host is enabled, and device addresses may be the host's
+};
+
+class GpuBuffer
+{
+public:
+    GpuBuffer() = default;
+    ~GpuBuffer() { reset(); }
+    GpuBuffer(GpuBuffer &&other) noexcept { *this = static_cast<GpuBuffer &&>(other); }
+    GpuBuffer &operator=(GpuBuffer &&other) noexcept;
+    GpuBuffer(const GpuBuffer &) = delete;
+    GpuBuffer &operator=(const GpuBuffer &) = delete;
+
+    enum class Content { Zero, Undefined };
+    // On failure nothing is left behind.
+    VkResult create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0,
+                    Content content = Content::Zero);
+    // A buffer on memory of the host's, of which begin and size are aligned to FixedMemory::kAlignment, and which
+    // outlives it; the content is what is there. Fails, too, where the device has another address for it.
+    VkResult createOn(const GpuContext &context, void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0);
+    void reset();
+
+    [[nodiscard]] VkBuffer buffer() const { return buffer_; }
+    [[nodiscard]] VkDeviceAddress address() const { return address_; }
+    [[nodiscard]] uint32_t *words() const { return mapped_; }
+
+private:
+    VkResult makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage);
+
+    GpuContext context_;
+    VkBuffer buffer_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkDeviceAddress address_ = 0;
+    uint32_t *mapped_ = nullptr;
+};
+
+} // namespace vellum::layer

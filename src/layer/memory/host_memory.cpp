@@ -1,0 +1,196 @@
+#include "layer/memory/host_memory.h"
+
+#include "layer/memory/buffers.h"
+#include "layer/memory/device_buffers.h"
+
+namespace vellum::layer
+{
+
+void HostMemory::allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPropertyFlags properties)
+{
+    std::lock_guard lock(mutex_);
+    memories_[memory] = {.properties = properties, .bytes = bytes};
+}
+
+void HostMemory::freed(VkDeviceMemory memory)
+{
+    std::lock_guard lock(mutex_);
+    memories_.erase(memory);
+}
+
+void HostMemory::bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset)
+{
+    std::lock_guard lock(mutex_);
+    bindings_[buffer] = {memory, offset};
+}
+
+void HostMemory::destroyed(VkBuffer buffer)
+{
+    std::lock_guard lock(mutex_);
+    bindings_.erase(buffer);
+}
+
+VkResult HostMemory::open(const Driver &driver, Memory &memory, VkDeviceMemory handle, VkMemoryMapFlags flags)
+{
+    if (memory.users == 0) {
+        void *mapped = nullptr;
+        const VkResult result = driver.next.MapMemory(driver.handle, handle, 0, VK_WHOLE_SIZE, flags, &mapped);
+        if (result != VK_SUCCESS)
+            return result;
+        memory.mapped = static_cast<uint8_t *>(mapped);
+        memory.first = 0;
+        memory.last = memory.bytes;
+    }
+    ++memory.users;
+    return VK_SUCCESS;
+}
+
+void HostMemory::close(const Driver &driver, Memory &memory, VkDeviceMemory handle)
+{
+    if (memory.users == 0 || --memory.users > 0)
+        return;
+    memory.mapped = nullptr;
+    driver.next.UnmapMemory(driver.handle, handle);
+}
+
+VkResult HostMemory::map(const Driver &driver, VkDeviceMemory handle, VkDeviceSize offset, VkMemoryMapFlags flags,
+                         void **data)
+{
+    std::lock_guard lock(mutex_);
+    Memory &memory = memories_[handle];
+    const VkResult result = open(driver, memory, handle, flags);
+    if (result == VK_SUCCESS)
+        *data = memory.mapped + offset;
+    return result;
+}
+
+void HostMemory::unmap(const Driver &driver, VkDeviceMemory handle)
+{
+    std::lock_guard lock(mutex_);
+    close(driver, memories_[handle], handle);
+}
+
+void HostMemory::mappedByDriver(VkDeviceMemory handle, VkDeviceSize offset, VkDeviceSize bytes, void *data)
+{
+    std::lock_guard lock(mutex_);
+    Memory &memory = memories_[handle];
+    memory.mapped = static_cast<uint8_t *>(data) - offset;
+    memory.first = offset;
+    memory.last = bytes == VK_WHOLE_SIZE ? memory.bytes : offset + bytes;
+    memory.users = 1;
+}
+
+void HostMemory::unmappedByDriver(VkDeviceMemory handle)
+{
+    std::lock_guard lock(mutex_);
+    Memory &memory = memories_[handle];
+    memory.mapped = nullptr;
+    memory.users = 0;
+}
+
+HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes) : device_(device)
+{
+    HostMemory &host = device.host;
+    std::lock_guard lock(host.mutex_);
+    const auto binding = host.bindings_.find(buffer);
+    if (binding == host.bindings_.end())
+        return;
+    HostMemory::Memory &memory = host.memories_[binding->second.memory];
+    if ((memory.properties & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) == 0 ||
+        host.open(device.driver, memory, binding->second.memory, 0) != VK_SUCCESS)
+        return;
+    memory_ = binding->second.memory;
+    const VkDeviceSize begin = binding->second.offset + offset;
+    if (begin < memory.first || begin > memory.last || bytes > memory.last - begin)
+        return; // the application has mapped another part of it, where only the driver can
+    bytes_ = memory.mapped + begin;
+    if ((memory.properties & VK_MEMORY_PROPERTY_HOST_COHERENT_BIT) == 0 && bytes > 0) {
+        VkPhysicalDeviceProperties properties{};
+        device.driver.instance->GetPhysicalDeviceProperties(device.driver.physicalDevice, &properties);
+        atoms_ = atomsOf(memory_, memory.bytes, begin, bytes, properties.limits.nonCoherentAtomSize);
+        device.driver.next.InvalidateMappedMemoryRanges(device.driver.handle, 1, &atoms_);
+    }
+}
+
+HostView::~HostView()
+{
+    if (!memory_)
+        return;
+    HostMemory &host = device_.host;
+    std::lock_guard lock(host.mutex_);
+    if (atoms_.size > 0)
+        device_.driver.next.FlushMappedMemoryRanges(device_.driver.handle, 1, &atoms_);
+    host.close(device_.driver, host.memories_[memory_], memory_);
+}
+
+void freeMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
+{
+    device.host.freed(memory);
+    device.driver.next.FreeMemory(handle, memory, allocator);
+}
+
+VkResult bindBufferMemory(DeviceBuffers &device, VkDevice handle, VkBuffer buffer, VkDeviceMemory memory,
+                          VkDeviceSize offset)
+{
+    const VkResult result = device.driver.next.BindBufferMemory(handle, buffer, memory, offset);
+    if (result == VK_SUCCESS) {
+        device.host.bound(buffer, memory, offset);
+        rememberAddress(device, buffer);
+    }
+    return result;
+}
+
+VkResult bindBufferMemory2(DeviceBuffers &device, VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
+{
+    const VkResult result = device.driver.next.BindBufferMemory2(handle, count, infos);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
+        device.host.bound(infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
+        rememberAddress(device, infos[i].buffer);
+    }
+    return result;
+}
+
+VkResult mapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset,
+                   VkDeviceSize size, VkMemoryMapFlags flags, void **data)
+{
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.MapMemory(handle, memory, offset, size, flags, data);
+    return device.host.map(device.driver, memory, offset, flags, data);
+}
+
+void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
+{
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.UnmapMemory(handle, memory);
+    device.host.unmap(device.driver, memory);
+}
+
+VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryMapInfo *info, void **data)
+{
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.MapMemory2(handle, info, data);
+    // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
+    if (info->pNext) {
+        const VkResult result = device.driver.next.MapMemory2(handle, info, data);
+        if (result == VK_SUCCESS)
+            device.host.mappedByDriver(info->memory, info->offset, info->size, *data);
+        return result;
+    }
+    return device.host.map(device.driver, info->memory, info->offset, info->flags, data);
+}
+
+VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryUnmapInfo *info)
+{
+    if (!device.driver.asked.hostCommands)
+        return device.driver.next.UnmapMemory2(handle, info);
+    if (info->pNext || info->flags != 0) {
+        const VkResult result = device.driver.next.UnmapMemory2(handle, info);
+        if (result == VK_SUCCESS)
+            device.host.unmappedByDriver(info->memory);
+        return result;
+    }
+    device.host.unmap(device.driver, info->memory);
+    return VK_SUCCESS;
+}
+
+} // namespace vellum::layer

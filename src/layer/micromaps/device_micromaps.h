@@ -1,0 +1,17 @@
+// The room of micromaps: builds, copies, host commands, the serialized form, and the front ends of
+// VK_EXT_opacity_micromap and VK_KHR_opacity_micromap.
+#pragma once
+
+#include "layer/commands/device_commands.h"
+
+namespace vellum::layer
+{
+
+struct DeviceMicromaps {
+    Driver &driver;
+    DeviceBuffers &buffers;
+    DeviceObjects &objects;
+    DeviceCommands &commands;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,75 @@
+#include "layer/micromaps/micromap.h"
+
+#include <new>
+#include <string>
+
+#include "layer/micromaps/device_micromaps.h"
+
+namespace vellum::layer
+{
+
+uint64_t complaintObject(VkMicromapEXT handle)
+{
+    const Micromap *micromap = micromapOf(handle);
+    return micromap ? complaintObject(micromap->object.type, micromap->object.handle) : 0;
+}
+
+VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreateInfoEXT *info,
+                        const VkAllocationCallbacks *, VkMicromapEXT *micromap)
+{
+    if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT) {
+        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-type-parameter",
+                                     "vkCreateMicromapEXT: type is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
+    const bool replayable = (info->createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
+    // Drivers ignore the address then, and NVRHI always gives one.
+    if (info->deviceAddress != 0 && !replayable)
+        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
+                                     "vkCreateMicromapEXT: deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY is "
+                                     "ignored");
+    if (replayable && !device.driver.asked.captureReplay) {
+        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
+                                     "vkCreateMicromapEXT: the feature micromapCaptureReplay is not enabled");
+        return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
+    }
+    const BufferInfo buffer = device.buffers.infos.get(info->buffer);
+    if (info->offset > buffer.size || info->size > buffer.size - info->offset) {
+        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07437",
+                                     "vkCreateMicromapEXT: offset " + std::to_string(info->offset) + " + size " +
+                                         std::to_string(info->size) + " is beyond the buffer's " +
+                                         std::to_string(buffer.size) + " bytes");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
+    if (info->offset % 256 != 0) {
+        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07438",
+                                     "vkCreateMicromapEXT: offset " + std::to_string(info->offset) +
+                                         " is not a multiple of 256");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
+    // A micromap is where its buffer is, which the driver was told to put where it was.
+    if (replayable && info->deviceAddress != 0 &&
+        info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
+        device.driver.report().error(
+            "VELLUM-micromap-replay",
+            "vkCreateMicromapEXT: the buffer is not at the address that it had at the time of capture");
+        return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
+    }
+    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, info->size, {}};
+    if (!object)
+        return VK_ERROR_OUT_OF_HOST_MEMORY;
+    *micromap = reinterpret_cast<VkMicromapEXT>(object);
+    object->object.handle = reinterpret_cast<uint64_t>(*micromap);
+    return VK_SUCCESS;
+}
+
+void destroyMicromap(DeviceMicromaps &device, VkDevice, VkMicromapEXT micromap, const VkAllocationCallbacks *)
+{
+    if (micromap) {
+        device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(micromap));
+        device.driver.report().setName(reinterpret_cast<uint64_t>(micromap), "");
+    }
+    delete micromapOf(micromap);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,420 @@
+#include "layer/micromaps/micromap.h"
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "core/curve.h"
+#include "core/micromap.h"
+#include "core/records.h"
+#include "layer/micromaps/device_micromaps.h"
+#include "layer/micromaps/micromap_extent.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+// So that the numbers of the triangles that come after the last one fit 32 bits, too.
+constexpr uint32_t kMostStaying = uint32_t{1} << 31;
+
+std::optional<Offence> deviceOffenceOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
+{
+    if (auto offence = buildOffenceOf(info))
+        return offence;
+    const MicromapExtent extent = extentOf(info);
+    if (extent.triangles == 0)
+        return std::nullopt;
+    if (info.triangleArray.deviceAddress == 0 || info.data.deviceAddress == 0)
+        return Offence{info.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
+                                                    : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10897",
+                       "data or triangleArray is a null address"};
+    if (info.scratchData.deviceAddress == 0)
+        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address"};
+    if (info.scratchData.deviceAddress % 16 != 0)
+        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned"};
+    const uint64_t scratch = device.buffers.addresses.bytesFrom(info.scratchData.deviceAddress);
+    if (scratch < extent.scratchBytes())
+        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509", "scratchData has " + std::to_string(scratch) +
+                                                                              " bytes in its buffer, the build needs " +
+                                                                              std::to_string(extent.scratchBytes())};
+    return std::nullopt;
+}
+
+// Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, where the usage counts say that all have
+// the same; 0: they do not, or their states are kept in the records.
+uint32_t alikeOf(const VkMicromapBuildInfoEXT &info)
+{
+    uint32_t alike = 0;
+    for (uint32_t i = 0; i < info.usageCountsCount; ++i) {
+        const VkMicromapUsageEXT &usage = usageAt(info, i);
+        const uint32_t word = usage.subdivisionLevel | usage.format << 16;
+        if (usage.count == 0)
+            continue;
+        if (usage.subdivisionLevel <= kCoarseLevel || (alike != 0 && word != alike))
+            return 0;
+        alike = word;
+    }
+    return alike;
+}
+
+MicromapPush pushOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
+{
+    const MicromapExtent extent = extentOf(info);
+    MicromapPush push{};
+    push.micromap = micromapAddress(device.driver, info.dstMicromap);
+    push.triangleArray = info.triangleArray.deviceAddress;
+    push.data = info.data.deviceAddress;
+    push.scratch = info.scratchData.deviceAddress;
+    push.log = device.commands.complaints.address();
+    push.object = complaintObject(info.dstMicromap);
+    push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);
+    push.triangleCount = static_cast<uint32_t>(extent.triangles);
+    push.capacityUnits = static_cast<uint32_t>(extent.units);
+    push.partCapacity = static_cast<uint32_t>(extent.parts());
+    push.tableMask = static_cast<uint32_t>(extent.tableSlots() - 1);
+    push.flags =
+        (info.flags & kBuildFlagsMask) | extent.maxLevel << kBuildMaxLevelShift | (extent.share ? kBuildShare : 0);
+    const VkDeviceSize arrayBytes = device.buffers.addresses.bytesFrom(push.triangleArray);
+    const VkDeviceSize size = sizeof(VkMicromapTriangleEXT);
+    const VkDeviceSize stride = std::max<VkDeviceSize>(info.triangleArrayStride, 1);
+    const VkDeviceSize readable = arrayBytes < size ? 0 : (arrayBytes - size) / stride + 1;
+    push.readable = static_cast<uint32_t>(std::min<VkDeviceSize>(readable, UINT32_MAX));
+    push.alike = alikeOf(info);
+    push.dataBytes =
+        static_cast<uint32_t>(std::min<VkDeviceSize>(device.buffers.addresses.bytesFrom(push.data), UINT32_MAX));
+    return push;
+}
+
+// Of the passes that coarsen a lossy build's input to scratch memory.
+MicromapPush coarseningOf(MicromapPush push, const MicromapExtent &extent)
+{
+    push.micromap = push.scratch + extent.coarsenedOffset();
+    push.flags &= ~kBuildShare;
+    return push;
+}
+
+// Of the ordinary passes after them, which have nothing to tell any more.
+MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
+{
+    push.triangleArray = push.scratch + extent.coarsenedOffset();
+    push.triangleArrayStride = kLossyEntryBytes;
+    push.readable = push.triangleCount;
+    push.data = push.triangleArray;
+    push.dataBytes = static_cast<uint32_t>(extent.coarsenedBytes());
+    push.alike = 0;
+    push.log = 0;
+    return push;
+}
+
+// The data as it lies, as much as there is room for, to be copied to where a micromap's data goes. Nothing where the
+// build shares data, or the driver would not let it be copied.
+struct DataCopy {
+    VkBuffer from = VK_NULL_HANDLE;
+    VkBuffer to = VK_NULL_HANDLE;
+    VkBufferCopy region{};
+};
+
+DataCopy dataCopyOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
+{
+    const MicromapExtent extent = extentOf(info);
+    if (extent.share || extent.lossy || extent.units == 0)
+        return {};
+    const AddressMap::Place source = device.buffers.addresses.find(info.data.deviceAddress);
+    if (!source.buffer || (device.buffers.infos.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
+        return {};
+    const Micromap &target = *micromapOf(info.dstMicromap);
+    const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
+    const uint64_t bytes = std::min(source.bytes, extent.units * kDataUnitBytes);
+    // As much as there is room for may reach from the data into the micromap: VUID-vkCmdCopyBuffer-pRegions-00117.
+    const VkDeviceAddress from = info.data.deviceAddress, to = micromapAddress(device.driver, target) + begin;
+    if (from < to + bytes && to < from + bytes)
+        return {};
+    return {source.buffer, target.buffer, {source.offset, target.offset + begin, bytes}};
+}
+
+// One build of a command.
+struct OneBuild {
+    MicromapPush push{};
+    DataCopy copy;
+    // Where the data may stay as it is copied, one pass finds that out and writes all records. The others are
+    // dispatched indirectly, with arguments in the scratch memory, and so only cost time if that pass starts them.
+    bool stays = false;
+    VkBuffer scratch = VK_NULL_HANDLE;
+    VkDeviceSize scratchOffset = 0;
+    VkDeviceSize micromapOffset = 0; // in copy.to
+
+    [[nodiscard]] bool shares() const { return (push.flags & kBuildShare) != 0; }
+    [[nodiscard]] bool verbatim() const { return (push.flags & kBuildVerbatim) != 0; }
+    // More than kPartUnits units is what triangles of level 7 and above have.
+    [[nodiscard]] bool hasParts() const
+    {
+        return (push.flags >> kBuildMaxLevelShift & 15) >= 7 && push.partCapacity > 0;
+    }
+    [[nodiscard]] uint64_t triangles() const { return push.triangleCount; }
+    [[nodiscard]] uint64_t blocks() const { return blocksOf(triangles()) * 64; }
+    [[nodiscard]] uint64_t parts() const { return hasParts() ? push.partCapacity : 0; }
+    [[nodiscard]] uint64_t checks() const
+    {
+        return verbatim() ? (triangles() + kCheckedPerInvocation - 1) / kCheckedPerInvocation : 0;
+    }
+};
+
+// Triangles for each invocation of the pass over triangles that stay.
+uint32_t staysPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
+{
+    // So many keep a GPU busy.
+    if (device.driver.threads == 0)
+        return std::clamp(triangles / 16384, 1u, 64u);
+    // A workgroup of 64 takes lavapipe a microsecond, as a thousand triangles do. Four for each of its threads share
+    // the work well enough.
+    const uint32_t invocations = 4 * 64 * std::min(device.driver.threads, 64u);
+    return std::max(triangles / invocations, 1u);
+}
+
+// Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
+// buffer.
+void letStay(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, OneBuild &build)
+{
+    MicromapPush &push = build.push;
+    const AddressMap::Place place = device.buffers.addresses.find(push.scratch);
+    const VkFlags64 wanted = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+    if (!build.verbatim() || !place.buffer || place.offset % 4 != 0 || push.triangleCount > kMostStaying ||
+        (device.buffers.infos.get(place.buffer).usage & wanted) != wanted)
+        return;
+    const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
+    const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
+    const uint64_t end = std::min({near, uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes}});
+    if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
+        push.triangleArray % sizeof(VkMicromapTriangleEXT) != 0 || end < bytes)
+        push.alike = 0;
+    // Whether counts of several kinds are right is only found by adding up.
+    if (push.alike == 0 && push.log != 0)
+        return;
+    push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
+    push.staysPerInvocation = staysPerInvocation(device, push.triangleCount);
+    build.stays = true;
+    build.scratch = place.buffer;
+    build.scratchOffset = place.offset;
+    build.micromapOffset = micromapOf(info.dstMicromap)->offset;
+}
+
+// One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
+class Build
+{
+public:
+    Build(DeviceMicromaps &device, VkCommandBuffer commandBuffer)
+        : device_(device), commandBuffer_(commandBuffer), work_(device.commands, commandBuffer)
+    {
+    }
+
+    void add(const VkMicromapBuildInfoEXT &info)
+    {
+        OneBuild build;
+        build.copy = dataCopyOf(device_, info);
+        build.push = pushOf(device_, info);
+        if (build.copy.from)
+            build.push.flags |= kBuildVerbatim;
+        const MicromapExtent extent = extentOf(info);
+        if (extent.lossy) {
+            lossy_.emplace_back().push = coarseningOf(build.push, extent);
+            build.push = coarsenedOf(build.push, extent);
+        }
+        letStay(device_, info, build);
+        builds_.push_back(build);
+    }
+
+    void record()
+    {
+        const bool share = any([](const OneBuild &build) { return build.shares(); });
+        const bool parts = any([](const OneBuild &build) { return build.hasParts(); });
+        work_.barrier();
+        if (!lossy_.empty())
+            coarsen();
+        for (const OneBuild &build : builds_)
+            prepare(build);
+        stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
+            const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
+            return build.stays || build.triangles() == 0 ? 0 : words;
+        });
+        if (share)
+            analyse(parts);
+        stage(InjectedShader::MicromapStay, [](const OneBuild &build) {
+            return build.stays ? (build.triangles() - 1) / build.push.staysPerInvocation + 1 : 0;
+        });
+        stageOrNot(InjectedShader::MicromapCheck, kArgumentsCheck);
+        stageOrNot(InjectedShader::MicromapSums, kArgumentsBlocks);
+        stageOrNot(InjectedShader::MicromapScan, kArgumentsScan);
+        stageOrNot(InjectedShader::MicromapPlace, kArgumentsBlocks);
+        if (parts) {
+            stageOrNot(InjectedShader::MicromapParts, kArgumentsParts);
+            stageOrNot(InjectedShader::MicromapFold, kArgumentsParts);
+        }
+        if (share)
+            stage(InjectedShader::MicromapOwners, sharedTriangles);
+    }
+
+private:
+    static uint64_t sharedTriangles(const OneBuild &build) { return build.shares() ? build.triangles() : 0; }
+
+    // Invocations of a stage whose dispatch has these arguments.
+    static VkDispatchIndirectCommand groupsOf(const OneBuild &build, uint32_t arguments)
+    {
+        switch (arguments) {
+        case kArgumentsCheck: return InjectedWork::groupsOf(build.checks(), 64);
+        case kArgumentsBlocks: return InjectedWork::groupsOf(build.blocks(), 64);
+        case kArgumentsScan: return InjectedWork::groupsOf(1, 1);
+        default: return InjectedWork::groupsOf(build.parts(), 64);
+        }
+    }
+
+    void prepare(const OneBuild &build)
+    {
+        const DeviceTable &next = device_.driver.next;
+        if (build.copy.from)
+            next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.copy.to, 1, &build.copy.region);
+        if (!build.stays)
+            return;
+        uint32_t scratch[kScratchTables] = {};
+        for (uint32_t i = 0; i < kArgumentWords; i += 3) {
+            const VkDispatchIndirectCommand groups = groupsOf(build, i);
+            std::memcpy(scratch + kScratchArguments + kArgumentWords + i, &groups, sizeof groups);
+        }
+        next.CmdUpdateBuffer(commandBuffer_, build.scratch, build.scratchOffset, sizeof scratch, scratch);
+        uint32_t header[kMicromapHeaderWords] = {};
+        header[kMicromapHeaderMagic] = kMicromapMagic;
+        header[kMicromapHeaderTriangles] = build.push.triangleCount;
+        header[kMicromapHeaderFlags] = build.push.flags & kBuildFlagsMask;
+        const VkDeviceSize begin = build.micromapOffset;
+        next.CmdUpdateBuffer(commandBuffer_, build.copy.to, begin, sizeof header, header);
+        if (build.triangles() % 2 != 0) {
+            const uint32_t padding[kTriangleRecordWords] = {};
+            next.CmdUpdateBuffer(commandBuffer_, build.copy.to,
+                                 begin + sizeof header + build.triangles() * sizeof padding, sizeof padding, padding);
+        }
+    }
+
+    // Lossy builds first: the other stages then read what these leave in scratch memory.
+    void coarsen()
+    {
+        builds_.swap(lossy_);
+        const auto parts = [](const OneBuild &build) { return build.parts(); };
+        const bool anyParts = any([](const OneBuild &build) { return build.hasParts(); });
+        stage(InjectedShader::MicromapClear, [](const OneBuild &) { return kScratchCounterWords; });
+        stage(InjectedShader::MicromapLossy, [](const OneBuild &build) { return build.triangles(); });
+        if (anyParts)
+            stage(InjectedShader::MicromapLossyParts, parts, 64, kBuildAnalysing);
+        stage(InjectedShader::MicromapLossyChoose,
+              [](const OneBuild &build) { return std::max<uint64_t>(build.parts(), 1); });
+        if (anyParts)
+            stage(InjectedShader::MicromapLossyParts, parts);
+        builds_.swap(lossy_);
+    }
+
+    void analyse(bool parts)
+    {
+        stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
+        if (parts)
+            stage(
+                InjectedShader::MicromapParts, [](const OneBuild &build) { return build.shares() ? build.parts() : 0; },
+                64, kBuildAnalysing);
+        stage(InjectedShader::MicromapShare, sharedTriangles);
+    }
+
+    template <typename Predicate>
+    bool any(Predicate predicate)
+    {
+        return std::any_of(builds_.begin(), builds_.end(), predicate);
+    }
+
+    // One shader for every build, then a barrier. `invocations(build)`: 0 where the build does not need the stage.
+    template <typename Invocations>
+    void stage(InjectedShader shader, Invocations invocations, uint32_t groupSize = 64, uint32_t flags = 0)
+    {
+        for (const OneBuild &build : builds_) {
+            const uint64_t count = invocations(build);
+            if (count == 0)
+                continue;
+            MicromapPush push = build.push;
+            push.flags |= flags;
+            work_.dispatch(shader, push, count, groupSize);
+        }
+        work_.barrier();
+    }
+
+    // The same, where builds that let their data stay only need the stage if not all data can.
+    void stageOrNot(InjectedShader shader, uint32_t arguments)
+    {
+        bool some = false;
+        for (const OneBuild &build : builds_) {
+            const VkDispatchIndirectCommand groups = groupsOf(build, arguments);
+            if (groups.x == 0 || (shader == InjectedShader::MicromapFold && build.shares()))
+                continue;
+            some = true;
+            if (build.stays)
+                work_.dispatchIndirect(shader, build.push, build.scratch,
+                                       build.scratchOffset + (kScratchArguments + arguments) * 4);
+            else
+                work_.dispatch(shader, build.push, groups);
+        }
+        if (some)
+            work_.barrier();
+    }
+
+    DeviceMicromaps &device_;
+    VkCommandBuffer commandBuffer_;
+    InjectedWork work_;
+    std::vector<OneBuild> builds_;
+    std::vector<OneBuild> lossy_; // of the passes that coarsen
+};
+
+} // namespace
+
+void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
+                          const std::vector<const VkMicromapBuildInfoEXT *> &infos)
+{
+    if (infos.empty())
+        return;
+    Build build(device, commandBuffer);
+    for (const VkMicromapBuildInfoEXT *info : infos)
+        build.add(*info);
+    build.record();
+}
+
+void getMicromapBuildSizes(DeviceMicromaps &device, VkDevice, VkAccelerationStructureBuildTypeKHR type,
+                           const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
+{
+    sizes->discardable = VK_FALSE;
+    if (const auto offence = offenceOf(*info)) {
+        device.driver.report().error(offence->id, "vkGetMicromapBuildSizesEXT: " + offence->text);
+        sizes->micromapSize = 0;
+        sizes->buildScratchSize = 0;
+        return;
+    }
+    const MicromapExtent extent = extentOf(*info);
+    sizes->micromapSize = (extent.bytes() + 255) / 256 * 256;
+    // The host has memory of its own.
+    sizes->buildScratchSize = type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR ? 0 : extent.scratchBytes();
+}
+
+void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, uint32_t count,
+                       const VkMicromapBuildInfoEXT *infos)
+{
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildMicromapsEXT"))
+        return;
+    std::vector<const VkMicromapBuildInfoEXT *> good;
+    for (uint32_t i = 0; i < count; ++i) {
+        if (const auto offence = deviceOffenceOf(device, infos[i])) {
+            device.driver.report().error(offence->id,
+                                         "vkCmdBuildMicromapsEXT: pInfos[" + std::to_string(i) + "]: " + offence->text,
+                                         VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(infos[i].dstMicromap));
+            continue;
+        }
+        good.push_back(&infos[i]);
+    }
+    recordMicromapBuilds(device, commandBuffer, good);
+}
+
+} // namespace vellum::layer

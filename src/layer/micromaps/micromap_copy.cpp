@@ -1,0 +1,175 @@
+// Copies of micromaps: clone, compact, serialize, deserialize. A micromap is self-contained and nothing in it depends
+// on where it lies, so the first two copy bytes. How many are in use, only the device knows: the size of a handle says
+// nothing about it, and behind what is in use may lie what is not the micromap's.
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "core/records.h"
+#include "layer/micromaps/device_micromaps.h"
+#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_serialized.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+void refuse(const DeviceMicromaps &device, const char *id, const std::string &text,
+            VkMicromapEXT micromap = VK_NULL_HANDLE)
+{
+    device.driver.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
+}
+
+MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &micromap, uint32_t mode)
+{
+    MicromapMovePush push{};
+    push.micromap = micromapAddress(device.driver, micromap);
+    push.micromapBytes = micromap.size;
+    push.log = device.commands.complaints.address();
+    push.object = complaintObject(micromap.object.type, micromap.object.handle);
+    push.root = device.objects.root.address();
+    push.mode = mode;
+    return push;
+}
+
+// How much there is to move, only the device knows: a handle may be far larger than what was built there.
+void move(InjectedWork &work, const Driver &driver, MicromapMovePush push)
+{
+    const uint64_t units = push.micromapBytes / kDataUnitBytes;
+    const uint64_t invocations = (units + kMoveUnitsPerInvocation - 1) / kMoveUnitsPerInvocation;
+    // So many keep a GPU busy; a CPU, four workgroups for each of its threads.
+    const uint64_t most = driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(driver.threads, 64u);
+    push.invocations = static_cast<uint32_t>(std::clamp<uint64_t>((invocations + 63) / 64 * 64, 64, most));
+    work.barrier();
+    work.dispatch(InjectedShader::MicromapMove, push, push.invocations, 64);
+    work.barrier(true);
+}
+
+// A micromap that no micromap fits is easily made: the size queries say 0 after a message. No shader may look at its
+// header.
+bool tooSmall(const Micromap &micromap)
+{
+    return micromap.size < kMicromapHeaderWords * 4;
+}
+
+void refuseTooSmall(const DeviceMicromaps &device, const char *command, const Micromap &micromap, bool target)
+{
+    device.driver.report().error(target ? "VELLUM-micromap-copy-size" : "VELLUM-micromap-not-constructed",
+                                 std::string(command) + ": " + (target ? "dst" : "src") + " has " +
+                                     std::to_string(micromap.size) + " bytes, less than any micromap",
+                                 micromap.object.type, micromap.object.handle);
+}
+
+} // namespace
+
+void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command,
+                        const Micromap &source, const Micromap &target)
+{
+    if (tooSmall(source) || tooSmall(target))
+        return refuseTooSmall(device, command, tooSmall(source) ? source : target, !tooSmall(source));
+    // Handles may overlap, where what is in use does not; that, the shader checks.
+    if (source.buffer == target.buffer && source.offset == target.offset) {
+        device.driver.report().error("VELLUM-micromap-copy-overlap", std::string(command) + ": src and dst overlap",
+                                     target.object.type, target.object.handle);
+        return;
+    }
+    MicromapMovePush push = movePush(device, target, kMoveCopy);
+    push.serialized = micromapAddress(device.driver, source);
+    push.serializedBytes = source.size;
+    InjectedWork work(device.commands, commandBuffer);
+    move(work, device.driver, push);
+}
+
+void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &source,
+                        VkDeviceAddress target)
+{
+    if (tooSmall(source))
+        return refuseTooSmall(device, "serialization of a micromap", source, false);
+    const bool structure = source.object.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
+    MicromapMovePush push = movePush(device, source, kMoveSerialize | (structure ? kMoveMarked : 0));
+    push.serialized = target;
+    push.serializedBytes = device.buffers.addresses.bytesFrom(target);
+    static_assert(sizeof push.driverUuid == VK_UUID_SIZE);
+    std::memcpy(push.driverUuid, device.driver.driverUuid.data(), VK_UUID_SIZE);
+    InjectedWork work(device.commands, commandBuffer);
+    move(work, device.driver, push);
+}
+
+void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
+                           VkDeviceAddress source)
+{
+    if (tooSmall(target))
+        return refuseTooSmall(device, "deserialization of a micromap", target, true);
+    MicromapMovePush push = movePush(device, target, kMoveDeserialize);
+    push.serialized = source;
+    push.serializedBytes = device.buffers.addresses.bytesFrom(source);
+    InjectedWork work(device.commands, commandBuffer);
+    move(work, device.driver, push);
+}
+
+void getDeviceMicromapCompatibility(DeviceMicromaps &device, VkDevice, const VkMicromapVersionInfoEXT *info,
+                                    VkAccelerationStructureCompatibilityKHR *compatibility)
+{
+    const SerializedMicromapHeader own = serializedHeader(device.driver.driverUuid, 0);
+    *compatibility = std::memcmp(info->pVersionData, &own, 2 * VK_UUID_SIZE) == 0
+                         ? VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR
+                         : VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+}
+
+void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
+{
+    const Micromap *source = micromapOf(info->src);
+    const Micromap *target = micromapOf(info->dst);
+    if (!source || !target)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-src-parameter",
+                      "vkCmdCopyMicromapEXT: src or dst is VK_NULL_HANDLE");
+    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
+                      "vkCmdCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapEXT"))
+        return;
+    recordMicromapCopy(device, commandBuffer, "vkCmdCopyMicromapEXT", *source, *target);
+}
+
+void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
+                             const VkCopyMicromapToMemoryInfoEXT *info)
+{
+    if (!micromapOf(info->src))
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-src-parameter",
+                      "vkCmdCopyMicromapToMemoryEXT: src is VK_NULL_HANDLE");
+    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542",
+                      "vkCmdCopyMicromapToMemoryEXT: mode is not SERIALIZE", info->src);
+    if (info->dst.deviceAddress == 0 || info->dst.deviceAddress % 256 != 0)
+        return refuse(device,
+                      info->dst.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536"
+                                                   : "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537",
+                      "vkCmdCopyMicromapToMemoryEXT: dst is null or not a multiple of 256", info->src);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
+        return;
+    recordMicromapSave(device, commandBuffer, *micromapOf(info->src), info->dst.deviceAddress);
+}
+
+void cmdCopyMemoryToMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
+                             const VkCopyMemoryToMicromapInfoEXT *info)
+{
+    if (!micromapOf(info->dst))
+        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-dst-parameter",
+                      "vkCmdCopyMemoryToMicromapEXT: dst is VK_NULL_HANDLE");
+    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548",
+                      "vkCmdCopyMemoryToMicromapEXT: mode is not DESERIALIZE", info->dst);
+    if (info->src.deviceAddress == 0 || info->src.deviceAddress % 256 != 0)
+        return refuse(device,
+                      info->src.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543"
+                                                   : "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544",
+                      "vkCmdCopyMemoryToMicromapEXT: src is null or not a multiple of 256", info->dst);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
+        return;
+    recordMicromapRestore(device, commandBuffer, *micromapOf(info->dst), info->src.deviceAddress);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,236 @@
+// The host commands of micromaps (feature micromapHostCommands). What they write is what the device would
+// (core/micromap_memory.h). A deferred operation is carried out at once, which VK_OPERATION_NOT_DEFERRED_KHR says.
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "core/micromap_memory.h"
+#include "layer/micromaps/device_micromaps.h"
+#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_extent.h"
+#include "layer/micromaps/micromap_serialized.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+VkResult done(VkDeferredOperationKHR operation)
+{
+    return operation ? VK_OPERATION_NOT_DEFERRED_KHR : VK_SUCCESS;
+}
+
+VkResult refuse(const DeviceMicromaps &device, const char *id, const std::string &text, VkMicromapEXT micromap)
+{
+    device.driver.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
+    return VK_ERROR_VALIDATION_FAILED_EXT;
+}
+
+// Without the feature, the application's mappings are not known. `rule` is that the feature must be enabled.
+bool enabled(const DeviceMicromaps &device, const char *command, const char *rule)
+{
+    if (!device.driver.asked.hostCommands)
+        device.driver.report().error((std::string("VELLUM-VUID-") + command + "-micromapHostCommands-" + rule).c_str(),
+                                     std::string(command) + ": the feature micromapHostCommands is not enabled");
+    return device.driver.asked.hostCommands;
+}
+
+// Of copies that cannot be carried out, on the device as well, more is told than of the triangles of a build.
+void complainAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT micromap)
+{
+    complain(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
+}
+
+// A micromap's memory as the host sees it; of it the first `most` bytes, since a handle may be far larger than what is
+// written, and what lies behind that is not to be flushed.
+class View
+{
+public:
+    View(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t most = UINT64_MAX)
+        : size_(handle ? std::min(micromapOf(handle)->size, most) : 0),
+          view_(device.buffers, handle ? micromapOf(handle)->buffer : VK_NULL_HANDLE,
+                handle ? micromapOf(handle)->offset : 0, size_)
+    {
+    }
+    [[nodiscard]] uint8_t *bytes() const { return view_.bytes(); }
+    [[nodiscard]] uint64_t size() const { return size_; }
+    // Bytes in use, 0 where no micromap was constructed there.
+    [[nodiscard]] uint64_t used() const
+    {
+        const uint64_t used = size_ < kMicromapHeaderWords * 4 ? 0 : micromapMemoryInUse(bytes());
+        return used <= size_ ? used : 0;
+    }
+    // A micromap that is smaller than its header is none, whatever it holds.
+    void invalidate() const
+    {
+        if (size_ >= kMicromapHeaderWords * 4)
+            std::memset(bytes() + kMicromapHeaderMagic * 4, 0, 4);
+    }
+
+private:
+    uint64_t size_;
+    HostView view_;
+};
+
+void build(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, uint8_t *out)
+{
+    const MicromapExtent extent = extentOf(info);
+    MicromapBuildInput input;
+    input.triangles = static_cast<const uint8_t *>(info.triangleArray.hostAddress);
+    input.stride = info.triangleArrayStride;
+    input.triangleCount = static_cast<uint32_t>(extent.triangles);
+    input.data = static_cast<const uint8_t *>(info.data.hostAddress);
+    input.capacityUnits = static_cast<uint32_t>(extent.units);
+    input.maxLevel = extent.maxLevel;
+    input.buildFlags = info.flags;
+    input.share = extent.share;
+    MicromapComplaint tell;
+    if (device.commands.complaints.address() != 0) {
+        tell = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
+            complain(device.driver.report(), what, triangle, value0, value1,
+                     reinterpret_cast<uint64_t>(info.dstMicromap));
+        };
+    }
+    writeMicromapMemory(input, out, tell);
+}
+
+} // namespace
+
+VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation, uint32_t count,
+                        const VkMicromapBuildInfoEXT *infos)
+{
+    if (!enabled(device, "vkBuildMicromapsEXT", "07555"))
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    VkResult result = VK_SUCCESS;
+    for (uint32_t i = 0; i < count; ++i) {
+        const std::string where = "vkBuildMicromapsEXT: pInfos[" + std::to_string(i) + "]: ";
+        if (const auto offence = buildOffenceOf(infos[i])) {
+            result = refuse(device, offence->id, where + offence->text, infos[i].dstMicromap);
+            continue;
+        }
+        const View view(device, infos[i].dstMicromap, extentOf(infos[i]).bytes());
+        if (!view.bytes())
+            result = refuse(device, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
+                            where + "dstMicromap is not bound to host-visible memory", infos[i].dstMicromap);
+        else if (extentOf(infos[i]).triangles > 0 &&
+                 (!infos[i].data.hostAddress || !infos[i].triangleArray.hostAddress))
+            result = refuse(device, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553",
+                            where + "data or triangleArray is null", infos[i].dstMicromap);
+        else
+            build(device, infos[i], view.bytes());
+    }
+    return result == VK_SUCCESS ? done(operation) : result;
+}
+
+VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
+                      const VkCopyMicromapInfoEXT *info)
+{
+    if (!enabled(device, "vkCopyMicromapEXT", "07560"))
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
+                      "vkCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
+    const View source(device, info->src);
+    const uint64_t used = source.bytes() ? source.used() : 0;
+    const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
+    const View target(device, info->dst, std::max<uint64_t>(used, kMicromapHeaderWords * 4));
+    if (!source.bytes() || !target.bytes())
+        return refuse(device,
+                      source.bytes() ? "VELLUM-VUID-vkCopyMicromapEXT-buffer-07559"
+                                     : "VELLUM-VUID-vkCopyMicromapEXT-buffer-07558",
+                      "vkCopyMicromapEXT: src or dst is not bound to host-visible memory", info->dst);
+    if (used == 0 || used > room) {
+        target.invalidate();
+        complainAbout(device, used == 0 ? kComplaintNotBuilt : kComplaintTooLarge, info->dst);
+    } else {
+        std::memmove(target.bytes(), source.bytes(), used);
+    }
+    return done(operation);
+}
+
+VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
+                              const VkCopyMicromapToMemoryInfoEXT *info)
+{
+    if (!enabled(device, "vkCopyMicromapToMemoryEXT", "07571"))
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542",
+                      "vkCopyMicromapToMemoryEXT: mode is not SERIALIZE", info->src);
+    const View source(device, info->src);
+    if (!source.bytes() || !info->dst.hostAddress)
+        return refuse(device,
+                      source.bytes() ? "VELLUM-VUID-vkCopyMicromapToMemoryEXT-pInfo-07569"
+                                     : "VELLUM-VUID-vkCopyMicromapToMemoryEXT-buffer-07568",
+                      "vkCopyMicromapToMemoryEXT: src is not bound to host-visible memory, or dst is null", info->src);
+    const uint64_t used = source.used();
+    if (used == 0) {
+        complainAbout(device, kComplaintNotBuilt, info->src);
+        return done(operation);
+    }
+    const SerializedMicromapHeader header = serializedHeader(device.driver.driverUuid, used);
+    auto *out = static_cast<uint8_t *>(info->dst.hostAddress);
+    std::memcpy(out, &header, sizeof header);
+    std::memcpy(out + sizeof header, source.bytes(), used);
+    return done(operation);
+}
+
+VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
+                              const VkCopyMemoryToMicromapInfoEXT *info)
+{
+    if (!enabled(device, "vkCopyMemoryToMicromapEXT", "07566"))
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
+        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548",
+                      "vkCopyMemoryToMicromapEXT: mode is not DESERIALIZE", info->dst);
+    const View target(device, info->dst);
+    const auto *in = static_cast<const uint8_t *>(info->src.hostAddress);
+    if (!target.bytes() || !in)
+        return refuse(device,
+                      target.bytes() ? "VELLUM-VUID-vkCopyMemoryToMicromapEXT-pInfo-07563"
+                                     : "VELLUM-VUID-vkCopyMemoryToMicromapEXT-buffer-07565",
+                      "vkCopyMemoryToMicromapEXT: dst is not bound to host-visible memory, or src is null", info->dst);
+    SerializedMicromapHeader header;
+    std::memcpy(&header, in, sizeof header);
+    const SerializedMicromapHeader own = serializedHeader(device.driver.driverUuid, header.micromapBytes);
+    const bool known = header.layoutUuid == own.layoutUuid && header.bytes == own.bytes &&
+                       header.bytes >= sizeof header + kMicromapHeaderWords * 4 &&
+                       micromapMemoryInUse(in + sizeof header) == header.micromapBytes;
+    if (!known || header.micromapBytes > target.size()) {
+        target.invalidate();
+        complainAbout(device, known ? kComplaintTooLarge : kComplaintSerialized, info->dst);
+        return done(operation);
+    }
+    std::memcpy(target.bytes(), in + sizeof header, header.micromapBytes);
+    distrustMicromapRecords(target.bytes());
+    return done(operation);
+}
+
+VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t count, const VkMicromapEXT *micromaps,
+                                  VkQueryType type, size_t size, void *data, size_t stride)
+{
+    if (!enabled(device, "vkWriteMicromapsPropertiesEXT", "07578"))
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    const bool serialized = type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
+    if (!serialized && type != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
+        return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-queryType-07503",
+                      "vkWriteMicromapsPropertiesEXT: queryType is not a type of micromap queries", VK_NULL_HANDLE);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (i * stride + sizeof(VkDeviceSize) > size)
+            return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576",
+                          "vkWriteMicromapsPropertiesEXT: dataSize is too small", micromaps[i]);
+        const View view(device, micromaps[i]);
+        if (!view.bytes())
+            return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-buffer-07577",
+                          "vkWriteMicromapsPropertiesEXT: a micromap is not bound to host-visible memory",
+                          micromaps[i]);
+        VkDeviceSize value = std::max<uint64_t>(view.used(), kMicromapHeaderWords * 4);
+        if (serialized)
+            value += sizeof(SerializedMicromapHeader);
+        std::memcpy(static_cast<uint8_t *>(data) + i * stride, &value, sizeof value);
+    }
+    return VK_SUCCESS;
+}
+
+} // namespace vellum::layer

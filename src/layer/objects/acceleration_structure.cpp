@@ -1,0 +1,177 @@
+#include "layer/objects/acceleration_structure.h"
+
+#include <algorithm>
+#include <string>
+
+#include "core/records.h"
+#include "layer/objects/device_objects.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+struct Notice {
+    const char *id;
+    const char *text;
+};
+
+// In the order of kNotice*.
+constexpr Notice kNoticeTexts[kNotices] = {
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the "
+     "layer, "
+     "or from a device without the layer. The structure has no geometry now"},
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the memory does not hold serialized data, or not all of it, or it was "
+     "changed. The structure has no geometry now"},
+    {"VELLUM-serialized-type",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: top-level data for a bottom-level structure, or the other way round. "
+     "The structure has no geometry now"},
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: dst is smaller than the deserialized size. It has no geometry now"},
+    {"VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561",
+     "vkCmdCopyAccelerationStructureToMemoryKHR: the buffer ends before the serialized data does. Nothing was written"},
+    {"VELLUM-copy-reference",
+     "a copied or deserialized top-level structure names a bottom-level structure that does not exist; such instances "
+     "are inactive"},
+    {"VELLUM-copy-unbuilt-reference", "a top-level structure was copied or deserialized before the bottom-level "
+                                      "structures were built that it names; such "
+                                      "instances are inactive"},
+    {"VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419",
+     "vkCmdCopyAccelerationStructureKHR: dst is too small for the copy, and has no geometry now"},
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the data names a micromap that does not exist, or is smaller than the "
+     "one that was serialized. Its geometry has no micromap now"},
+    {"VELLUM-micromap-copy-size",
+     "a micromap was copied, serialized or deserialized to where there is less room than it "
+     "needs. Micromaps that were the target hold nothing now"},
+    {"VELLUM-micromap-not-constructed", "a micromap was copied or serialized before it was built"},
+    {"VELLUM-micromap-serialized",
+     "a micromap was deserialized from memory that does not hold a serialized micromap of "
+     "this version of the layer, or not all of it. It holds nothing now"},
+    {"VELLUM-micromap-copy-overlap",
+     "a micromap was to be copied to where it would overlap its source. The target is as it was"},
+};
+
+} // namespace
+
+CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
+{
+    std::lock_guard lock(structure.mutex);
+    if (!structure.cell.address) {
+        structure.reference = device.driver.structureAddress(handle);
+        structure.cell = device.root.acquireCell(structure.reference);
+    }
+    return structure.cell;
+}
+
+std::shared_ptr<SlotRange> slotsFor(DeviceObjects &device, AccelerationStructure &structure, uint32_t count)
+{
+    std::lock_guard lock(structure.mutex);
+    const uint32_t had = structure.slots ? structure.slots->count() : 0;
+    if (structure.slots && had >= count)
+        return structure.slots;
+    auto slots = device.root.allocateSlots(std::max(count, had + had / 2));
+    if (!slots)
+        slots = device.root.allocateSlots(count);
+    if (!slots)
+        return nullptr;
+    if (structure.slots)
+        structure.outgrownSlots.push_back(std::move(structure.slots));
+    structure.slots = slots;
+    return slots;
+}
+
+VkDeviceAddress beginOf(const Driver &driver, const AccelerationStructure &structure)
+{
+    return driver.bufferAddress(structure.buffer) + structure.offset;
+}
+
+uint32_t unitsOf(VkDeviceSize bytes)
+{
+    return static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / 16, UINT32_MAX));
+}
+
+void reportNotices(DeviceObjects &device)
+{
+    const uint32_t bits = device.root.takeNotices();
+    for (uint32_t i = 0; bits != 0 && i < kNotices; ++i) {
+        if ((bits >> i & 1u) != 0)
+            device.driver.report().error(kNoticeTexts[i].id, kNoticeTexts[i].text);
+    }
+}
+
+bool canHoldMicromap(const AccelerationStructure &structure)
+{
+    return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
+           structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+}
+
+bool holdsMicromap(AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.mutex);
+    return structure.content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
+VkMicromapEXT micromapIn(AccelerationStructure &structure)
+{
+    return reinterpret_cast<VkMicromapEXT>(&structure.micromap);
+}
+
+VkMicromapEXT micromapOf(const DeviceObjects &device, VkAccelerationStructureKHR handle)
+{
+    const auto structure = device.accelerationStructures.get(handle);
+    return structure && canHoldMicromap(*structure) ? micromapIn(*structure) : VK_NULL_HANDLE;
+}
+
+void letMicromapBeNamed(DeviceObjects &device, AccelerationStructure &structure)
+{
+    if (!device.driver.asked.khr || !canHoldMicromap(structure))
+        return;
+    std::lock_guard lock(structure.mutex);
+    if (!structure.micromapKey)
+        structure.micromapKey = device.root.acquireMicromap(beginOf(device.driver, structure), structure.size);
+}
+
+void letMicromapBeNamedOnceBound(DeviceObjects &device, const std::shared_ptr<AccelerationStructure> &structure)
+{
+    if (device.buffers.addresses.addressOf(structure->buffer) != 0)
+        return letMicromapBeNamed(device, *structure);
+    if (!device.driver.asked.khr || !canHoldMicromap(*structure))
+        return;
+    std::lock_guard lock(device.unnamedMutex);
+    device.unnamedMicromaps.push_back(structure);
+}
+
+void bufferHasAddress(DeviceObjects &device, VkBuffer buffer)
+{
+    std::lock_guard lock(device.unnamedMutex);
+    std::erase_if(device.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
+        const auto structure = unnamed.lock();
+        if (structure && structure->buffer != buffer)
+            return false;
+        if (structure)
+            letMicromapBeNamed(device, *structure);
+        return true;
+    });
+}
+
+void becomeMicromap(DeviceObjects &device, AccelerationStructure &structure)
+{
+    letMicromapBeNamed(device, structure);
+    std::lock_guard lock(structure.mutex);
+    structure.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
+bool DeviceObjects::own(VkObjectType type, uint64_t handle) const
+{
+    if (type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
+        return type == VK_OBJECT_TYPE_MICROMAP_EXT && driver.emulated;
+    const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(handle));
+    return structure && structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,76 @@
+// An acceleration structure as an object: what the layer keeps of it, and what its commands share.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/objects/micromap_object.h"
+#include "layer/objects/root_table.h"
+
+namespace vellum::layer
+{
+
+struct Driver;
+
+struct DeviceObjects;
+
+// What the layer keeps of a VkAccelerationStructureKHR.
+struct AccelerationStructure {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+    VkDeviceSize size = 0;
+    VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    // The same memory, of those that may hold a micromap. Of type OPACITY_MICROMAP the handle is the layer's own, a
+    // pointer to this structure; the driver knows nothing of it.
+    Micromap micromap;
+
+    std::mutex mutex;                // guards what is below
+    VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
+    VkDeviceAddress reference = 0;   // once acquired: this object is a user of that cell
+    CellPlace cell;
+    // Of what was recorded last into a GENERIC structure; itself, of others.
+    VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    uint32_t mostInstances = 0; // of all builds recorded
+    std::shared_ptr<SlotRange> slots;
+    std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
+};
+
+// Makes the structure a user of its reference's cell, if it is none yet. Address 0: no memory.
+CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);
+
+// The slots that a build of `count` instances into this structure uses: those it has, unless they are too few. Work
+// recorded before may still write or read the old ones, so they stay with the structure; growing by half keeps them
+// few. Null where there are none left.
+std::shared_ptr<SlotRange> slotsFor(DeviceObjects &device, AccelerationStructure &structure, uint32_t count);
+
+VkDeviceAddress beginOf(const Driver &driver, const AccelerationStructure &structure);
+
+// Bytes as a number of 16-byte units for shaders, rounded down; UINT32_MAX where they are more.
+uint32_t unitsOf(VkDeviceSize bytes);
+
+// Sends messages about what shaders found wrong with copies that were executed in the meantime.
+void reportNotices(DeviceObjects &device);
+
+// --- structures that are or hold micromaps (VK_KHR_opacity_micromap) ---
+// Whether a structure is a micromap, or a GENERIC one, which may become one.
+bool canHoldMicromap(const AccelerationStructure &structure);
+// Whether a structure is a micromap, or a GENERIC one that something of a micromap was recorded into last.
+bool holdsMicromap(AccelerationStructure &structure);
+// The micromap that a structure is, or that a GENERIC one is taken for.
+VkMicromapEXT micromapIn(AccelerationStructure &structure);
+// The micromap of a handle that a geometry names; null, where it is no micromap.
+VkMicromapEXT micromapOf(const DeviceObjects &device, VkAccelerationStructureKHR structure);
+// Something of a micromap is recorded into a structure: a GENERIC one is what was recorded into it last.
+void becomeMicromap(DeviceObjects &device, AccelerationStructure &structure);
+
+// Serialized structures may name the micromap that a structure is or may become, by the address of its memory.
+void letMicromapBeNamed(DeviceObjects &device, AccelerationStructure &structure);
+// The same of one that vkCreateAccelerationStructureKHR has made: now, or when its buffer gets memory.
+void letMicromapBeNamedOnceBound(DeviceObjects &device, const std::shared_ptr<AccelerationStructure> &structure);
+void bufferHasAddress(DeviceObjects &device, VkBuffer buffer);
+
+} // namespace vellum::layer

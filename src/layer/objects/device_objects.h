@@ -1,0 +1,31 @@
+// The room of objects: what the layer keeps of micromaps and acceleration structures, the tables that lead a shader
+// from a hit to its micromap, and names and private data of objects that are the layer's own.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "layer/memory/device_buffers.h"
+#include "layer/objects/acceleration_structure.h"
+#include "layer/objects/private_data.h"
+#include "layer/objects/root_table.h"
+
+namespace vellum::layer
+{
+
+struct DeviceObjects {
+    Driver &driver;
+    DeviceBuffers &buffers;
+    RootTable root{};
+    PrivateData privateData{};
+    HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
+    std::mutex unnamedMutex{};                                            // guards the next one
+    std::vector<std::weak_ptr<AccelerationStructure>> unnamedMicromaps{}; // GENERIC ones, made before their memory
+
+    // Whether a handle of the application's is the layer's own, which means nothing to the driver. Only on emulated
+    // devices there are such.
+    [[nodiscard]] bool own(VkObjectType type, uint64_t handle) const;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,46 @@
+#include "layer/objects/object_names.h"
+
+#include "layer/objects/device_objects.h"
+
+namespace vellum::layer
+{
+
+VkResult setDebugUtilsObjectName(DeviceObjects &device, VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
+{
+    // A micromap is the layer's own object: its handle means nothing below, its name is used in the layer's messages.
+    if (device.own(info->objectType, info->objectHandle)) {
+        device.driver.report().setName(info->objectHandle, info->pObjectName ? info->pObjectName : "");
+        return VK_SUCCESS;
+    }
+    return device.driver.next.SetDebugUtilsObjectNameEXT(handle, info);
+}
+
+VkResult setDebugUtilsObjectTag(DeviceObjects &device, VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
+{
+    if (device.own(info->objectType, info->objectHandle))
+        return VK_SUCCESS;
+    return device.driver.next.SetDebugUtilsObjectTagEXT(handle, info);
+}
+
+// VK_EXT_debug_marker has the object types of VK_EXT_debug_report: the same numbers, as far as acceleration structures
+// go, and none for VkMicromapEXT.
+static_assert(VkObjectType(VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT) ==
+              VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR);
+
+VkResult debugMarkerSetObjectName(DeviceObjects &device, VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
+{
+    if (device.own(static_cast<VkObjectType>(info->objectType), info->object)) {
+        device.driver.report().setName(info->object, info->pObjectName ? info->pObjectName : "");
+        return VK_SUCCESS;
+    }
+    return device.driver.next.DebugMarkerSetObjectNameEXT(handle, info);
+}
+
+VkResult debugMarkerSetObjectTag(DeviceObjects &device, VkDevice handle, const VkDebugMarkerObjectTagInfoEXT *info)
+{
+    if (device.own(static_cast<VkObjectType>(info->objectType), info->object))
+        return VK_SUCCESS;
+    return device.driver.next.DebugMarkerSetObjectTagEXT(handle, info);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,57 @@
+#include "layer/objects/private_data.h"
+
+#include "layer/objects/device_objects.h"
+
+namespace vellum::layer
+{
+
+void PrivateData::set(VkPrivateDataSlot slot, uint64_t object, uint64_t value)
+{
+    std::lock_guard lock(mutex_);
+    values_[{object, slot}] = value;
+}
+
+uint64_t PrivateData::get(VkPrivateDataSlot slot, uint64_t object) const
+{
+    std::lock_guard lock(mutex_);
+    const auto it = values_.find({object, slot});
+    return it == values_.end() ? 0 : it->second;
+}
+
+void PrivateData::forgetObject(uint64_t object)
+{
+    std::lock_guard lock(mutex_);
+    std::erase_if(values_, [object](const auto &entry) { return entry.first.first == object; });
+}
+
+void PrivateData::forgetSlot(VkPrivateDataSlot slot)
+{
+    std::lock_guard lock(mutex_);
+    std::erase_if(values_, [slot](const auto &entry) { return entry.first.second == slot; });
+}
+
+VkResult setPrivateData(DeviceObjects &device, VkDevice handle, VkObjectType type, uint64_t object,
+                        VkPrivateDataSlot slot, uint64_t value)
+{
+    if (!device.own(type, object))
+        return device.driver.next.SetPrivateData(handle, type, object, slot, value);
+    device.privateData.set(slot, object, value);
+    return VK_SUCCESS;
+}
+
+void getPrivateData(DeviceObjects &device, VkDevice handle, VkObjectType type, uint64_t object, VkPrivateDataSlot slot,
+                    uint64_t *value)
+{
+    if (!device.own(type, object))
+        return device.driver.next.GetPrivateData(handle, type, object, slot, value);
+    *value = device.privateData.get(slot, object);
+}
+
+void destroyPrivateDataSlot(DeviceObjects &device, VkDevice handle, VkPrivateDataSlot slot,
+                            const VkAllocationCallbacks *allocator)
+{
+    device.privateData.forgetSlot(slot);
+    device.driver.next.DestroyPrivateDataSlot(handle, slot, allocator);
+}
+
+} // namespace vellum::layer

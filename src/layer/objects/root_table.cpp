@@ -1,0 +1,275 @@
+#include "layer/objects/root_table.h"
+
+#include <algorithm>
+#include <atomic>
+#include <new>
+
+#include "core/records.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+constexpr uint32_t kSlots = 1u << 24; // instanceCustomIndex has 24 bits
+constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
+constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
+constexpr uint32_t kPagesPerBuffer = kFirstSlots / kSlotsPerPage;
+constexpr VkDeviceSize kPagesBytes = kPageBytes * kPagesPerBuffer;
+constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
+constexpr uint32_t kCellsPerBuffer = 4096;
+constexpr uint32_t kFirstBuckets = 1024;
+constexpr VkDeviceAddress kDeletedKey = ~VkDeviceAddress{0};
+
+constexpr VkDeviceSize alignUp(VkDeviceSize bytes)
+{
+    return (bytes + FixedMemory::kAlignment - 1) / FixedMemory::kAlignment * FixedMemory::kAlignment;
+}
+
+constexpr std::size_t kFirstPagesPlace = alignUp(kRootBytes); // in the fixed memory, behind the root
+static_assert(kFirstPagesPlace + alignUp(kPagesBytes) <= FixedMemory::kMostBytes);
+
+// The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's cell before its
+// key.
+void store64(uint32_t *words, uint64_t value)
+{
+    auto *target = reinterpret_cast<uint64_t *>(words);
+    std::atomic_ref<uint64_t>(*target).store(value, std::memory_order_release);
+}
+
+uint64_t load64(const uint32_t *words)
+{
+    return words[0] | uint64_t{words[1]} << 32;
+}
+
+uint32_t *bucketWords(const GpuBuffer &table, uint32_t bucket)
+{
+    return table.words() + kHashHeaderWords + size_t{bucket} * kHashBucketWords;
+}
+
+} // namespace
+
+SlotRange::~SlotRange()
+{
+    try {
+        table_.freeSlots(first_, count_);
+    } catch (const std::bad_alloc &) { // the slots are lost, and nothing else
+    }
+}
+
+VkResult RootTable::create(const GpuContext &context)
+{
+    context_ = context;
+    if (context.importsHostMemory)
+        fixed_.reserve(kFirstPagesPlace + alignUp(kPagesBytes));
+    const VkResult result = createTable(root_, kRootBytes, 0);
+    if (result != VK_SUCCESS)
+        return result;
+    freeSlots_ = {{0, kSlots}};
+    if (!addPages(0) || !growHashTable())
+        return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    return VK_SUCCESS;
+}
+
+VkResult RootTable::createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place)
+{
+    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + place, alignUp(bytes)) == VK_SUCCESS)
+        return VK_SUCCESS;
+    return buffer.create(context_, bytes);
+}
+
+bool RootTable::addPages(uint32_t lastPage)
+{
+    if (pageCount_ > lastPage)
+        return true;
+    while (pageCount_ <= lastPage) {
+        GpuBuffer buffer;
+        const VkResult result =
+            pages_.empty() ? createTable(buffer, kPagesBytes, kFirstPagesPlace) : buffer.create(context_, kPagesBytes);
+        if (result != VK_SUCCESS)
+            return false;
+        for (uint32_t i = 0; i < kPagesPerBuffer && pageCount_ < kDirectoryPages; ++i, ++pageCount_)
+            store64(root_.words() + kRootHeaderWords + size_t{pageCount_} * 2, buffer.address() + i * kPageBytes);
+        pages_.push_back(std::move(buffer));
+    }
+    // A shader that reads the custom index where there is no hit reads some slot: every page must be readable.
+    const uint64_t firstPage = load64(root_.words() + kRootHeaderWords);
+    for (uint32_t page = pageCount_; page < kDirectoryPages; ++page)
+        store64(root_.words() + kRootHeaderWords + size_t{page} * 2, firstPage);
+    return true;
+}
+
+std::shared_ptr<SlotRange> RootTable::allocateSlots(uint32_t count)
+{
+    std::lock_guard lock(mutex_);
+    for (auto it = freeSlots_.begin(); it != freeSlots_.end(); ++it) {
+        const auto [first, available] = *it;
+        if (available < count)
+            continue;
+        if (!addPages((first + std::max(count, 1u) - 1) >> kSlotsPerPageLog2))
+            return nullptr;
+        freeSlots_.erase(it);
+        if (available > count)
+            freeSlots_[first + count] = available - count;
+        return std::make_shared<SlotRange>(*this, first, count);
+    }
+    return nullptr;
+}
+
+void RootTable::freeSlots(uint32_t first, uint32_t count)
+{
+    if (count == 0)
+        return;
+    std::lock_guard lock(mutex_);
+    // A stale structure may still name these slots: it must not lead to geometry records that are gone.
+    for (uint32_t slot = first; slot < first + count; ++slot)
+        std::fill_n(pages_[(slot >> kSlotsPerPageLog2) / kPagesPerBuffer].words() +
+                        size_t{slot % (kSlotsPerPage * kPagesPerBuffer)} * kInstanceRecordWords,
+                    kInstanceRecordWords, 0u);
+    auto after = freeSlots_.lower_bound(first);
+    if (after != freeSlots_.end() && first + count == after->first) {
+        count += after->second;
+        after = freeSlots_.erase(after);
+    }
+    if (after != freeSlots_.begin()) {
+        const auto before = std::prev(after);
+        if (before->first + before->second == first) {
+            before->second += count;
+            return;
+        }
+    }
+    freeSlots_[first] = count;
+}
+
+CellPlace RootTable::cellPlace(uint32_t index) const
+{
+    const GpuBuffer &buffer = cellBuffers_[index / kCellsPerBuffer];
+    const VkDeviceSize offset = VkDeviceSize{index % kCellsPerBuffer} * kCellWords * 4;
+    return {buffer.address() + offset, buffer.buffer(), offset};
+}
+
+uint32_t *RootTable::cellWords(uint32_t index) const
+{
+    return cellBuffers_[index / kCellsPerBuffer].words() + size_t{index % kCellsPerBuffer} * kCellWords;
+}
+
+bool RootTable::growCells()
+{
+    GpuBuffer buffer;
+    if (buffer.create(context_, VkDeviceSize{kCellsPerBuffer} * kCellWords * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT) !=
+        VK_SUCCESS)
+        return false;
+    const auto first = static_cast<uint32_t>(cellBuffers_.size()) * kCellsPerBuffer;
+    cellBuffers_.push_back(std::move(buffer));
+    for (uint32_t i = kCellsPerBuffer; i-- > 0;)
+        freeCells_.push_back(first + i);
+    return true;
+}
+
+CellPlace RootTable::acquireCell(VkDeviceAddress reference)
+{
+    std::lock_guard lock(mutex_);
+    if (const auto it = cells_.find(reference); it != cells_.end()) {
+        ++it->second.users;
+        return cellPlace(it->second.index);
+    }
+    if (freeCells_.empty() && !growCells())
+        return {};
+    if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
+        return {};
+    const uint32_t index = freeCells_.back();
+    freeCells_.pop_back();
+    std::fill_n(cellWords(index), kCellWords, 0u);
+    cells_[reference] = {index, 1};
+    insertBucket(reference, cellPlace(index).address);
+    return cellPlace(index);
+}
+
+VkDeviceAddress RootTable::acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes)
+{
+    const VkDeviceAddress key = address + kMicromapKey;
+    if (!acquireCell(key).address)
+        return 0;
+    std::lock_guard lock(mutex_);
+    uint32_t *words = cellWords(cells_.at(key).index);
+    words[2] = kCellMicromap;
+    // Micromaps may share memory: there is room for the largest.
+    words[3] = std::max(words[3], static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / kDataUnitBytes, UINT32_MAX)));
+    return key;
+}
+
+void RootTable::releaseCell(VkDeviceAddress reference)
+{
+    std::lock_guard lock(mutex_);
+    const auto it = cells_.find(reference);
+    if (it == cells_.end() || --it->second.users > 0)
+        return;
+    removeBucket(reference);
+    freeCells_.push_back(it->second.index);
+    cells_.erase(it);
+}
+
+uint32_t RootTable::takeNotices()
+{
+    if (!root_.words())
+        return 0;
+    const std::atomic_ref<uint32_t> word(root_.words()[kRootNotices]);
+    return word.load(std::memory_order_relaxed) == 0 ? 0 : word.exchange(0);
+}
+
+void RootTable::insertBucket(VkDeviceAddress reference, VkDeviceAddress cell)
+{
+    const GpuBuffer &table = hashTables_.back();
+    uint32_t bucket =
+        hashReference(static_cast<uint32_t>(reference), static_cast<uint32_t>(reference >> 32)) & (buckets_ - 1);
+    while (load64(bucketWords(table, bucket)) != 0 && load64(bucketWords(table, bucket)) != kDeletedKey)
+        bucket = (bucket + 1) & (buckets_ - 1);
+    if (load64(bucketWords(table, bucket)) == 0)
+        ++usedBuckets_;
+    store64(bucketWords(table, bucket) + 2, cell);
+    store64(bucketWords(table, bucket), reference);
+}
+
+// A deleted bucket may lie in the middle of another key's probe sequence, unless the one behind it is empty: then no
+// sequence runs through it, and it and the deleted ones before it can be empty again. So deleted buckets do not pile
+// up.
+void RootTable::removeBucket(VkDeviceAddress reference)
+{
+    const GpuBuffer &table = hashTables_.back();
+    const uint32_t mask = buckets_ - 1;
+    uint32_t bucket = hashReference(static_cast<uint32_t>(reference), static_cast<uint32_t>(reference >> 32)) & mask;
+    while (load64(bucketWords(table, bucket)) != reference)
+        bucket = (bucket + 1) & mask;
+    store64(bucketWords(table, bucket), kDeletedKey);
+    if (load64(bucketWords(table, (bucket + 1) & mask)) != 0)
+        return;
+    while (load64(bucketWords(table, bucket)) == kDeletedKey) {
+        store64(bucketWords(table, bucket), 0);
+        --usedBuckets_;
+        bucket = (bucket - 1) & mask;
+    }
+}
+
+// Makes a table with room for twice the live entries: deleted ones are left behind, so it may also stay as large as it
+// was.
+bool RootTable::growHashTable()
+{
+    uint32_t buckets = kFirstBuckets;
+    while (buckets < (cells_.size() + 1) * 4)
+        buckets *= 2;
+    GpuBuffer table;
+    if (table.create(context_, (kHashHeaderWords + VkDeviceSize{buckets} * kHashBucketWords) * 4) != VK_SUCCESS)
+        return false;
+    table.words()[0] = buckets - 1;
+    hashTables_.push_back(std::move(table));
+    buckets_ = buckets;
+    usedBuckets_ = 0;
+    for (const auto &[reference, cell] : cells_)
+        insertBucket(reference, cellPlace(cell.index).address);
+    store64(root_.words() + kRootHashTable, hashTables_.back().address());
+    return true;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,103 @@
+// The tables that lead a rewritten shader from a hit to its micromap, and a TLAS build from a reference to its BLAS.
+// Layouts: core/records.h.
+//
+// Nothing that a shader can reach ever moves or is freed before the device: the root's address is a constant in
+// rewritten SPIR-V, pages are only added, and a hash table that has been outgrown stays readable.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <unordered_map>
+#include <vector>
+
+#include "layer/memory/fixed_memory.h"
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+class RootTable;
+
+// Where the cell of an acceleration structure lies (core/records.h).
+struct CellPlace {
+    VkDeviceAddress address = 0;
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+};
+
+// Consecutive instance slots. They return to the table when the last owner lets go.
+class SlotRange
+{
+public:
+    SlotRange(RootTable &table, uint32_t first, uint32_t count) : table_(table), first_(first), count_(count) {}
+    ~SlotRange();
+    SlotRange(const SlotRange &) = delete;
+    SlotRange &operator=(const SlotRange &) = delete;
+    [[nodiscard]] uint32_t first() const { return first_; }
+    [[nodiscard]] uint32_t count() const { return count_; }
+
+private:
+    RootTable &table_;
+    uint32_t first_;
+    uint32_t count_;
+};
+
+class RootTable
+{
+public:
+    VkResult create(const GpuContext &context);
+    [[nodiscard]] VkDeviceAddress address() const { return root_.address(); }
+    // Of the instance records of the first kFirstSlots slots.
+    [[nodiscard]] VkDeviceAddress firstSlots() const { return pages_.front().address(); }
+
+    // Null where the 2^24 slots, or memory, are used up.
+    std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
+
+    // The cell of the acceleration structure with this reference; made when it is asked for first. Every call is paired
+    // with a releaseCell: acceleration structures that alias have the same reference, and share the cell. Its address
+    // is 0 where there is no memory.
+    CellPlace acquireCell(VkDeviceAddress reference);
+    void releaseCell(VkDeviceAddress reference);
+    // Says that there is a micromap of so many bytes at an address; returns the key to release its cell by, 0 where
+    // there is no memory.
+    VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
+
+    // What shaders had to tell since the last call: bits kNotice*.
+    uint32_t takeNotices();
+
+private:
+    friend class SlotRange;
+    struct Cell {
+        uint32_t index = 0;
+        uint32_t users = 0;
+    };
+    void freeSlots(uint32_t first, uint32_t count);
+    bool addPages(uint32_t lastPage);
+    bool growHashTable();
+    bool growCells();
+    void insertBucket(VkDeviceAddress reference, VkDeviceAddress cell);
+    void removeBucket(VkDeviceAddress reference);
+    [[nodiscard]] CellPlace cellPlace(uint32_t index) const;
+    [[nodiscard]] uint32_t *cellWords(uint32_t index) const;
+
+    // Tables that rewritten shaders have the address of: at the same address in every run, where that can be had.
+    VkResult createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place);
+
+    GpuContext context_;
+    FixedMemory fixed_; // outlives the buffers on it
+    std::mutex mutex_;
+    GpuBuffer root_;
+    std::vector<GpuBuffer> pages_; // each holds kPagesPerBuffer pages
+    uint32_t pageCount_ = 0;
+    std::map<uint32_t, uint32_t> freeSlots_; // first -> count, never adjacent
+
+    std::vector<GpuBuffer> hashTables_; // the last one is in use
+    uint32_t buckets_ = 0;
+    uint32_t usedBuckets_ = 0; // with deleted ones
+    std::unordered_map<VkDeviceAddress, Cell> cells_;
+    std::vector<GpuBuffer> cellBuffers_;
+    std::vector<uint32_t> freeCells_;
+};
+
+} // namespace vellum::layer

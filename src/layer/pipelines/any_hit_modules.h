@@ -1,0 +1,28 @@
+// The layer's own any-hit shaders, for hit groups that have none.
+#pragma once
+
+#include <array>
+#include <mutex>
+
+#include "layer/memory/gpu_memory.h"
+#include "spirv/rewrite.h"
+
+namespace vellum::layer
+{
+
+// Each is made when it is needed first.
+class AnyHitModules
+{
+public:
+    void create(const GpuContext &context) { context_ = context; }
+    ~AnyHitModules();
+    // VK_NULL_HANDLE where the driver could not make it.
+    VkShaderModule get(spirv::Decides decides, const spirv::RewriteOptions &options);
+
+private:
+    GpuContext context_;
+    std::mutex mutex_;
+    std::array<VkShaderModule, 2> modules_{}; // for triangles, for boxes
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,30 @@
+// The room of pipelines: shader modules and stages on their way to the driver, ray tracing pipelines and their hit
+// records, and whether the driver carries ray flag bits.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <vector>
+
+#include "layer/commands/device_commands.h"
+#include "layer/pipelines/any_hit_modules.h"
+#include "layer/pipelines/ray_flag_probe.h"
+#include "layer/pipelines/ray_tracing_pipeline.h"
+
+namespace vellum::layer
+{
+
+struct DevicePipelines {
+    Driver &driver;
+    DeviceBuffers &buffers;
+    DeviceObjects &objects;
+    DeviceCommands &commands;
+    RayFlagBits rayFlagBits{*this};
+    // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules{};
+    HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
+    AnyHitModules anyHitModules{};
+    std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
+};
+
+} // namespace vellum::layer

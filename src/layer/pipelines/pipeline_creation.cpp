@@ -1,0 +1,455 @@
+// The creation of ray tracing pipelines: stages rewritten for what they decide, an any-hit shader in every hit group,
+// and flags that the driver does not know.
+
+#include <algorithm>
+#include <deque>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "layer/commands/deferred.h"
+#include "layer/ground/pnext.h"
+#include "layer/pipelines/device_pipelines.h"
+#include "layer/pipelines/driver_stages.h"
+#include "layer/pipelines/pipeline_flags.h"
+#include "spirv/opcodes.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using spirv::Decides;
+
+constexpr VkFlags64 kMicromapPipelineFlag = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+// The application promises that no closest-hit and no any-hit shader that would run is null. But the group that stands
+// in for null handles has no closest-hit shader, and with hidden ray flags an any-hit shader would run more often.
+constexpr VkFlags64 kHiddenPipelineFlags = kMicromapPipelineFlags |
+                                           VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR |
+                                           VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR;
+
+uint32_t executionModelOf(VkShaderStageFlagBits stage)
+{
+    switch (stage) {
+    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return spv::ExecutionModelRayGenerationKHR;
+    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return spv::ExecutionModelIntersectionKHR;
+    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return spv::ExecutionModelAnyHitKHR;
+    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return spv::ExecutionModelClosestHitKHR;
+    case VK_SHADER_STAGE_MISS_BIT_KHR: return spv::ExecutionModelMissKHR;
+    default: return spv::ExecutionModelCallableKHR;
+    }
+}
+
+VkFlags64 flagsOf(const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    return pipelineFlags(info.pNext, info.flags);
+}
+
+// Everything that one vkCreateRayTracingPipelinesKHR hands to the driver, for as long as the driver may read it.
+class Creation : public DeferredWork
+{
+public:
+    Creation(DevicePipelines &device, VkPipeline *pipelines) : device_(device), stages_(device), pipelines_(pipelines)
+    {
+    }
+    ~Creation() override
+    {
+        for (const VkShaderModule module : modules_)
+            device_.driver.next.DestroyShaderModule(device_.driver.handle, module, nullptr);
+    }
+    Creation(const Creation &) = delete;
+    Creation &operator=(const Creation &) = delete;
+
+    // Adds a pipeline. Anything but VK_SUCCESS: it cannot be made.
+    VkResult add(const VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
+        records_.emplace_back();
+        groupsOfOurs_.emplace_back();
+        const bool available = device_.driver.asked.extFeature || device_.driver.asked.khrFeature;
+        const bool asked =
+            (flagsOf(info) & kMicromapPipelineFlag) != 0 || (available && device_.driver.settings->assumeMicromaps);
+        if (asked && !available) {
+            refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+                   "uses opacity micromaps, but the feature micromap is not enabled");
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
+        if ((!asked || !device_.driver.asked.khrFeature) &&
+            (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0)
+            reportMixedSpecialIndex(device_.driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
+                                    "vkCreateRayTracingPipelinesKHR");
+        const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
+        std::optional<uint32_t> without;
+        uint32_t with = 0;
+        for (uint32_t i = 0; i < libraries; ++i) {
+            if (device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
+                ++with;
+            else
+                without = i;
+        }
+        if (asked && without) {
+            refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
+                   "uses opacity micromaps, but library " + std::to_string(*without) + " was created without the bit");
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
+        if (with > 0 && without) {
+            device_.driver.report().notAvailable(
+                "a ray tracing pipeline of libraries with and without the micromap bit");
+            return VK_ERROR_UNKNOWN;
+        }
+        // A pipeline without the bit may have libraries with it, whose shaders are what they are.
+        const bool usesMicromaps = asked || with > 0;
+        if (usesMicromaps)
+            return addMicromapPipeline(own);
+        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one.
+        if (available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+            device_.driver.report().warning(
+                "VELLUM-pipeline-without-micromaps",
+                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
+                    " was created without RAY_TRACING_OPACITY_MICROMAP: where it meets micromaps, every hit on their "
+                    "geometry is non-opaque. The setting assume_micromaps creates all pipelines with it");
+        // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
+        own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
+        flagsChanged_ = flagsChanged_ || own.flags != info.flags;
+        own.pNext = driverChain(own.pNext, chains_);
+        return stages_.rewrite(own.pStages, own.stageCount) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
+    }
+
+    [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
+    [[nodiscard]] bool changed() const
+    {
+        return stages_.changed() || flagsChanged_ || !chains_.empty() ||
+               std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
+    }
+
+    // The driver has made the pipelines, or failed to.
+    void finish() override
+    {
+        for (const Feedback &feedback : feedback_)
+            std::copy_n(feedback.own.begin(), std::min<size_t>(feedback.count, feedback.own.size()),
+                        feedback.application);
+        for (size_t i = 0; i < records_.size(); ++i) {
+            if (!records_[i] || !pipelines_[i])
+                continue;
+            if (records_[i]->hasNullGroup)
+                readNullHandle(pipelines_[i], *records_[i]);
+            measureStacks(pipelines_[i], groupsOfOurs_[i]);
+            device_.rayTracingPipelines.set(pipelines_[i], records_[i]);
+        }
+    }
+
+private:
+    // Reports about the pipeline that is being added.
+    void refuse(const char *id, const std::string &text)
+    {
+        device_.driver.report().error(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
+                                              std::to_string(infos_.size() - 1) + " " + text);
+    }
+
+    // What a driver's stage is made from: the application's stage, and what it decides.
+    using StageKey = std::pair<uint32_t, Decides>;
+
+    struct Feedback {
+        VkPipelineCreationFeedback *application = nullptr;
+        uint32_t count = 0;
+        std::vector<VkPipelineCreationFeedback> own;
+    };
+    struct Stages {
+        std::vector<VkPipelineShaderStageCreateInfo> infos;
+        std::map<StageKey, uint32_t> index;
+    };
+
+    VkResult addMicromapPipeline(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        const VkFlags64 flags = flagsOf(info);
+        records_.back() = std::make_shared<RayTracingPipeline>();
+        RayTracingPipeline &record = *records_.back();
+        record.ownGroups = info.groupCount;
+        record.hasNullGroup =
+            (flags & (VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) == 0;
+        if (!hideFlags(info))
+            return VK_ERROR_INITIALIZATION_FAILED;
+        widenHitAttributes(info);
+
+        Stages stages;
+        if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
+            return result;
+        std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups(info.pGroups, info.pGroups + info.groupCount);
+        if (record.hasNullGroup) {
+            VkRayTracingShaderGroupCreateInfoKHR group{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR};
+            group.type = VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
+            group.generalShader = group.closestHitShader = group.intersectionShader = VK_SHADER_UNUSED_KHR;
+            group.anyHitShader = VK_SHADER_UNUSED_KHR;
+            groups.push_back(group);
+        }
+        for (uint32_t i = 0; i < groups.size(); ++i) {
+            const bool own = groups[i].type != VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR &&
+                             groups[i].anyHitShader == VK_SHADER_UNUSED_KHR;
+            if (!setHitShaders(groups[i], stages))
+                return VK_ERROR_OUT_OF_HOST_MEMORY;
+            if (own)
+                groupsOfOurs_.back().push_back(i);
+        }
+        const auto &ownStages = stageArrays_.emplace_back(std::move(stages.infos));
+        const auto &ownGroups = groupArrays_.emplace_back(std::move(groups));
+        info.stageCount = static_cast<uint32_t>(ownStages.size());
+        info.pStages = ownStages.data();
+        info.groupCount = static_cast<uint32_t>(ownGroups.size());
+        info.pGroups = ownGroups.data();
+        return makeRoomForFeedback(info);
+    }
+
+    // The driver writes feedback for each of its stages (VUID-...-pipelineStageCreationFeedbackCount-06652), of which
+    // there may be more than the application knows.
+    VkResult makeRoomForFeedback(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
+        const auto *application = findInChain<VkPipelineCreationFeedbackCreateInfo>(info.pNext, type);
+        if (!application || application->pipelineStageCreationFeedbackCount == 0)
+            return VK_SUCCESS;
+        Chain &chain = chains_.emplace_back(info.pNext);
+        auto *own = chain.edit<VkPipelineCreationFeedbackCreateInfo>(type);
+        if (!own) {
+            refuse("VELLUM-pipeline-feedback",
+                   "has VkPipelineCreationFeedbackCreateInfo behind a structure of unknown size");
+            return VK_ERROR_INITIALIZATION_FAILED;
+        }
+        Feedback &feedback = feedback_.emplace_back();
+        feedback.application = application->pPipelineStageCreationFeedbacks;
+        feedback.count = application->pipelineStageCreationFeedbackCount;
+        feedback.own.resize(info.stageCount);
+        own->pipelineStageCreationFeedbackCount = info.stageCount;
+        own->pPipelineStageCreationFeedbacks = feedback.own.data();
+        info.pNext = chain.head();
+        return VK_SUCCESS;
+    }
+
+    bool hideFlags(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        info.flags &= ~static_cast<VkPipelineCreateFlags>(kHiddenPipelineFlags);
+        if (!findInChain(info.pNext, newer::kPipelineCreateFlags2CreateInfo))
+            return true;
+        Chain &chain = chains_.emplace_back(info.pNext);
+        auto *flags = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
+        if (!flags) {
+            refuse("VELLUM-pipeline-flags", "has VkPipelineCreateFlags2CreateInfo behind a structure of unknown size");
+            return false;
+        }
+        flags->flags &= ~kHiddenPipelineFlags;
+        info.pNext = chain.head();
+        return true;
+    }
+
+    // Our any-hit shaders read the barycentrics, also where none of the application's does.
+    void widenHitAttributes(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr uint32_t kBarycentricsBytes = 8;
+        if (!info.pLibraryInterface || info.pLibraryInterface->maxPipelineRayHitAttributeSize >= kBarycentricsBytes)
+            return;
+        VkRayTracingPipelineInterfaceCreateInfoKHR &own = interfaces_.emplace_back(*info.pLibraryInterface);
+        own.maxPipelineRayHitAttributeSize = kBarycentricsBytes;
+        info.pLibraryInterface = &own;
+    }
+
+    // Every stage of the application, once for each thing that it decides in some group.
+    VkResult addStages(const VkRayTracingPipelineCreateInfoKHR &info, Stages &stages)
+    {
+        std::vector<std::set<Decides>> needed(info.stageCount);
+        const auto need = [&](uint32_t stage, Decides decides) {
+            if (stage < info.stageCount)
+                needed[stage].insert(decides);
+        };
+        for (uint32_t g = 0; g < info.groupCount; ++g) {
+            const VkRayTracingShaderGroupCreateInfoKHR &group = info.pGroups[g];
+            if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR) {
+                need(group.anyHitShader, Decides::TriangleHits);
+            } else if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR) {
+                need(group.anyHitShader, Decides::BoxHits);
+                need(group.intersectionShader, Decides::BoxCulling);
+            }
+        }
+        stages.infos.assign(info.pStages, info.pStages + info.stageCount);
+        for (uint32_t i = 0; i < info.stageCount; ++i) {
+            if (needed[i].empty())
+                needed[i].insert(Decides::Nothing);
+            bool first = true;
+            for (const Decides decides : needed[i]) {
+                const uint32_t at = first ? i : static_cast<uint32_t>(stages.infos.size());
+                if (!first)
+                    stages.infos.push_back(info.pStages[i]);
+                first = false;
+                if (const VkResult result = rewriteStage(stages.infos[at], decides); result != VK_SUCCESS)
+                    return result;
+                stages.index[{i, decides}] = at;
+            }
+        }
+        return VK_SUCCESS;
+    }
+
+    VkResult rewriteStage(VkPipelineShaderStageCreateInfo &stage, Decides decides)
+    {
+        const spirv::PipelineStage target{stage.pName, executionModelOf(stage.stage), decides};
+        const auto original = device_.rayTracingModules.get(stage.module);
+        if (!original) {
+            bool inlined = false;
+            if (!stages_.rewriteInline(stage, inlined, target))
+                return VK_ERROR_INVALID_SHADER_NV;
+            // Without its code (a module identifier, a pipeline binary) a stage cannot be rewritten; the application is
+            // ready to be told so.
+            return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
+        }
+        const auto [known, isNew] =
+            rewritten_.try_emplace({stage.module, stage.stage, decides, std::string(stage.pName)}, VK_NULL_HANDLE);
+        if (isNew) {
+            const uint32_t *code = original->data();
+            size_t bytes = original->size() * 4;
+            std::vector<uint32_t> storage;
+            if (!rewriteShader(device_, code, bytes, storage, target))
+                return VK_ERROR_INVALID_SHADER_NV;
+            const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
+            const VkResult result =
+                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
+            if (result != VK_SUCCESS)
+                return result;
+            modules_.push_back(known->second);
+        }
+        stage.module = known->second;
+        return VK_SUCCESS;
+    }
+
+    bool setHitShaders(VkRayTracingShaderGroupCreateInfoKHR &group, Stages &stages)
+    {
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
+            return true;
+        const bool triangles = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
+        const Decides decides = triangles ? Decides::TriangleHits : Decides::BoxHits;
+        if (!triangles)
+            group.intersectionShader = driverStage(group.intersectionShader, Decides::BoxCulling, stages);
+        group.anyHitShader = group.anyHitShader == VK_SHADER_UNUSED_KHR
+                                 ? ownAnyHit(decides, stages)
+                                 : driverStage(group.anyHitShader, decides, stages);
+        return group.anyHitShader != VK_SHADER_UNUSED_KHR;
+    }
+
+    static uint32_t driverStage(uint32_t stage, Decides decides, const Stages &stages)
+    {
+        const auto found = stages.index.find({stage, decides});
+        return found == stages.index.end() ? VK_SHADER_UNUSED_KHR : found->second;
+    }
+
+    // The stage with the layer's any-hit shader; VK_SHADER_UNUSED_KHR where it cannot be made.
+    uint32_t ownAnyHit(Decides decides, Stages &stages)
+    {
+        const auto [known, isNew] = stages.index.try_emplace({VK_SHADER_UNUSED_KHR, decides}, VK_SHADER_UNUSED_KHR);
+        if (!isNew)
+            return known->second;
+        const VkShaderModule module = device_.anyHitModules.get(decides, rewriteOptions(device_));
+        if (!module) {
+            device_.driver.report().error("VELLUM-any-hit-shader",
+                                          "the driver could not make a shader module of the layer's");
+            return VK_SHADER_UNUSED_KHR;
+        }
+        known->second = static_cast<uint32_t>(stages.infos.size());
+        stages.infos.push_back({VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0,
+                                VK_SHADER_STAGE_ANY_HIT_BIT_KHR, module, "main", nullptr});
+        return known->second;
+    }
+
+    void readNullHandle(VkPipeline pipeline, RayTracingPipeline &record)
+    {
+        if (device_.driver.next.GetRayTracingShaderGroupHandlesKHR(device_.driver.handle, pipeline, record.ownGroups, 1,
+                                                                   kGroupHandleBytes,
+                                                                   record.nullHandle.data()) != VK_SUCCESS) {
+            device_.driver.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
+            record.nullHandle = {}; // null stays null
+        }
+    }
+
+    // `groups`: of the driver's pipeline, those with any-hit shaders of the layer's.
+    void measureStacks(VkPipeline pipeline, const std::vector<uint32_t> &groups)
+    {
+        for (const uint32_t group : groups) {
+            const VkDeviceSize bytes = device_.driver.next.GetRayTracingShaderGroupStackSizeKHR(
+                device_.driver.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
+            const auto stack = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX));
+            uint32_t most = device_.anyHitStack.load();
+            while (most < stack && !device_.anyHitStack.compare_exchange_weak(most, stack)) {
+            }
+        }
+    }
+
+    DevicePipelines &device_;
+    DriverStages stages_;
+    VkPipeline *pipelines_; // the application's, which must stay valid until a deferred operation is complete
+    std::vector<VkRayTracingPipelineCreateInfoKHR> infos_;
+    std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
+    std::vector<std::vector<uint32_t>> groupsOfOurs_; // per pipeline, those whose any-hit shader is the layer's
+    std::deque<Chain> chains_;
+    bool flagsChanged_ = false;
+    std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stageArrays_;
+    std::deque<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groupArrays_;
+    std::deque<VkRayTracingPipelineInterfaceCreateInfoKHR> interfaces_;
+    std::deque<Feedback> feedback_;
+    std::map<std::tuple<VkShaderModule, VkShaderStageFlagBits, Decides, std::string>, VkShaderModule> rewritten_;
+    std::vector<VkShaderModule> modules_;
+};
+
+// Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
+VkResult createOneByOne(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                        const VkRayTracingPipelineCreateInfoKHR *infos, const VkAllocationCallbacks *allocator,
+                        VkPipeline *pipelines)
+{
+    VkResult worst = VK_SUCCESS;
+    for (uint32_t i = 0; i < count; ++i) {
+        VkRayTracingPipelineCreateInfoKHR info = infos[i];
+        const bool derived = (flagsOf(info) & VK_PIPELINE_CREATE_DERIVATIVE_BIT) != 0 && info.basePipelineIndex >= 0 &&
+                             static_cast<uint32_t>(info.basePipelineIndex) < i;
+        VkResult result = worst;
+        if (derived) {
+            info.basePipelineHandle = pipelines[info.basePipelineIndex];
+            info.basePipelineIndex = -1;
+        }
+        if (!derived || info.basePipelineHandle)
+            result =
+                createRayTracingPipelines(device, handle, VK_NULL_HANDLE, cache, 1, &info, allocator, &pipelines[i]);
+        if (result < 0 || worst == VK_SUCCESS)
+            worst = result;
+        if (result != VK_SUCCESS && (flagsOf(info) & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
+            break;
+    }
+    return worst;
+}
+
+} // namespace
+
+VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                   VkPipelineCache cache, uint32_t count,
+                                   const VkRayTracingPipelineCreateInfoKHR *infos,
+                                   const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    std::fill_n(pipelines, count, VK_NULL_HANDLE);
+    auto creation = std::make_unique<Creation>(device, pipelines);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (const VkResult result = creation->add(infos[i]); result != VK_SUCCESS)
+            return count == 1 ? result : createOneByOne(device, handle, cache, count, infos, allocator, pipelines);
+    }
+    if (!creation->changed())
+        return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,
+                                                               pipelines);
+    std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
+    if (operation) {
+        deferred = std::make_shared<DeferredOperation>();
+        device.commands.deferredOperations.set(operation, deferred);
+    }
+    const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
+        handle, operation, cache, count, creation->infos().data(), allocator, pipelines);
+    if (result == VK_OPERATION_DEFERRED_KHR && deferred)
+        deferred->work = std::move(creation);
+    else
+        creation->finish();
+    return result;
+}
+
+} // namespace vellum::layer

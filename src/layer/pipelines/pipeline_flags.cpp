@@ -1,0 +1,37 @@
+#include "layer/pipelines/pipeline_flags.h"
+
+#include <string>
+
+#include "layer/ground/driver.h"
+
+namespace vellum::layer
+{
+
+VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
+{
+    const auto *flags2 =
+        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
+    return flags2 ? flags2->flags : flags;
+}
+
+void reportMixedSpecialIndex(const Driver &driver, const char *id, const char *command)
+{
+    driver.report().error(id,
+                          std::string(command) +
+                              ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX needs the feature micromap, and in a "
+                              "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");
+}
+
+const void *driverChain(const void *pNext, std::deque<Chain> &chains)
+{
+    const auto *flags2 =
+        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
+    if (!flags2 || (flags2->flags & kMicromapPipelineFlags) == 0)
+        return pNext;
+    Chain &chain = chains.emplace_back(pNext);
+    if (auto *edited = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
+        edited->flags &= ~kMicromapPipelineFlags;
+    return chain.head();
+}
+
+} // namespace vellum::layer

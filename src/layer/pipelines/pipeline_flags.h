@@ -1,0 +1,30 @@
+// Flags of pipelines that mean something to the layer only.
+#pragma once
+
+#include <deque>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/ground/pnext.h"
+#include "layer/ground/vulkan_newer.h"
+
+namespace vellum::layer
+{
+
+struct Driver;
+
+// They promise what a pipeline meets. Only the first needs something done.
+inline constexpr VkFlags64 kMicromapPipelineFlags =
+    VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | newer::kPipelineDisallowOpacityMicromap |
+    VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
+
+// Of all kinds of pipelines: VkPipelineCreateFlags2CreateInfo wins over the structure's own flags.
+VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);
+
+// Reports the promise of no mixed special indices where it may not be made. It does no harm there.
+void reportMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
+
+// A pipeline's pNext chain without them. Copies are kept in `chains`.
+const void *driverChain(const void *pNext, std::deque<Chain> &chains);
+
+} // namespace vellum::layer

@@ -1,0 +1,33 @@
+// Whether the driver carries unused ray flag bits through a ray query and through traceRay (spirv/rewrite.h needs
+// three). Found out by tracing one ray, when the first shader depends on it; never by the driver's name.
+#pragma once
+
+#include <array>
+#include <mutex>
+#include <optional>
+
+namespace vellum::layer
+{
+
+struct DevicePipelines;
+
+// The answers are true where the bits come back and change no hit; also where the application did not enable that way
+// of tracing, or has no queue that could trace, so that nothing depends on it. Any thread may ask.
+class RayFlagBits
+{
+public:
+    explicit RayFlagBits(DevicePipelines &device) : device_(device) {}
+    bool inQueries() { return carried(Way::Query); }
+    bool inPipelines() { return carried(Way::Pipeline); }
+
+private:
+    enum class Way { Query, Pipeline };
+    bool carried(Way way);
+    bool tryOut(Way way);
+
+    DevicePipelines &device_;
+    std::mutex mutex_; // held while a ray is traced: nobody who asks can go on before
+    std::array<std::optional<bool>, 2> answers_;
+};
+
+} // namespace vellum::layer

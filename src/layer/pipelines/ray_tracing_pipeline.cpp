@@ -1,0 +1,82 @@
+#include "layer/pipelines/ray_tracing_pipeline.h"
+
+#include <algorithm>
+
+#include "layer/pipelines/device_pipelines.h"
+
+namespace vellum::layer
+{
+
+void destroyPipeline(DevicePipelines &device, VkDevice handle, VkPipeline pipeline,
+                     const VkAllocationCallbacks *allocator)
+{
+    device.rayTracingPipelines.take(pipeline);
+    device.driver.next.DestroyPipeline(handle, pipeline, allocator);
+}
+
+namespace
+{
+
+size_t captureReplayHandleBytes(const DevicePipelines &device)
+{
+    VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelines{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &pipelines, {}};
+    device.driver.instance->GetPhysicalDeviceProperties2(device.driver.physicalDevice, &properties);
+    return pipelines.shaderGroupHandleCaptureReplaySize;
+}
+
+// Calls `get(first driver group, count, groups before)` for each run of groups that lie together in the driver's
+// pipeline.
+template <typename Get>
+VkResult forDriverGroups(const DevicePipelines &device, VkPipeline pipeline, uint32_t first, uint32_t count, Get get)
+{
+    const auto record = device.rayTracingPipelines.get(pipeline);
+    if (!record || !record->hasNullGroup || first + count <= record->ownGroups)
+        return get(first, count, 0u);
+    const uint32_t own = first < record->ownGroups ? record->ownGroups - first : 0;
+    const VkResult result = own > 0 ? get(first, own, 0u) : VK_SUCCESS;
+    return result == VK_SUCCESS ? get(record->driverGroup(first + own), count - own, own) : result;
+}
+
+} // namespace
+
+VkResult getShaderGroupHandles(DevicePipelines &device, VkDevice handle, VkPipeline pipeline, uint32_t first,
+                               uint32_t count, size_t bytes, void *data)
+{
+    return forDriverGroups(device, pipeline, first, count, [&](uint32_t group, uint32_t groups, uint32_t before) {
+        const size_t offset = std::min<size_t>(size_t{before} * kGroupHandleBytes, bytes);
+        return device.driver.next.GetRayTracingShaderGroupHandlesKHR(handle, pipeline, group, groups, bytes - offset,
+                                                                     static_cast<std::byte *>(data) + offset);
+    });
+}
+
+VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &device, VkDevice handle, VkPipeline pipeline,
+                                            uint32_t first, uint32_t count, size_t bytes, void *data)
+{
+    const size_t handleBytes = captureReplayHandleBytes(device);
+    return forDriverGroups(device, pipeline, first, count, [&](uint32_t group, uint32_t groups, uint32_t before) {
+        const size_t offset = std::min(before * handleBytes, bytes);
+        return device.driver.next.GetRayTracingCaptureReplayShaderGroupHandlesKHR(
+            handle, pipeline, group, groups, bytes - offset, static_cast<std::byte *>(data) + offset);
+    });
+}
+
+VkDeviceSize getShaderGroupStackSize(DevicePipelines &device, VkDevice handle, VkPipeline pipeline, uint32_t group,
+                                     VkShaderGroupShaderKHR shader)
+{
+    const auto record = device.rayTracingPipelines.get(pipeline);
+    return device.driver.next.GetRayTracingShaderGroupStackSizeKHR(handle, pipeline,
+                                                                   record ? record->driverGroup(group) : group, shader);
+}
+
+// The application counts the stacks of its own shaders. Where one of its groups has no any-hit shader, ours runs, once
+// at a time and on top of at most what the application reckons for one hit.
+void cmdSetRayTracingPipelineStackSize(DevicePipelines &device, VkCommandBuffer commandBuffer, uint32_t bytes)
+{
+    const uint32_t ours = device.anyHitStack.load();
+    device.driver.next.CmdSetRayTracingPipelineStackSizeKHR(commandBuffer,
+                                                            bytes > UINT32_MAX - ours ? bytes : bytes + ours);
+}
+
+} // namespace vellum::layer

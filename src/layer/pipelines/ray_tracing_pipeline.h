@@ -1,0 +1,45 @@
+// Ray tracing pipelines. In those that use micromaps every hit group has an any-hit shader that looks them up, and ray
+// flags that would keep hits from it are hidden from the driver.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <mutex>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+#include "spirv/rewrite.h"
+
+namespace vellum::layer
+{
+
+struct DevicePipelines;
+
+inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is always this
+
+// What the layer keeps of a pipeline that uses micromaps.
+struct RayTracingPipeline {
+    uint32_t ownGroups = 0; // of the application's, without those of libraries, which come after
+    // The driver's pipeline has one group more after these: the one that stands in for null handles.
+    bool hasNullGroup = false;
+    std::array<uint32_t, kGroupHandleBytes / 4> nullHandle{};
+
+    [[nodiscard]] uint32_t driverGroup(uint32_t group) const
+    {
+        return hasNullGroup && group >= ownGroups ? group + 1 : group;
+    }
+};
+
+// pipeline_creation.cpp
+VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
+                                   const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
+                                   VkPipeline *);
+void destroyPipeline(DevicePipelines &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
+VkResult getShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
+VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t,
+                                            void *);
+VkDeviceSize getShaderGroupStackSize(DevicePipelines &, VkDevice, VkPipeline, uint32_t, VkShaderGroupShaderKHR);
+void cmdSetRayTracingPipelineStackSize(DevicePipelines &, VkCommandBuffer, uint32_t);
+
+} // namespace vellum::layer

@@ -1,0 +1,54 @@
+#include "layer/pipelines/shader_binary.h"
+
+#include <cstring>
+#include <random>
+
+#include "layer/pipelines/device_pipelines.h"
+
+namespace vellum::layer
+{
+
+const std::array<uint8_t, VK_UUID_SIZE> &processUuid()
+{
+    static const auto uuid = [] {
+        std::random_device random;
+        std::array<uint8_t, VK_UUID_SIZE> bytes{};
+        for (uint8_t &byte : bytes)
+            byte = static_cast<uint8_t>(random());
+        return bytes;
+    }();
+    return uuid;
+}
+
+ShaderBinaryHeader shaderBinaryHeader(const DevicePipelines &device)
+{
+    return {processUuid(), device.objects.root.address(), reinterpret_cast<uint64_t>(device.driver.handle)};
+}
+
+VkResult getShaderBinaryData(DevicePipelines &device, VkDevice handle, newer::ShaderEXT shader, size_t *size,
+                             void *data)
+{
+    constexpr size_t kHeader = sizeof(ShaderBinaryHeader);
+    if (!data) {
+        const VkResult result = device.driver.next.GetShaderBinaryDataEXT(handle, shader, size, nullptr);
+        *size += kHeader;
+        return result;
+    }
+    if (*size < kHeader) {
+        *size = 0; // "If pDataSize is less than the size of the binary ... nothing is written"
+        return VK_INCOMPLETE;
+    }
+    size_t driverSize = *size - kHeader;
+    const VkResult result = device.driver.next.GetShaderBinaryDataEXT(handle, shader, &driverSize,
+                                                                      static_cast<std::byte *>(data) + kHeader);
+    if (result == VK_SUCCESS) {
+        const ShaderBinaryHeader header = shaderBinaryHeader(device);
+        std::memcpy(data, &header, kHeader);
+        *size = driverSize + kHeader;
+    } else {
+        *size = 0;
+    }
+    return result;
+}
+
+} // namespace vellum::layer

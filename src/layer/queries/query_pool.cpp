@@ -1,0 +1,371 @@
+#include "layer/queries/query_pool.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/records.h"
+#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_structure.h"
+#include "layer/queries/device_queries.h"
+#include "layer/structures/structure_size.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+bool isMicromapType(VkQueryType type)
+{
+    return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT || type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
+}
+
+// How results lie in memory: vkGetQueryPoolResults.
+struct Format {
+    explicit Format(VkQueryResultFlags flags)
+        : wide((flags & VK_QUERY_RESULT_64_BIT) != 0),
+          // A status is written where availability would be; these queries cannot fail.
+          both((flags & (VK_QUERY_RESULT_WITH_AVAILABILITY_BIT | VK_QUERY_RESULT_WITH_STATUS_BIT_KHR)) != 0)
+    {
+    }
+    [[nodiscard]] size_t bytes() const { return (wide ? 8u : 4u) * (both ? 2u : 1u); }
+    bool wide;
+    bool both;
+};
+
+void writeWord(const Format &format, uint8_t *&at, uint64_t value)
+{
+    const auto narrow = static_cast<uint32_t>(value); // an overflow wraps
+    std::memcpy(at, format.wide ? static_cast<const void *>(&value) : &narrow, format.wide ? 8 : 4);
+    at += format.wide ? 8 : 4;
+}
+
+// Writes one query's result; false where it leaves the result out because it is not there.
+bool writeResult(VkQueryResultFlags flags, uint8_t *at, uint64_t value, bool available)
+{
+    const Format format(flags);
+    const bool partial = (flags & VK_QUERY_RESULT_PARTIAL_BIT) != 0;
+    if (available)
+        writeWord(format, at, value);
+    else if (partial)
+        writeWord(format, at, 0);
+    else
+        at += format.wide ? 8 : 4;
+    if (format.both)
+        writeWord(format, at, available ? 1 : 0);
+    return available || partial;
+}
+
+// Waits until the device has written a query of the layer's own. As with a driver's, that may be never.
+VkResult wait(const DeviceQueries &device, VkQueryPool handle, const QueryPool &pool, uint32_t query)
+{
+    for (uint32_t turn = 0; !pool.available(query); ++turn) {
+        if (turn < 100) {
+            std::this_thread::yield();
+            continue;
+        }
+        std::this_thread::sleep_for(std::chrono::microseconds(200));
+        // Whatever the driver's pool says, it knows when the device is lost.
+        uint64_t unused = 0;
+        const VkResult result = device.driver.next.GetQueryPoolResults(
+            device.driver.handle, handle, query, 1, sizeof unused, &unused, sizeof unused, VK_QUERY_RESULT_64_BIT);
+        if (result < 0)
+            return result;
+    }
+    return VK_SUCCESS;
+}
+
+bool inRange(const DeviceQueries &device, const QueryPool &pool, uint32_t first, uint64_t count, const char *command)
+{
+    if (first + count <= pool.count)
+        return true;
+    device.driver.report().error("VELLUM-query-range", std::string(command) + ": queries " + std::to_string(first) +
+                                                           " to " + std::to_string(first + count) + " of a pool of " +
+                                                           std::to_string(pool.count));
+    return false;
+}
+
+// After the values, so that whoever sees that a query is available sees its value.
+void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuffer commandBuffer,
+                   const QueryPool &pool, uint32_t first, uint32_t count)
+{
+    work.barrier(true);
+    device.driver.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityOffset(first), count * 4ull,
+                                     1);
+    work.barrier(true);
+}
+
+void askMicromap(InjectedWork &work, const DeviceQueries &device, const Micromap &micromap, uint32_t kind,
+                 VkDeviceAddress value)
+{
+    QueryValuePush push{};
+    push.target = value;
+    push.micromap = micromapAddress(device.driver, micromap);
+    push.micromapBytes = micromap.size;
+    push.kind = kind;
+    work.dispatch(InjectedShader::QueryValue, push, 1, 1);
+}
+
+// The micromap that an acceleration structure is; null where it is none.
+const Micromap *micromapAt(const DeviceQueries &device, VkAccelerationStructureKHR handle)
+{
+    const auto structure = device.objects.accelerationStructures.get(handle);
+    return structure && holdsMicromap(*structure) ? &structure->micromap : nullptr;
+}
+
+void recordMicromapProperty(InjectedWork &work, const DeviceQueries &device, const Micromap &micromap, VkQueryType type,
+                            VkDeviceAddress value)
+{
+    switch (type) {
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
+        return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
+        return askMicromap(work, device, micromap, kQueryMicromapSerialized, value);
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
+        // That of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
+        return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
+    default:
+        // The bottom-level pointers of a top-level structure.
+        device.driver.report().error(
+            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not for micromaps", micromap.object.type,
+            micromap.object.handle);
+    }
+}
+
+} // namespace
+
+uint64_t QueryPool::value(uint32_t query) const
+{
+    uint64_t result;
+    std::memcpy(&result, memory.words() + query * size_t{2}, sizeof result);
+    return result;
+}
+
+bool QueryPool::available(uint32_t query) const
+{
+    return __atomic_load_n(memory.words() + availabilityOffset(query) / 4, __ATOMIC_ACQUIRE) != 0;
+}
+
+VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPoolCreateInfo *info,
+                         const VkAllocationCallbacks *allocator, VkQueryPool *result)
+{
+    const bool micromaps = isMicromapType(info->queryType);
+    if (!micromaps && !isStructureProperty(info->queryType))
+        return device.driver.next.CreateQueryPool(handle, info, allocator, result);
+    auto pool = std::make_shared<QueryPool>();
+    pool->type = info->queryType;
+    pool->count = info->queryCount;
+    const VkResult created = pool->memory.create(device.buffers.gpu, info->queryCount * 12ull + 4,
+                                                 VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    if (created != VK_SUCCESS)
+        return created;
+    VkQueryPoolCreateInfo driverInfo = *info;
+    if (micromaps)
+        driverInfo.queryType = VK_QUERY_TYPE_OCCLUSION;
+    const VkResult driver = device.driver.next.CreateQueryPool(handle, &driverInfo, allocator, result);
+    if (driver == VK_SUCCESS)
+        device.pools.set(*result, std::move(pool));
+    return driver;
+}
+
+void destroyQueryPool(DeviceQueries &device, VkDevice handle, VkQueryPool pool, const VkAllocationCallbacks *allocator)
+{
+    device.pools.take(pool);
+    device.driver.next.DestroyQueryPool(handle, pool, allocator);
+}
+
+void resetQueryPool(DeviceQueries &device, VkDevice handle, VkQueryPool queryPool, uint32_t first, uint32_t count)
+{
+    const auto pool = device.pools.get(queryPool);
+    if (pool && !inRange(device, *pool, first, count, "vkResetQueryPool"))
+        return;
+    if (pool) {
+        uint32_t *words = pool->memory.words();
+        std::memset(words + pool->availabilityOffset(first) / 4, 0, count * size_t{4});
+        std::memset(words + first * size_t{2}, 0, count * size_t{8});
+    }
+    device.driver.next.ResetQueryPool(handle, queryPool, first, count);
+}
+
+void cmdResetQueryPool(DeviceQueries &device, VkCommandBuffer commandBuffer, VkQueryPool queryPool, uint32_t first,
+                       uint32_t count)
+{
+    const auto pool = device.pools.get(queryPool);
+    if (pool && !inRange(device, *pool, first, count, "vkCmdResetQueryPool"))
+        return;
+    if (pool && count > 0) {
+        InjectedWork work(device.commands, commandBuffer);
+        work.barrier();
+        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->availabilityOffset(first),
+                                         count * 4ull, 0);
+        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), first * 8ull, count * 8ull, 0);
+        work.barrier(true);
+    }
+    device.driver.next.CmdResetQueryPool(commandBuffer, queryPool, first, count);
+}
+
+VkResult getQueryPoolResults(DeviceQueries &device, VkDevice handle, VkQueryPool queryPool, uint32_t first,
+                             uint32_t count, size_t size, void *data, VkDeviceSize stride, VkQueryResultFlags flags)
+{
+    const auto pool = device.pools.get(queryPool);
+    if (!pool)
+        return device.driver.next.GetQueryPoolResults(handle, queryPool, first, count, size, data, stride, flags);
+    if (!inRange(device, *pool, first, count, "vkGetQueryPoolResults"))
+        return VK_ERROR_UNKNOWN;
+    bool complete = true;
+    for (uint32_t i = 0; i < count && i * stride + Format(flags).bytes() <= size; ++i) {
+        const uint32_t query = first + i;
+        if ((flags & VK_QUERY_RESULT_WAIT_BIT) != 0) {
+            if (const VkResult result = wait(device, queryPool, *pool, query); result != VK_SUCCESS)
+                return result;
+        }
+        complete &=
+            writeResult(flags, static_cast<uint8_t *>(data) + i * stride, pool->value(query), pool->available(query));
+    }
+    return complete ? VK_SUCCESS : VK_NOT_READY;
+}
+
+void cmdCopyQueryPoolResults(DeviceQueries &device, VkCommandBuffer commandBuffer, VkQueryPool queryPool,
+                             uint32_t first, uint32_t count, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize stride,
+                             VkQueryResultFlags flags)
+{
+    const auto pool = device.pools.get(queryPool);
+    if (!pool)
+        return device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first, count, buffer, offset,
+                                                          stride, flags);
+    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdCopyQueryPoolResults") ||
+        InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyQueryPoolResults of this type of queries"))
+        return;
+    // The application's buffer is only known to take transfers: results are put together elsewhere, and copied.
+    const Format format(flags);
+    InjectedWork work(device.commands, commandBuffer);
+    const ScratchMemory::Place own = work.scratch(count * format.bytes());
+    if (!own.address) {
+        device.driver.report().error("VELLUM-out-of-memory", "vkCmdCopyQueryPoolResults: no memory for the results");
+        return;
+    }
+    // The barrier waits for all that came before on this queue, which is the command's first synchronization scope:
+    // results of another queue must have been waited for with a semaphore, even with VK_QUERY_RESULT_WAIT_BIT.
+    work.barrier();
+    QueryCopyPush push{};
+    push.values = pool->valueAddress(first);
+    push.availability = pool->memory.address() + pool->availabilityOffset(first);
+    push.target = own.address;
+    push.count = count;
+    push.flags = (format.wide ? kQueryCopy64 : 0) | (format.both ? kQueryCopyAvailability : 0);
+    work.dispatch(InjectedShader::QueryCopy, push, count, 64);
+    work.barrier();
+    std::vector<VkBufferCopy> regions(count);
+    for (uint32_t i = 0; i < count; ++i)
+        regions[i] = {own.offset + i * format.bytes(), offset + i * stride, format.bytes()};
+    device.driver.next.CmdCopyBuffer(commandBuffer, own.buffer, buffer, count, regions.data());
+    work.barrier(true);
+}
+
+void cmdWriteMicromapsProperties(DeviceQueries &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                 const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool queryPool,
+                                 uint32_t first)
+{
+    const auto pool = device.pools.get(queryPool);
+    if (!isMicromapType(type)) {
+        device.driver.report().error("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503",
+                                     "vkCmdWriteMicromapsPropertiesEXT: queryType is not a type of micromap queries");
+        return;
+    }
+    if (!pool || pool->type != type) {
+        device.driver.report().error("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",
+                                     "vkCmdWriteMicromapsPropertiesEXT: queryPool was created with another queryType");
+        return;
+    }
+    if (std::find(micromaps, micromaps + count, VkMicromapEXT{}) != micromaps + count) {
+        device.driver.report().error("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-parameter",
+                                     "vkCmdWriteMicromapsPropertiesEXT: a micromap is VK_NULL_HANDLE");
+        return;
+    }
+    // VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528
+    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT") ||
+        InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT"))
+        return;
+    const uint32_t kind =
+        type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? kQueryMicromapCompacted : kQueryMicromapSerialized;
+    InjectedWork work(device.commands, commandBuffer);
+    work.barrier();
+    for (uint32_t i = 0; i < count; ++i)
+        askMicromap(work, device, *micromapOf(micromaps[i]), kind, pool->valueAddress(first + i));
+    makeAvailable(work, device, commandBuffer, *pool, first, count);
+}
+
+void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                              const VkAccelerationStructureKHR *structures, VkQueryType type,
+                                              VkQueryPool queryPool, uint32_t first)
+{
+    const auto pool = device.pools.get(queryPool);
+    // The driver knows neither the layer's micromaps nor its types of queries: what is wrong must not reach it.
+    if (pool ? pool->type != type : isStructureProperty(type)) {
+        device.driver.report().error(
+            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
+            "queryType");
+        return;
+    }
+    if (!isStructureProperty(type)) {
+        device.driver.report().error(
+            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration "
+            "structure queries");
+        return;
+    }
+    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
+        InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR"))
+        return;
+    for (uint32_t i = 0; i < count; ++i) {
+        if (device.objects.accelerationStructures.get(structures[i]))
+            continue;
+        device.driver.report().error(
+            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-"
+            "parameter",
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: pAccelerationStructures[" + std::to_string(i) +
+                "] is not an acceleration structure of this device");
+        return;
+    }
+    // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing.
+    InjectedWork work(device.commands, commandBuffer);
+    work.barrier();
+    for (uint32_t begin = 0; begin < count;) {
+        uint32_t end = begin;
+        while (end < count && !micromapAt(device, structures[end]))
+            ++end;
+        if (end > begin) {
+            device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(
+                commandBuffer, end - begin, structures + begin, type, queryPool, first + begin);
+            device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first + begin, end - begin,
+                                                       pool->memory.buffer(), (first + begin) * 8ull, 8,
+                                                       VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+        }
+        begin = end + 1;
+    }
+    work.barrier();
+    for (uint32_t i = 0; i < count; ++i) {
+        if (const Micromap *micromap = micromapAt(device, structures[i]))
+            recordMicromapProperty(work, device, *micromap, type, pool->valueAddress(first + i));
+        else
+            recordStructureProperty(work, device.structures, structures[i], type, pool->valueAddress(first + i));
+    }
+    makeAvailable(work, device, commandBuffer, *pool, first, count);
+}
+
+VkResult writeAccelerationStructuresProperties(DeviceQueries &device, VkDevice, uint32_t,
+                                               const VkAccelerationStructureKHR *, VkQueryType, size_t, void *, size_t)
+{
+    // The host does not know what a structure holds.
+    device.driver.report().notAvailable("vkWriteAccelerationStructuresPropertiesKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+} // namespace vellum::layer

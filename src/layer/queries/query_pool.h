@@ -1,0 +1,50 @@
+// Query pools whose results the driver cannot give, or not alone.
+//
+// A pool of micromap sizes has the handle of a driver pool of a type that every driver knows (so that names, private
+// data and the handle's destruction need no care) and that is never used. A pool of acceleration structure sizes is the
+// driver's; each answer of the driver is taken over and corrected (structure_size.h), because the records of micromaps
+// lie in the structure's own memory but the driver knows nothing of them. Values and availability of both lie in
+// host-visible memory.
+#pragma once
+
+#include <memory>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+struct DeviceQueries;
+
+struct QueryPool {
+    VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
+    uint32_t count = 0;
+    GpuBuffer memory; // 64-bit values, then 32-bit availability
+
+    [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
+    [[nodiscard]] VkDeviceSize availabilityOffset(uint32_t query) const { return count * 8ull + query * 4ull; }
+    [[nodiscard]] uint64_t value(uint32_t query) const;
+    [[nodiscard]] bool available(uint32_t query) const;
+};
+
+VkResult createQueryPool(DeviceQueries &, VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
+                         VkQueryPool *);
+void destroyQueryPool(DeviceQueries &, VkDevice, VkQueryPool, const VkAllocationCallbacks *);
+void resetQueryPool(DeviceQueries &, VkDevice, VkQueryPool, uint32_t, uint32_t);
+void cmdResetQueryPool(DeviceQueries &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t);
+VkResult getQueryPoolResults(DeviceQueries &, VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *, VkDeviceSize,
+                             VkQueryResultFlags);
+void cmdCopyQueryPoolResults(DeviceQueries &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t, VkBuffer, VkDeviceSize,
+                             VkDeviceSize, VkQueryResultFlags);
+
+void cmdWriteMicromapsProperties(DeviceQueries &, VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
+                                 VkQueryPool, uint32_t);
+void cmdWriteAccelerationStructuresProperties(DeviceQueries &, VkCommandBuffer, uint32_t,
+                                              const VkAccelerationStructureKHR *, VkQueryType, VkQueryPool, uint32_t);
+// On the host: reports that it is not there, as for the other host commands of acceleration structures.
+VkResult writeAccelerationStructuresProperties(DeviceQueries &, VkDevice, uint32_t, const VkAccelerationStructureKHR *,
+                                               VkQueryType, size_t, void *, size_t);
+
+} // namespace vellum::layer

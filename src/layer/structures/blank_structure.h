@@ -1,0 +1,29 @@
+// A bottom-level structure of one triangle as the driver serializes it, made when it is needed first: how the driver
+// serializes can only be found out by trying.
+#pragma once
+
+#include <mutex>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+struct DeviceStructures;
+
+// It begins with the driver's UUIDs, and stands in for serialized data that the driver must not see.
+struct BlankStructure {
+    std::once_flag tried;
+    GpuBuffer memory;
+    uint32_t units = 0;              // of 16 bytes; 0: there is none
+    VkDeviceSize structureBytes = 0; // of the structure that it is deserialized to
+    // The driver serializes and deserializes as many bytes as the structure was created with.
+    bool wholeCopies = false;
+};
+
+// There is none where the application did not enable acceleration structures, or has no queue that can build them.
+const BlankStructure &blankStructure(DeviceStructures &device);
+
+} // namespace vellum::layer

@@ -1,0 +1,224 @@
+#include "layer/structures/structure_copy.h"
+
+#include <algorithm>
+#include <string>
+
+#include "core/records.h"
+#include "layer/micromaps/micromap_structure.h"
+#include "layer/objects/acceleration_structure.h"
+#include "layer/structures/device_structures.h"
+#include "layer/structures/structure_layout.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+// What a source without any recorded build may hold can only be told from its size; one of which more is known, and
+// that is much larger than its instances need, holds at most so many times the instances that were recorded.
+constexpr uint32_t kMostGrowth = 4;
+constexpr uint32_t kFewInstances = 4096;
+
+struct Copy {
+    DeviceStructures &device;
+    VkCommandBuffer commandBuffer;
+    const VkCopyAccelerationStructureInfoKHR &info;
+    std::shared_ptr<AccelerationStructure> source, target;
+
+    void refuse(const char *id, const std::string &text) const
+    {
+        device.driver.report().error(id, "vkCmdCopyAccelerationStructureKHR: " + text,
+                                     VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst));
+    }
+
+    [[nodiscard]] bool valid() const
+    {
+        if (!source)
+            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-src-parameter",
+                   "src is not an acceleration structure of this device");
+        else if (!target)
+            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter",
+                   "dst is not an acceleration structure of this device");
+        else if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR &&
+                 info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
+            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
+                   "mode " + std::to_string(info.mode) + " is neither clone nor compact");
+        else if (device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
+            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
+        else if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR && target->size < source->size &&
+                 !device.driver.queriesStructureSize)
+            // With VK_KHR_ray_tracing_maintenance1 the size to compare with is one that a query has told.
+            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
+                   "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(source->size));
+        else
+            return true;
+        return false;
+    }
+
+    // Top or bottom level; GENERIC: nothing tells.
+    [[nodiscard]] VkAccelerationStructureTypeKHR type() const
+    {
+        std::lock_guard lock(source->mutex);
+        if (source->content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+            return source->content;
+        return target->type;
+    }
+
+    [[nodiscard]] uint32_t mostInstances() const
+    {
+        const uint32_t fits =
+            std::min(topLevelCapacity(device.driver, source->size), topLevelCapacity(device.driver, target->size));
+        std::lock_guard lock(source->mutex);
+        if (source->mostInstances == 0)
+            return fits;
+        const uint64_t likely = std::max(uint64_t{source->mostInstances} * kMostGrowth, uint64_t{kFewInstances});
+        return static_cast<uint32_t>(std::min<uint64_t>(fits, likely));
+    }
+
+    void record() const
+    {
+        const VkAccelerationStructureTypeKHR level = type();
+        if (level == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR) {
+            device.driver.report().notAvailable(
+                "vkCmdCopyAccelerationStructureKHR between two structures of type GENERIC, "
+                "recorded before any build of the source,");
+            return;
+        }
+        if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && target->type != level) {
+            refuse("VELLUM-copy-type", "dst was created with another type than src");
+            return;
+        }
+        const CellPlace sourceCell = cellOf(device.objects, *source, info.src);
+        const CellPlace targetCell = cellOf(device.objects, *target, info.dst);
+        if (!sourceCell.address || !targetCell.address) {
+            refuse("VELLUM-out-of-memory", "no memory for the layer's tables");
+            return;
+        }
+        if (const auto state = device.commands.states.get(commandBuffer))
+            state->scratch.restart();
+        InjectedWork work(device.commands, commandBuffer);
+        work.barrier();
+        if (level == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
+            recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyAccelerationStructureKHR", info.dst,
+                               sourceCell.address, mostInstances(), InstancesFrom::Structure);
+            return;
+        }
+        {
+            std::lock_guard lock(target->mutex);
+            target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        }
+        device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
+        work.barrier();
+        StructureCopyPush push{};
+        push.sourceCell = sourceCell.address;
+        push.targetCell = targetCell.address;
+        push.sourceBegin = beginOf(device.driver, *source);
+        push.targetBegin = beginOf(device.driver, *target);
+        push.root = device.objects.root.address();
+        push.sourceUnits = unitsOf(source->size);
+        push.targetUnits = unitsOf(target->size);
+        push.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+        work.dispatch(InjectedShader::StructureCopy, push, copyInvocations(source->size), 64);
+        work.barrier();
+    }
+};
+
+} // namespace
+
+uint64_t copyInvocations(VkDeviceSize bytes)
+{
+    constexpr VkDeviceSize kBytesPerInvocation = 256;
+    return std::clamp<uint64_t>(bytes / kBytesPerInvocation, 64, 16384);
+}
+
+bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
+                        const char *command, VkAccelerationStructureKHR target, VkDeviceAddress source, uint32_t most,
+                        InstancesFrom from)
+{
+    const auto refuse = [&](const char *id, const char *text) {
+        device.driver.report().error(id, std::string(command) + ": " + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                     reinterpret_cast<uint64_t>(target));
+        return false;
+    };
+    const auto structure = device.objects.accelerationStructures.get(target);
+    if (topLevelBytes(device.driver, 0, most) > structure->size)
+        return refuse(from == InstancesFrom::Structure
+                          ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
+                          : "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+                      "dst is too small for any top-level structure");
+    const auto slots = slotsFor(device.objects, *structure, most);
+    const auto state = device.commands.states.get(commandBuffer);
+    const VkDeviceSize scratchBytes =
+        alignUp(topLevelDriverSizes(device.driver, 0, most).buildScratchSize, kPartAlignment);
+    const VkDeviceAddress scratch =
+        state ? state->scratch.allocate(device.buffers.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
+    if (!slots || !scratch)
+        return refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
+    {
+        std::lock_guard lock(structure->mutex);
+        structure->content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+        structure->mostInstances = std::max(structure->mostInstances, most);
+    }
+    TlasInstancesPush push{};
+    push.source = source;
+    push.target = scratch + scratchBytes;
+    push.root = device.objects.root.address();
+    push.tail = beginOf(device.driver, *structure) + topLevelTailOffset(device.driver, 0, most);
+    push.cell = cellOf(device.objects, *structure, target).address;
+    push.count = most;
+    push.firstSlot = slots->first();
+    push.from = from;
+    if (!work.dispatch(InjectedShader::TlasInstances, push, std::max(most, 1u), 64))
+        return false;
+    work.barrier();
+    TopLevelBuild build(0, push.target);
+    build.info.dstAccelerationStructure = target;
+    build.info.scratchData.deviceAddress = scratch;
+    const VkAccelerationStructureBuildRangeInfoKHR range{most, 0, 0, 0};
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
+    device.driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer, 1, &build.info, &ranges);
+    work.barrier();
+    push.pass = 1;
+    work.dispatch(InjectedShader::TlasInstances, push, std::max(most, 1u), 64);
+    work.barrier();
+    return true;
+}
+
+void cmdCopyAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                  const VkCopyAccelerationStructureInfoKHR *info)
+{
+    reportNotices(device.objects);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyAccelerationStructureKHR"))
+        return;
+    if (copiesMicromapStructure(device.micromaps, commandBuffer, *info))
+        return;
+    const Copy copy{device, commandBuffer, *info, device.objects.accelerationStructures.get(info->src),
+                    device.objects.accelerationStructures.get(info->dst)};
+    if (copy.valid())
+        copy.record();
+}
+
+VkResult copyAccelerationStructure(DeviceStructures &device, VkDevice, VkDeferredOperationKHR,
+                                   const VkCopyAccelerationStructureInfoKHR *)
+{
+    device.driver.report().notAvailable("vkCopyAccelerationStructureKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+VkResult copyAccelerationStructureToMemory(DeviceStructures &device, VkDevice, VkDeferredOperationKHR,
+                                           const VkCopyAccelerationStructureToMemoryInfoKHR *)
+{
+    device.driver.report().notAvailable("vkCopyAccelerationStructureToMemoryKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+VkResult copyMemoryToAccelerationStructure(DeviceStructures &device, VkDevice, VkDeferredOperationKHR,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *)
+{
+    device.driver.report().notAvailable("vkCopyMemoryToAccelerationStructureKHR");
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,180 @@
+#include "layer/structures/structure_create.h"
+
+#include <string>
+
+#include "layer/micromaps/micromap_structure.h"
+#include "layer/structures/device_structures.h"
+#include "layer/structures/structure_layout.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+struct Place {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+};
+
+// The part of a buffer that an address range is, or null after a message.
+Place placeOf(const DeviceStructures &device, const VkAccelerationStructureCreateInfo2KHR &info)
+{
+    const AddressMap::Place found = device.buffers.addresses.covering(
+        info.addressRange.address, info.addressRange.size, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    const auto refused = [&](const char *id, const std::string &text) {
+        device.driver.report().error(id, "vkCreateAccelerationStructure2KHR: " + text);
+        return Place{};
+    };
+    if (info.addressRange.size == 0)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
+    if (info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.driver.asked.khrFeature)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                       "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
+    if (!found.buffer && !device.buffers.addresses.find(info.addressRange.address).buffer)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
+                       "addressRange.address is not in any buffer");
+    if (!found.buffer)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
+                       "addressRange, of " + std::to_string(info.addressRange.size) +
+                           " bytes, is not in one buffer for acceleration structures");
+    if (info.addressRange.address % 256 != 0)
+        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
+                       "addressRange.address is not a multiple of 256");
+    return {found.buffer, found.offset};
+}
+
+} // namespace
+
+VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
+                                     const VkAccelerationStructureCreateInfoKHR *info,
+                                     const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
+{
+    auto structure = std::make_shared<AccelerationStructure>();
+    structure->buffer = info->buffer;
+    structure->offset = info->offset;
+    structure->size = info->size;
+    structure->type = info->type;
+    structure->content = info->type;
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+        device.driver.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
+                                     "vkCreateAccelerationStructureKHR: a micromap is made by "
+                                     "vkCreateAccelerationStructure2KHR");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
+    const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
+    if (created != VK_SUCCESS)
+        return created;
+    structure->micromap = {info->buffer,
+                           info->offset,
+                           info->size,
+                           {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    letMicromapBeNamedOnceBound(device.objects, structure);
+    device.objects.accelerationStructures.set(*result, std::move(structure));
+    return created;
+}
+
+void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkAccelerationStructureKHR structure,
+                                  const VkAllocationCallbacks *allocator)
+{
+    const auto known = device.objects.accelerationStructures.take(structure);
+    if (known && known->cell.address)
+        device.objects.root.releaseCell(known->reference);
+    if (known && known->micromapKey)
+        device.objects.root.releaseCell(known->micromapKey);
+    if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+        device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
+        device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
+        return;
+    }
+    device.driver.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
+}
+
+VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceStructures &device, VkDevice handle,
+                                                      const VkAccelerationStructureDeviceAddressInfoKHR *info)
+{
+    // Whoever names a structure to an instance asks for its address: from now on copies of top-level structures know
+    // that it exists.
+    if (const auto structure = device.objects.accelerationStructures.get(info->accelerationStructure)) {
+        if (structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+            return beginOf(device.driver, *structure);
+        cellOf(device.objects, *structure, info->accelerationStructure);
+    }
+    return device.driver.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
+}
+
+void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice handle,
+                                        VkAccelerationStructureBuildTypeKHR type,
+                                        const VkAccelerationStructureBuildGeometryInfoKHR *info,
+                                        const uint32_t *maxPrimitives, VkAccelerationStructureBuildSizesInfoKHR *sizes)
+{
+    if (isMicromapBuild(*info))
+        return getMicromapStructureSizes(device.micromaps, *info, *sizes);
+    DriverBuildInfo build(*info);
+    if (build.hasMicromapGeometry()) {
+        device.driver.report().error("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
+                                     "vkGetAccelerationStructureBuildSizesKHR: a geometry of type "
+                                     "VK_GEOMETRY_TYPE_MICROMAP_KHR in a build that is none of a micromap");
+        sizes->accelerationStructureSize = sizes->updateScratchSize = sizes->buildScratchSize = 0;
+        return;
+    }
+    device.driver.next.GetAccelerationStructureBuildSizesKHR(handle, type, &build.info(), maxPrimitives, sizes);
+    if (build.topLevel() && build.geometryCount() == 1) {
+        const uint32_t count = maxPrimitives ? maxPrimitives[0] : 0;
+        sizes->accelerationStructureSize = topLevelBytes(device.driver, info->flags, count);
+        sizes->buildScratchSize =
+            topLevelDriverSizes(device.driver, info->flags, count).buildScratchSize + patchedInstancesBytes(count);
+        sizes->updateScratchSize = sizes->buildScratchSize; // an update is a build
+    } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, maxPrimitives)) {
+        sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kPartAlignment) + tail;
+    }
+}
+
+VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
+                                      const VkAccelerationStructureCreateInfo2KHR *info,
+                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
+{
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.driver.asked.khrFeature) {
+        device.driver.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                                     "vkCreateAccelerationStructure2KHR: the feature "
+                                     "VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
+    const Place place = placeOf(device, *info);
+    if (!place.buffer)
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    auto structure = std::make_shared<AccelerationStructure>();
+    structure->buffer = place.buffer;
+    structure->offset = place.offset;
+    structure->size = info->addressRange.size;
+    structure->type = info->type;
+    structure->content = info->type;
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+        // The handle is the layer's own and never reaches the driver.
+        *result = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
+    } else if (device.driver.next.CreateAccelerationStructure2KHR) {
+        const VkResult created = device.driver.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
+        if (created != VK_SUCCESS)
+            return created;
+    } else {
+        VkAccelerationStructureCreateInfoKHR driverInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+        driverInfo.pNext = info->pNext;
+        driverInfo.createFlags = info->createFlags;
+        driverInfo.buffer = place.buffer;
+        driverInfo.offset = place.offset;
+        driverInfo.size = info->addressRange.size;
+        driverInfo.type = info->type;
+        const VkResult created =
+            device.driver.next.CreateAccelerationStructureKHR(handle, &driverInfo, allocator, result);
+        if (created != VK_SUCCESS)
+            return created;
+    }
+    structure->micromap = {place.buffer,
+                           place.offset,
+                           structure->size,
+                           {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    letMicromapBeNamed(device.objects, *structure);
+    device.objects.accelerationStructures.set(*result, std::move(structure));
+    return VK_SUCCESS;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,42 @@
+// The smallest acceleration structures that there are, for trials (work/trials.h).
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+// The driver's, without anything of the layer's in it. It has the memory that its build needs, too.
+class TrialStructure
+{
+public:
+    explicit TrialStructure(const GpuContext &context) : context_(context) {}
+    ~TrialStructure();
+    TrialStructure(const TrialStructure &) = delete;
+    TrialStructure &operator=(const TrialStructure &) = delete;
+
+    // Records the build of a bottom-level structure of one triangle, (0,0,0) (1,0,0) (0,1,0); the structure is made
+    // larger by `spareBytes` than the driver asks for. Commands after it may use the structure. False where the driver
+    // could not make what is needed.
+    bool buildTriangle(VkCommandBuffer commands, VkGeometryFlagsKHR flags, VkDeviceSize spareBytes = 0);
+    // The same of a top-level structure of one instance.
+    bool buildInstance(VkCommandBuffer commands, const TrialStructure &triangle);
+
+    [[nodiscard]] VkAccelerationStructureKHR handle() const { return handle_; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    [[nodiscard]] VkDeviceAddress address() const;
+
+private:
+    bool makeInput(const void *data, size_t bytes);
+    bool build(VkCommandBuffer commands, VkAccelerationStructureTypeKHR type,
+               const VkAccelerationStructureGeometryKHR &geometry, VkDeviceSize spareBytes);
+
+    const GpuContext &context_;
+    GpuBuffer input_, memory_, scratch_;
+    VkDeviceSize size_ = 0;
+    VkAccelerationStructureKHR handle_ = VK_NULL_HANDLE;
+};
+
+} // namespace vellum::layer

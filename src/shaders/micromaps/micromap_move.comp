@@ -1,0 +1,174 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Serializes a micromap, deserializes one, or copies one. core/records.h has the layouts. Only what is in use is read and
+// written: a handle may be far larger than what was built there, and other things may lie behind it.
+#include "shared.h"
+#include "curve.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/micromap_layout.glsl"
+#include "ground/cell.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 micromap;   // of a copy, the target
+    uvec2 serialized; // of a copy, the source
+    uvec2 log;
+    uvec2 object;
+    uvec2 micromapBytes;
+    uvec2 serializedBytes; // that lie inside their buffer; of a copy, inside the source
+    uvec4 driverUuid;
+    uvec2 root;
+    uint mode; // kMove*, and perhaps kMoveMarked
+    uint invocations;
+} push;
+
+#include "ground/complaints.glsl"
+
+layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
+
+const uint kSerializedHeaderUnits = kSerializedMicromapHeaderWords / 4u;
+const uint kMicromapHeaderUnits16 = kMicromapHeaderWords / 4u;
+
+bool less(uvec2 a, uvec2 b)
+{
+    return a.y < b.y || (a.y == b.y && a.x < b.x);
+}
+
+uint complaintOfHeader(uvec2 header, out uvec2 bytes)
+{
+    Words words = Words(header);
+    bytes = micromapBytes(words.w[kMicromapHeaderTriangles], words.w[kMicromapHeaderUnits]);
+    return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kComplaintNotBuilt : 0u;
+}
+
+// With the log, the micromap's name is told, too.
+void tell(uint problem, uvec2 bytes)
+{
+    if ((push.log.x | push.log.y) != 0u)
+        complain(problem, push.object, 0u, bytes.x, bytes.y);
+    else
+        notice(push.root, problem == kComplaintTooLarge   ? kNoticeMicromapTooSmall
+                          : problem == kComplaintNotBuilt ? kNoticeMicromapNotBuilt
+                          : problem == kComplaintOverlap  ? kNoticeMicromapOverlap
+                                                          : kNoticeMicromapData);
+}
+
+// Lookup trusts the records: what a file says is looked at first. Wrong ones become unknown.
+uvec2 trusted(uvec2 record, uint units)
+{
+    const uint kind = record.x & kKindMask;
+    if (kind == kKindInline)
+        return record;
+    const bool far = kind == kKindFar;
+    const uint n = far ? record.x >> kUnitShift : kind - kKindData;
+    const uint unit = far ? record.y : record.x >> kUnitShift;
+    const uint level = kCoarseLevel + 1u + (n == kKindUpperHalf ? 0u : n >> 1u);
+    if (n <= 2u * (kMaxSubdivisionLevel - kCoarseLevel)) {
+        const uint bits = (1u + (n & 1u)) << (2u * level);
+        const uint needed = (bits + kDataUnitBytes * 8u - 1u) / (kDataUnitBytes * 8u);
+        if (needed <= units && unit <= units - needed)
+            return record;
+    }
+    return uvec2(kKindInline, ~0u);
+}
+
+uint mode;
+
+void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
+{
+    // The invocations take turns, unit by unit.
+    Quads source = Quads(from);
+    Quads target = Quads(to);
+    for (uint i = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x; i < count;
+         i += push.invocations) {
+        uvec4 v = source.at[i];
+        if (mode == kMoveDeserialize && i >= kMicromapHeaderUnits16 && i < kMicromapHeaderUnits16 + records)
+            v = uvec4(trusted(v.xy, units), trusted(v.zw, units));
+        target.at[i] = v;
+    }
+}
+
+// What is wrong with the micromap that is copied; 0: nothing. `bytes`: of it that are in use.
+uint problemOfSource(uvec2 header, out uvec2 bytes)
+{
+    bytes = uvec2(0u);
+    if (mode == kMoveDeserialize) {
+        const uint least = (kSerializedMicromapHeaderWords + kMicromapHeaderWords) * 4u;
+        Words words = Words(push.serialized);
+        if (less(push.serializedBytes, uvec2(least, 0u)) || words.w[kSerializedLayoutUuid] != kMicromapLayoutUuid0 ||
+            words.w[kSerializedLayoutUuid + 1u] != kMicromapLayoutUuid1 ||
+            words.w[kSerializedLayoutUuid + 2u] != kMicromapLayoutUuid2 ||
+            words.w[kSerializedLayoutUuid + 3u] != kMicromapLayoutVersion || complaintOfHeader(header, bytes) != 0u ||
+            less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)))
+            return kComplaintSerialized;
+        return 0u;
+    }
+    const uvec2 readable = mode == kMoveCopy ? push.serializedBytes : push.micromapBytes;
+    if (less(readable, uvec2(kMicromapHeaderWords * 4u, 0u)) || complaintOfHeader(header, bytes) != 0u ||
+        less(readable, bytes))
+        return kComplaintNotBuilt;
+    return 0u;
+}
+
+// What is wrong with the target of so many bytes.
+uint problemOfTarget(uvec2 bytes)
+{
+    if (mode == kMoveSerialize)
+        return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)) ? kComplaintTooLarge
+                                                                                                   : 0u;
+    if (less(push.micromapBytes, bytes))
+        return kComplaintTooLarge;
+    // VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
+    if (mode == kMoveCopy && (less(addressMinus(push.micromap, push.serialized), bytes) ||
+                              less(addressMinus(push.serialized, push.micromap), bytes)))
+        return kComplaintOverlap;
+    return 0u;
+}
+
+void main()
+{
+    mode = push.mode & ~kMoveMarked;
+    const uint me = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
+    const uvec2 header = mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u)
+                         : mode == kMoveCopy      ? push.serialized
+                                                  : push.micromap;
+    // A micromap that is too small for a header holds none, and may end before the magic number does.
+    const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
+    uvec2 bytes;
+    uint problem = problemOfSource(header, bytes);
+    if (problem == 0u)
+        problem = problemOfTarget(bytes);
+    if (problem != 0u) {
+        if (me == 0u) {
+            tell(problem, bytes);
+            // A target that overlaps the source is left as it is: it may be the source.
+            if (mode != kMoveSerialize && problem != kComplaintOverlap && !tiny)
+                Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
+        }
+        return;
+    }
+    const uint triangles = Words(header).w[kMicromapHeaderTriangles];
+    const uint units = Words(header).w[kMicromapHeaderUnits];
+    const uint records = (triangles >> 1u) + (triangles & 1u);
+    const uint count = bytes.x >> 4u | bytes.y << 28u;
+    if (mode != kMoveSerialize) {
+        copyUnits(header, push.micromap, count, records, units);
+        return;
+    }
+    const uvec2 whole = addressPlus(bytes, kSerializedMicromapHeaderWords * 4u);
+    copyUnits(push.micromap, addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u), count, records, units);
+    if (me == 0u) {
+        Quads target = Quads(push.serialized);
+        target.at[0] = push.driverUuid;
+        target.at[1] =
+            uvec4(kMicromapLayoutUuid0, kMicromapLayoutUuid1, kMicromapLayoutUuid2, kMicromapLayoutVersion);
+        uvec2 deserialized = bytes;
+        if ((push.mode & kMoveMarked) != 0u)
+            deserialized = marked(bytes);
+        target.at[2] = uvec4(whole, deserialized);
+        target.at[3] = uvec4(0u);
+    }
+}

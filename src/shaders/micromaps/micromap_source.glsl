@@ -1,0 +1,203 @@
+// The application's input of a micromap build, and where its triangles go. Included by all passes of the build.
+#include "shared.h"
+#include "curve.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/micromap_layout.glsl"
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 micromap;      // destination
+    uvec2 triangleArray; // VkMicromapTriangleEXT, each triangleArrayStride bytes
+    uvec2 data;
+    uvec2 scratch;
+    uvec2 log;    // where wrong input is told of (complaints.glsl); 0: nowhere
+    uvec2 object; // VkMicromapEXT handle, for the log
+    uint triangleArrayStride;
+    uint triangleCount; // records in the destination
+    uint readable;      // elements of triangleArray that lie inside its buffer
+    uint dataBytes;     // bytes of data that lie inside its buffer
+    uint capacityUnits; // data units in the destination
+    uint partCapacity;  // entries of the list of parts
+    uint tableMask;
+    uint flags; // kBuild*
+    uint alike;              // level | format << 16, where all triangles have the same; 0: they do not
+    uint lastOffset;         // of such triangles' data in place
+    uint staysPerInvocation; // triangles, of micromap_stay.comp
+    uint unused;
+} push;
+
+#include "ground/complaints.glsl"
+
+// A record that no pass may change any more: its input was wrong, and unknown is the one safe answer.
+const uint kRejected = kKindInline | ~kKindMask;
+
+struct Source {
+    uint problem; // kComplaint*, 0: none
+    uint dataOffset;
+    uint level;
+    uint bitsPerState; // 1 or 2
+};
+
+uint sourceBytes(uint level, uint bitsPerState)
+{
+    return (bitsPerState << (2u * level)) + 7u >> 3u;
+}
+
+// What is wrong with the triangle is only found here; what is wrong with all of them together, in micromap_place.comp.
+Source readSource(uint triangle)
+{
+    Source s;
+    s.problem = kComplaintUnreadable;
+    s.dataOffset = 0u;
+    s.level = 0u;
+    s.bitsPerState = 1u;
+    if (triangle >= push.readable)
+        return s;
+    const uvec2 address = elementAddress(push.triangleArray, triangle, push.triangleArrayStride);
+    uint levelAndFormat;
+    if (((push.triangleArray.x | push.triangleArrayStride) & 3u) == 0u) {
+        Words words = Words(address);
+        s.dataOffset = words.w[0];
+        levelAndFormat = words.w[1];
+    } else {
+        s.dataOffset = loadBytes(address, 4u);
+        levelAndFormat = loadBytes(addressPlus(address, 4u), 4u);
+    }
+    s.level = levelAndFormat & 0xffffu;
+    s.bitsPerState = levelAndFormat >> 16u; // VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT is 1, 4_STATE 2
+    s.problem = 0u;
+    if (s.bitsPerState - 1u > 1u) {
+        s.problem = kComplaintFormat;
+    } else if (s.level > kMaxSubdivisionLevel) {
+        s.problem = kComplaintLevel;
+    } else if (s.level > ((push.flags >> kBuildMaxLevelShift) & 15u)) {
+        s.problem = kComplaintUndeclared;
+    } else {
+        const uint bytes = sourceBytes(s.level, s.bitsPerState);
+        if (bytes > push.dataBytes || s.dataOffset > push.dataBytes - bytes)
+            s.problem = kComplaintData;
+    }
+    return s;
+}
+
+void complainAbout(uint triangle, Source s)
+{
+    if (s.problem != 0u)
+        complain(s.problem, push.object, triangle, s.dataOffset, s.level | s.bitsPerState << 16u);
+}
+
+// Counts what a triangle has, to be compared with the usage counts; a wrong triangle is told of by itself.
+void countForLog(uint units, bool wrong)
+{
+    if ((push.log.x | push.log.y) == 0u)
+        return;
+    atomicAdd(Words(push.scratch).w[kScratchTotalUnits], units);
+    if (wrong)
+        Words(push.scratch).w[kScratchWrong] = 1u;
+}
+
+uint unitsOf(Source s)
+{
+    if (s.problem != 0u || s.level <= kCoarseLevel)
+        return 0u;
+    return (sourceBytes(s.level, s.bitsPerState) + kDataUnitBytes - 1u) / kDataUnitBytes;
+}
+
+// Where in kind and unit a triangle's data are: the low bits of word 0 of its record.
+uint kindOf(Source s)
+{
+    return (s.level - kCoarseLevel - 1u) * 2u + (s.bitsPerState - 1u);
+}
+
+Words recordOf(uint triangle)
+{
+    return micromapRecord(push.micromap, triangle);
+}
+
+// Where data in place may begin: those of level 3 of the 2-state format can be either half of a data unit.
+uint alignmentInPlace(uint level, uint bitsPerState)
+{
+    return level == kCoarseLevel + 1u && bitsPerState == 1u ? kDataUnitBytes / 2u : kDataUnitBytes;
+}
+
+// Whether a triangle can use its data where it was copied to.
+bool fitsInPlace(Source s)
+{
+    const uint units = unitsOf(s);
+    return units == 0u || ((s.dataOffset & (alignmentInPlace(s.level, s.bitsPerState) - 1u)) == 0u &&
+                           (s.dataOffset >> 4u) + units <= push.capacityUnits);
+}
+
+// The same as kindOf(), where the data lie at dataOffset.
+uint kindInPlace(Source s)
+{
+    return kindOf(s) + ((s.dataOffset & 15u) != 0u ? kKindUpperHalf : 0u);
+}
+
+// Whether every triangle uses its data where it lies in the input; known after micromap_check.comp.
+bool verbatim()
+{
+    return (push.flags & kBuildVerbatim) != 0u && Words(push.scratch).w[kScratchElsewhere] == 0u;
+}
+
+// Every sub-triangle of level 2 has to be looked up: data need not be read for it.
+const uint kLookEverywhere = 0xaaaaaaaau;
+
+// Tables of the scratch memory.
+uvec2 sumsAddress()
+{
+    return addressPlus(push.scratch, kScratchTables * 4u);
+}
+
+uvec2 partsAddress()
+{
+    return elementAddress(sumsAddress(), (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock, 4u);
+}
+
+uvec2 hashesAddress()
+{
+    return elementAddress(partsAddress(), push.partCapacity, 8u);
+}
+
+uvec2 slotsAddress()
+{
+    return elementAddress(hashesAddress(), push.triangleCount, 4u);
+}
+
+uvec2 tableAddress()
+{
+    return elementAddress(slotsAddress(), push.triangleCount, 4u);
+}
+
+// The triangle whose data a triangle uses: the lowest of those with the same data. Itself, unless data is shared and the
+// tables are filled.
+uint ownerOf(uint triangle)
+{
+    if ((push.flags & kBuildShare) == 0u)
+        return triangle;
+    const uint slot = Words(slotsAddress()).w[triangle];
+    return slot == kNoSlot ? triangle : Words(tableAddress()).w[slot] - 1u;
+}
+
+// Puts a triangle with so many units on the list of parts, which other invocations work on. False where the list is
+// full: then there is more data than the usage counts.
+bool listParts(uint triangle, uint units)
+{
+    const uint parts = (units + kPartUnits - 1u) / kPartUnits;
+    const uint first = atomicAdd(Words(push.scratch).w[kScratchPartCount], parts);
+    Words list = Words(partsAddress());
+    for (uint i = 0u; i < parts && first + i < push.partCapacity; ++i) {
+        list.w[2u * (first + i)] = triangle;
+        list.w[2u * (first + i) + 1u] = i;
+    }
+    return first <= push.partCapacity && parts <= push.partCapacity - first;
+}
+
+// The size of the workgroup has to be declared before this file is included: gl_WorkGroupSize is a constant that would
+// silently be 1.
+uint globalInvocation()
+{
+    const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    return group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+}

@@ -1,0 +1,108 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Writes the records of one geometry of a bottom-level acceleration structure: one record a triangle, resolved through
+// the geometry's micromap indices, and the geometry record itself. VkAccelerationStructureTrianglesOpacityMicromapEXT.
+#include "shared.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/micromap_layout.glsl"
+#include "ground/cell.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 geometryRecord;
+    uvec2 triangleRecords; // 0: the geometry has no micromap
+    uvec2 micromap;        // 0: special indices only
+    uvec2 indices;         // 0: the index is the triangle's number
+    uvec2 cell;            // to be written; 0: not with this dispatch
+    uvec2 firstGeometryRecord;
+    uvec2 log;    // 0: nothing is validated
+    uvec2 range;  // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
+    uvec2 object; // the micromap's handle
+    uint triangleCount;
+    uint indexBytes; // 1, 2 or 4
+    uint indexStride;
+    uint readable; // indices that lie inside their buffer
+    uint baseTriangle;
+    uint geometryWord; // word 0 of the geometry record
+    uint geometryCount;
+    uint tailUnits; // of all records
+    uint geometry;     // its number
+    uint named;        // 1: the micromap is one of VK_KHR_opacity_micromap
+    uint micromapSize; // in units of 16 bytes
+} push;
+
+#include "ground/complaints.glsl"
+
+const uint kUnknownOpaque = ~0u; // all sixteen states
+
+uint fetchIndex(uint triangle)
+{
+    const uint value = loadBytes(elementAddress(push.indices, triangle, push.indexStride), push.indexBytes);
+    // Special indices are the unsigned cast of -1..-4 to the index type.
+    const uint above = push.indexBytes == 4u ? 0u : ~0u << (push.indexBytes * 8u);
+    return value >= (~above & ~3u) ? value | above : value;
+}
+
+uvec2 recordOf(uint triangle, uint micromapTriangles)
+{
+    uint index = triangle;
+    if (any(notEqual(push.indices, uvec2(0)))) {
+        if (triangle >= push.readable) {
+            complain(kComplaintIndexBuffer, push.object, triangle, 0u, 0u);
+            return uvec2(kKindInline, kUnknownOpaque);
+        }
+        index = fetchIndex(triangle);
+        if (index >= 0xfffffffcu)
+            return uvec2(kKindInline, ~index * 0x55555555u);
+    }
+    const uint target = index + push.baseTriangle;
+    if (target < index || target >= micromapTriangles) {
+        complain(kComplaintIndex, push.object, triangle, index, micromapTriangles);
+        return uvec2(kKindInline, kUnknownOpaque);
+    }
+    Words record = micromapRecord(push.micromap, target);
+    return uvec2(record.w[0], record.w[1]);
+}
+
+void main()
+{
+    const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    const uint triangle = group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+
+    uint micromapTriangles = 0u;
+    uint dataUnits = 0u;
+    const uvec2 micromap = readable(push.micromap, push.geometryRecord);
+    if (any(notEqual(push.micromap, uvec2(0))) && holdsMicromap(micromap, push.micromapSize)) {
+        Words header = Words(micromap);
+        micromapTriangles = header.w[kMicromapHeaderTriangles];
+        dataUnits = header.w[kMicromapHeaderUnits];
+    }
+    uint triangles = push.triangleCount;
+    if (any(notEqual(push.range, uvec2(0))))
+        triangles = min(triangles, Words(readable(push.range, push.geometryRecord)).w[0]);
+    if (triangle < triangles && any(notEqual(push.triangleRecords, uvec2(0)))) {
+        const uvec2 value = recordOf(triangle, micromapTriangles);
+        Words record = Words(elementAddress(push.triangleRecords, triangle, kTriangleRecordWords * 4u));
+        record.w[0] = value.x;
+        record.w[1] = value.y;
+    }
+    if (triangle != 0u)
+        return;
+    const uvec2 units = micromapUnits(push.micromap, micromapTriangles);
+    Words geometry = Words(push.geometryRecord);
+    geometry.w[0] = push.geometryWord;
+    geometry.w[1] = dataUnits;
+    geometry.w[2] = units.x;
+    geometry.w[3] = units.y;
+    const bool named = push.named != 0u && any(notEqual(push.micromap, uvec2(0)));
+    Words name = Words(elementAddress(push.firstGeometryRecord, push.geometryCount + push.geometry, kMicromapNameWords * 4u));
+    name.w[0] = named ? push.micromap.x : 0u;
+    name.w[1] = named ? push.micromap.y : 0u;
+    name.w[2] = named ? unitsBetween(push.micromap, units) : 0u;
+    name.w[3] = 0u;
+    if (any(notEqual(push.cell, uvec2(0))))
+        storeCell(push.cell, Cell(push.firstGeometryRecord, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
+}

@@ -1,0 +1,72 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Copies the tail of a bottom-level acceleration structure to the copy that the driver has made of the rest. Whether there
+// is one is known only here: the copy may have been recorded before the build that it copies.
+#include "shared.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/cell.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 sourceCell;
+    uvec2 targetCell;
+    uvec2 sourceBegin;
+    uvec2 targetBegin;
+    uvec2 root;
+    uint sourceUnits; // sizes of the structures
+    uint targetUnits;
+    uint compact;
+} push;
+
+void main()
+{
+    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+
+    Cell source = loadCell(push.sourceCell);
+    const bool unbuilt = source.kind == kCellUnbuilt;
+    uint at = unitsBetween(push.sourceBegin, source.tail);
+    // What is no BLAS with records, or aliases a larger one, has nothing to copy.
+    if (source.kind == kCellBottom && !fits(at, source.units, push.sourceUnits))
+        source.kind = kCellPlain;
+    if (source.kind == kCellBottom) {
+        if (push.compact != 0u) {
+            if (source.extra.x != 0u)
+                at = min(at, source.extra.x);
+            // The application knows the size from elsewhere: the records come last in it.
+            if (!fits(at, source.units, push.targetUnits) && source.units <= push.targetUnits)
+                at = push.targetUnits - source.units;
+        }
+        if (!fits(at, source.units, push.targetUnits)) {
+            source.kind = kCellBroken;
+            if (me == 0u)
+                notice(push.root, kNoticeCopyTooSmall);
+        }
+    }
+    const uvec2 tail = unitAddress(push.targetBegin, at);
+    if (me == 0u) {
+        if (source.kind == kCellBottom)
+            storeCell(push.targetCell, Cell(tail, kCellBottom, source.units, source.count, source.recordUnits, uvec2(0)));
+        else if (source.kind == kCellBoxes)
+            storeCell(push.targetCell, source);
+        else
+            storeCell(push.targetCell, Cell(uvec2(0), unbuilt ? kCellUnbuilt : source.kind == kCellBroken ? kCellBroken : kCellPlain, 0u, 0u, 0u, uvec2(0)));
+    }
+    if (source.kind != kCellBottom)
+        return;
+    Units from = Units(source.tail);
+    Units to = Units(tail);
+    for (uint i = me; i < source.units; i += all) {
+        uvec4 value = from.at[i];
+        // Of a geometry record: data units that lie in the tail itself move along.
+        if (i < source.count) {
+            const uint place = unitsBetween(source.tail, value.zw);
+            if (place < source.units)
+                value.zw = unitAddress(tail, place);
+        }
+        to.at[i] = value;
+    }
+}

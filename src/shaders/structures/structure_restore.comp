@@ -1,0 +1,238 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Deserializes an acceleration structure. Nothing of the data is believed: what is not exactly what this version of the
+// layer and this driver have serialized is replaced by a blank structure, which the driver can be given.
+// Passes: one invocation checks the headers; all add up the checksum; one invocation decides; all copy the driver's data to
+// staging memory, from where the driver deserializes; then all copy the tail.
+#include "shared.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/cell.glsl"
+#include "serialized.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 blob;
+    uvec2 staging; // plan (kPlanUnits), then the driver's data
+    uvec2 cell;
+    uvec2 begin; // of the structure
+    uvec2 root;
+    uvec2 blank; // serialized by the driver; its first 32 bytes are the driver's UUIDs
+    uint blankUnits;
+    uint capacity;     // units in the source's buffer
+    uint stagingUnits; // of the driver's data
+    uint targetUnits;  // of the structure
+    uint kind;         // kCellBottom or kCellTop: what is expected
+    uint pass;
+} push;
+
+// Micromaps that the header of a BLAS names; ~0: the header is not one. Without blocks it has one of two forms.
+uint namedMicromaps()
+{
+    Words header = Words(push.blob);
+    if (header.w[12] == 0u && (header.w[13] == 0u || header.w[13] == kBlockFormat))
+        return 0u;
+    if (header.w[12] != 1u || header.w[13] != kBlockFormat || header.w[kBlockType] != 0u)
+        return ~0u;
+    const uint count = header.w[kBlockAddressCount];
+    return header.w[kBlockAddressCount + 1u] != 0u || count == 0u || count > kMaxBlockAddresses ? ~0u : count;
+}
+
+// Units before the block; ~0: the header is not one.
+uint blockStart()
+{
+    Words header = Words(push.blob);
+    if (push.kind == kCellBottom) {
+        const uint named = namedMicromaps();
+        if (named == ~0u || !fits(headerUnits(named), kSerializedHeaderUnits, push.capacity))
+            return ~0u;
+        Words driver = Words(unitAddress(push.blob, headerUnits(named)));
+        return saturatingAdd(headerUnits(named), driverUnitsOf(uvec2(driver.w[8], driver.w[9]), 0x0fffffffu));
+    }
+    return header.w[13] != 0u || header.w[12] > 0x0fffffffu ? ~0u : (header.w[12] + 1u) / 2u + kSerializedHeaderUnits;
+}
+
+// The notice for what is wrong with the headers; kNotices: nothing.
+uint fault()
+{
+    if (push.capacity < 2u * kSerializedHeaderUnits)
+        return kNoticeDamagedData;
+    Words header = Words(push.blob);
+    Words blank = Words(push.blank);
+    for (uint w = 0u; w < 8u; ++w) {
+        if (header.w[w] != (w < 4u ? blank.w[w] : blank.w[w] ^ kCompatibilityWord))
+            return kNoticeForeignData;
+    }
+    const bool top = (header.w[10] & 255u) == kTopLevelSizeMark;
+    if (top != (push.kind == kCellTop))
+        return kNoticeWrongType;
+    const uint total = unitsOfBytes(uvec2(header.w[8], header.w[9]));
+    const uint block = blockStart();
+    if (total > push.capacity || !fits(block, kBlockUnits, total))
+        return kNoticeDamagedData;
+    Words b = Words(unitAddress(push.blob, block));
+    const uint tailUnits = b.w[kBlockHeaderTailUnits];
+    const uint count = b.w[kBlockHeaderCount];
+    if (b.w[kBlockHeaderMagic] != kBlockMagic || b.w[kBlockHeaderVersion] != kBlockVersion ||
+        tailUnits != total - block - kBlockUnits)
+        return kNoticeDamagedData;
+    if (top)
+        return b.w[kBlockHeaderKind] != kCellTop || count != header.w[12] || tailUnits / kInstanceUnits != count
+                   ? kNoticeDamagedData
+                   : kNotices;
+    const uint headerSize = headerUnits(namedMicromaps());
+    const uint driverUnits = block - headerSize;
+    Words driver = Words(unitAddress(push.blob, headerSize));
+    const uint driverSize = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
+    if ((b.w[kBlockHeaderKind] != kCellBottom && b.w[kBlockHeaderKind] != kCellPlain && b.w[kBlockHeaderKind] != kCellBoxes) || b.w[kBlockHeaderRecordUnits] > tailUnits ||
+        count > b.w[kBlockHeaderRecordUnits] / 2u || driverUnits > push.stagingUnits)
+        return kNoticeDamagedData;
+    for (uint w = 0u; w < 8u; ++w) {
+        if (driver.w[w] != blank.w[w])
+            return kNoticeForeignData;
+    }
+    return driverSize > push.targetUnits || !fits(b.w[kBlockHeaderTailOffset], tailUnits, push.targetUnits)
+               ? kNoticeTargetTooSmall
+               : kNotices;
+}
+
+void check()
+{
+    Words p = Words(push.staging);
+    const uint what = fault();
+    if (what != kNotices)
+        notice(push.root, what);
+    p.w[kPlanOk] = what == kNotices ? 1u : 0u;
+    const uint named = what == kNotices && push.kind == kCellBottom ? namedMicromaps() : 0u;
+    p.w[kPlanHeaderUnits] = headerUnits(named);
+    p.w[kPlanNamed] = named;
+    p.w[kPlanDriverUnits] = what == kNotices ? blockStart() - headerUnits(named) : push.blankUnits;
+    p.w[kPlanChecksum] = 0u;
+}
+
+void addUp(uint me, uint all)
+{
+    Words p = Words(push.staging);
+    if (p.w[kPlanOk] == 0u)
+        return;
+    const uint driverUnits = p.w[kPlanDriverUnits];
+    const uint header = p.w[kPlanHeaderUnits];
+    const uint block = header + driverUnits;
+    Units blob = Units(push.blob);
+    uint sum = 0u;
+    // Of a TLAS that place holds the handles, which the application may have changed.
+    for (uint i = me; push.kind == kCellBottom && i < driverUnits; i += all)
+        sum += checkOf(blob.at[header + i], i);
+    const uint first = push.kind == kCellBottom ? driverUnits : 0u;
+    const uint tailUnits = Words(unitAddress(push.blob, block)).w[kBlockHeaderTailUnits];
+    Units tail = Units(unitAddress(push.blob, block + kBlockUnits));
+    for (uint i = me; i < tailUnits; i += all)
+        sum += checkOf(tail.at[i], first + i);
+    atomicAdd(p.w[kPlanChecksum], sum);
+}
+
+void decide()
+{
+    Words p = Words(push.staging);
+    Cell instances = Cell(uvec2(0), kCellUnbuilt, 0u, 0u, 0u, uvec2(0));
+    if (p.w[kPlanOk] != 0u) {
+        const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
+        Words b = Words(unitAddress(push.blob, block));
+        if (b.w[kBlockHeaderChecksum] != p.w[kPlanChecksum]) {
+            notice(push.root, kNoticeDamagedData);
+            p.w[kPlanOk] = 0u;
+            p.w[kPlanDriverUnits] = push.blankUnits;
+        } else if (push.kind == kCellTop) {
+            const uint count = b.w[kBlockHeaderCount];
+            instances = Cell(unitAddress(push.blob, block + kBlockUnits), kCellTop, count * kInstanceUnits, count,
+                             count * kInstanceUnits, addressPlus(push.blob, kSerializedHeaderWords * 4u));
+        }
+    }
+    storeCell(addressPlus(push.staging, kPlanCell * 4u), instances);
+}
+
+void stage(uint me, uint all)
+{
+    Words p = Words(push.staging);
+    const bool ok = p.w[kPlanOk] != 0u;
+    const uint driverUnits = p.w[kPlanDriverUnits];
+    Units from = Units(ok ? unitAddress(push.blob, p.w[kPlanHeaderUnits]) : push.blank);
+    Units to = Units(unitAddress(push.staging, kPlanUnits));
+    for (uint i = me; i < driverUnits; i += all)
+        to.at[i] = from.at[i];
+}
+
+// Where the header says that the micromap of that number is, in place of the one that was serialized; 0, with a notice,
+// where there is none at that address that data of `units` units fits in, `offset` units behind it.
+uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
+{
+    if (number < named) {
+        Words at = Words(addressPlus(push.blob, kBlockAddresses * 4u + number * 8u));
+        const uvec2 address = uvec2(at.w[0], at.w[1]);
+        const uvec2 cell = findCell(push.root, addressPlus(address, kMicromapKey));
+        if (any(notEqual(cell, uvec2(0))) && loadCell(cell).kind == kCellMicromap && fits(offset, units, loadCell(cell).units))
+            return address;
+    }
+    notice(push.root, kNoticeUnknownMicromap);
+    return uvec2(0);
+}
+
+void finish(uint me, uint all)
+{
+    Words p = Words(push.staging);
+    if (p.w[kPlanOk] == 0u) {
+        if (me == 0u)
+            storeCell(push.cell, Cell(uvec2(0), kCellBroken, 0u, 0u, 0u, uvec2(0)));
+        return;
+    }
+    const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
+    Words b = Words(unitAddress(push.blob, block));
+    const uint tailUnits = b.w[kBlockHeaderTailUnits];
+    const uint count = b.w[kBlockHeaderCount];
+    const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
+    if (me == 0u && b.w[kBlockHeaderKind] == kCellBottom)
+        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0)));
+    else if (me == 0u && b.w[kBlockHeaderKind] == kCellBoxes)
+        storeCell(push.cell, Cell(uvec2(0), kCellBoxes, 0u, 0u, 0u, uvec2(0u, b.w[kBlockHeaderOpaqueBoxes])));
+    else if (me == 0u)
+        storeCell(push.cell, Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0)));
+    Units from = Units(unitAddress(push.blob, block + kBlockUnits));
+    Units to = Units(tail);
+    for (uint i = me; i < tailUnits; i += all) {
+        uvec4 value = from.at[i];
+        if (i < count && value.z == kPlaceNamed) {
+            const uint offset = from.at[count + i].z;
+            const uvec2 micromap = micromapInHeader(value.w, p.w[kPlanNamed], offset, value.y);
+            value.zw = unitAddress(micromap, offset);
+            // Without its micromap the geometry has none.
+            if ((micromap.x | micromap.y) == 0u)
+                value = uvec4(value.x & kGeometryRecordOpaque, uvec3(0));
+        } else if (i < count) {
+            value.zw = unitAddress(tail, value.z);
+        } else if (i < 2u * count && isNamed(value)) {
+            value.xy = micromapInHeader(from.at[i - count].w, p.w[kPlanNamed], value.z, from.at[i - count].y);
+        }
+        to.at[i] = value;
+    }
+}
+
+void main()
+{
+    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    switch (push.pass) {
+    case 0u:
+        if (me == 0u)
+            check();
+        break;
+    case 1u: addUp(me, all); break;
+    case 2u:
+        if (me == 0u)
+            decide();
+        break;
+    case 3u: stage(me, all); break;
+    default: finish(me, all); break;
+    }
+}

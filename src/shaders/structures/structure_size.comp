@@ -1,0 +1,78 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Turns the driver's answer to a property query of an acceleration structure into the application's: with the layer's
+// part. In place, on a 64-bit number.
+#include "shared.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/cell.glsl"
+#include "serialized.glsl"
+
+layout(local_size_x = 1) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 cell;
+    uvec2 begin;
+    uvec2 value;
+    uint structureUnits;
+    uint property;    // kProperty*
+    uint wholeCopies; // the driver serializes whole structures, whatever was built in them
+} push;
+
+const uint kPropertyCompactedSize = 0u;
+const uint kPropertySerializationSize = 1u;
+const uint kPropertySize = 2u;
+const uint kPropertyPointers = 3u;
+
+void main()
+{
+    Words value = Words(push.value);
+    Cell cell = loadCell(push.cell);
+    const uint offset = unitsBetween(push.begin, cell.tail);
+    if (!fits(offset, cell.units, push.structureUnits))
+        cell.kind = kCellPlain;
+    const uvec2 driver = uvec2(value.w[0], value.w[1]);
+    uvec2 result = driver;
+    if (cell.kind == kCellTop) {
+        if (push.property == kPropertyPointers)
+            result = uvec2(cell.count, 0u);
+        else if (push.property == kPropertySerializationSize)
+            result = bytesOfUnits(kSerializedHeaderUnits + (cell.count + 1u) / 2u + kBlockUnits + cell.units);
+        else
+            result = bytesOfUnits(offset + cell.units);
+    } else if (push.property == kPropertyPointers) {
+        result = uvec2(0);
+    } else if (push.property == kPropertySerializationSize) {
+        // As structure_save.comp plans it.
+        uint units = driverUnitsOf(driver, push.structureUnits);
+        uint tail = 0u;
+        uint named = 0u;
+        if (cell.kind == kCellBottom) {
+            if (push.wholeCopies != 0u)
+                units = min(units, saturatingAdd(offset, kSerializedHeaderUnits));
+            tail = cell.recordUnits;
+            uvec4 before = uvec4(0);
+            Units records = recordsOf(cell, push.cell);
+            for (uint g = 0u; g < cell.count; ++g) {
+                if (isNamed(micromapName(records, cell, g))) {
+                    ++named;
+                    continue;
+                }
+                const uvec4 record = records.at[g];
+                if (g == 0u || record.yzw != before.yzw)
+                    tail = saturatingAdd(tail, record.y);
+                before = record;
+            }
+        }
+        result = bytesOfUnits(saturatingAdd(headerUnits(named) + units + kBlockUnits, tail));
+    } else if (cell.kind == kCellBottom) {
+        const uint part = min(unitsOfBytes(driver) + 15u & ~15u, offset);
+        result = bytesOfUnits(part + cell.units);
+        // A compacted copy finds its place for the tail here.
+        if (push.property == kPropertyCompactedSize)
+            Words(push.cell).w[6] = part;
+    }
+    value.w[0] = result.x;
+    value.w[1] = result.y;
+}

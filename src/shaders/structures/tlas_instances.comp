@@ -1,0 +1,177 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Copies the application's instances for the driver to build from, with the slot in place of the custom index and without
+// the flags that would keep hits from the shader, and writes the instance records. VkAccelerationStructureInstanceKHR.
+#include "shared.h"
+#include "opacity.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/cell.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 source; // instances, pointers to them, or a cell that leads to them
+    uvec2 target; // instances for the driver
+    uvec2 root;
+    uvec2 tail; // where the instances are kept for copies of the structure
+    uvec2 cell; // of the structure that is built
+    uvec2 range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
+    uint count; // the driver builds so many
+    uint firstSlot;
+    uint from; // kFrom*
+    uint pass; // 0: before the driver's build; 1: after it, since the driver may clear all of the structure
+} push;
+
+const uint kFromArray = 0u;
+const uint kFromPointers = 1u;
+const uint kFromStructure = 2u;  // a copy: the instances are those of another structure
+const uint kFromSerialized = 3u; // with the references in an array of their own
+
+const uint kInstanceBytes = 64u;
+const uint kCustomIndexWord = 12u; // custom index 24 bits, mask 8
+const uint kFlagsWord = 13u;       // shader binding table offset 24 bits, flags 8
+const uint kReferenceWord = 14u;
+
+uvec2 loadAddress(uvec2 at)
+{
+    Words words = Words(at);
+    return uvec2(words.w[0], words.w[1]);
+}
+
+struct Referenced {
+    bool known;    // there is such a structure
+    bool built;
+    bool broken;   // it must not be traced
+    bool boxes;    // it is known which geometries of boxes are opaque
+    uint opaqueBoxes;
+    uvec2 records; // its geometry records; zero where it has none
+};
+
+Referenced findReferenced(uvec2 reference)
+{
+    Referenced found = Referenced(false, false, false, false, 0u, uvec2(0));
+    const uvec2 place = findCell(push.root, reference);
+    if ((place.x | place.y) == 0u)
+        return found;
+    Words cell = Words(place);
+    found.known = true;
+    found.built = cell.w[2] != kCellUnbuilt;
+    found.broken = cell.w[2] == kCellBroken;
+    if (cell.w[2] == kCellBottom)
+        found.records = uvec2(cell.w[0], cell.w[1]);
+    found.boxes = cell.w[2] == kCellBoxes;
+    if (found.boxes)
+        found.opaqueBoxes = cell.w[7];
+    return found;
+}
+
+void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
+{
+    const uvec2 records = found.records;
+    const uint recordFlags = (flags >> kInstanceFlagsShift) & kInstanceFlagsMask;
+    const uvec2 entry = elementAddress(push.root, (slot >> kSlotsPerPageLog2) + kRootHeaderWords / 2u, 8u);
+    const uint inPage = slot & ((1u << kSlotsPerPageLog2) - 1u);
+    Words record = Words(elementAddress(loadAddress(entry), inPage, kInstanceRecordWords * 4u));
+    record.w[0] = customIndex | (found.boxes ? kInstanceBoxes | (recordFlags << kInstanceBoxFlagsShift) : 0u);
+    record.w[1] = found.opaqueBoxes;
+    record.w[2] = records.x | (any(notEqual(records, uvec2(0))) ? recordFlags : 0u);
+    record.w[3] = records.y;
+}
+
+// The VkAccelerationStructureBuildRangeInfoKHR of an indirect build: primitiveCount, primitiveOffset.
+bool isIndirect()
+{
+    return (push.range.x | push.range.y) != 0u;
+}
+
+// Where instance i is read from.
+uvec2 sourceOf(uint i, Cell copied)
+{
+    const uvec2 array = isIndirect() ? addressPlus(push.source, Words(readable(push.range, push.root)).w[1]) : push.source;
+    if (push.from == kFromPointers)
+        return loadAddress(elementAddress(array, i, 8u));
+    return elementAddress(push.from == kFromArray ? array : copied.tail, i, kInstanceBytes);
+}
+
+uvec2 referenceOf(uint i, Words source, Cell copied)
+{
+    return push.from == kFromSerialized ? loadAddress(elementAddress(copied.extra, i, 8u))
+                                        : uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
+}
+
+// The application's instance, for copies of the structure.
+void keep(uint i, Cell copied)
+{
+    Words source = Words(sourceOf(i, copied));
+    Words kept = Words(elementAddress(push.tail, i, kInstanceBytes));
+    for (uint w = 0u; w < kReferenceWord; ++w)
+        kept.w[w] = source.w[w];
+    const uvec2 reference = referenceOf(i, source, copied);
+    kept.w[kReferenceWord] = reference.x;
+    kept.w[kReferenceWord + 1u] = reference.y;
+}
+
+void main()
+{
+    const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const bool copying = push.from >= kFromStructure;
+    Cell copied = Cell(uvec2(0), kCellTop, 0u, push.count, 0u, uvec2(0));
+    if (copying) {
+        copied = loadCell(push.source);
+        if (copied.kind == kCellTop && copied.count > push.count) {
+            if (i == 0u && push.pass == 0u)
+                notice(push.root, push.from == kFromStructure ? kNoticeCopyTooSmall : kNoticeTargetTooSmall);
+            copied.kind = kCellBroken;
+        }
+        if (copied.kind != kCellTop)
+            copied.count = 0u;
+    }
+    // More than the application said that there would be at most are left out: VUID-...-ppMaxPrimitiveCounts-03653.
+    if (isIndirect())
+        copied.count = min(Words(readable(push.range, push.root)).w[0], push.count);
+    if (push.pass != 0u) {
+        if (i < copied.count)
+            keep(i, copied);
+        return;
+    }
+    if (i == 0u) {
+        const uint units = copied.count * kInstanceUnits;
+        storeCell(push.cell, Cell(push.tail, kCellTop, units, copied.count, units, uvec2(0)));
+    }
+    if (i >= push.count)
+        return;
+    const uint slot = push.firstSlot + i;
+    Words target = Words(elementAddress(push.target, i, kInstanceBytes));
+    if (i >= copied.count) {
+        // Inactive: the driver builds for as many instances as there may be.
+        for (uint w = 0u; w < kInstanceBytes / 4u; ++w)
+            target.w[w] = 0u;
+        writeRecord(slot, 0u, 0u, findReferenced(uvec2(0)));
+        return;
+    }
+    Words source = Words(sourceOf(i, copied));
+    for (uint w = 0u; w < kCustomIndexWord; ++w)
+        target.w[w] = source.w[w];
+    const uint customAndMask = source.w[kCustomIndexWord];
+    const uint offsetAndFlags = source.w[kFlagsWord];
+    const uvec2 reference = referenceOf(i, source, copied);
+    const Referenced found = findReferenced(reference);
+    // The driver follows references when it builds. Those of an application's build are the application's; those of a
+    // copy may have been destroyed since, or come from another process.
+    const bool dead = found.broken || (copying && !found.built);
+    if (dead && !found.built && any(notEqual(reference, uvec2(0))))
+        notice(push.root, found.known ? kNoticeUnbuiltReference : kNoticeUnknownReference);
+
+    // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
+    uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;
+    if (any(notEqual(found.records, uvec2(0))))
+        hidden |= kInstanceForceOpaque;
+
+    target.w[kCustomIndexWord] = slot | (customAndMask & 0xff000000u);
+    target.w[kFlagsWord] = offsetAndFlags & ~(hidden << 24u);
+    target.w[kReferenceWord] = dead ? 0u : reference.x;
+    target.w[kReferenceWord + 1u] = dead ? 0u : reference.y;
+    writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, found);
+}

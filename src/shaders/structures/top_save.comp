@@ -1,0 +1,86 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Serializes a top-level acceleration structure: its instances as the application gave them, one handle an instance. The
+// driver's own data would hold slots of this device.
+#include "shared.h"
+#include "records.h"
+#include "ground/memory.glsl"
+#include "ground/cell.glsl"
+#include "serialized.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    uvec2 cell;
+    uvec2 begin;
+    uvec2 blob;
+    uvec2 root;
+    uvec2 blank; // serialized by the driver: its first 32 bytes are the driver's UUIDs
+    uint structureUnits;
+    uint leastUnits; // of any top-level structure
+    uint capacity;   // units in the destination's buffer
+    uint pass;       // 0: headers, 1: instances
+} push;
+
+void main()
+{
+    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    Cell cell = loadCell(push.cell);
+    uint offset = unitsBetween(push.begin, cell.tail);
+    if (cell.kind != kCellTop || !fits(offset, cell.units, push.structureUnits)) {
+        cell.count = 0u;
+        offset = 0u;
+    }
+    const uint block = (cell.count + 1u) / 2u + kSerializedHeaderUnits;
+    const uint tailUnits = cell.count * kInstanceUnits;
+    const uint total = block + kBlockUnits + tailUnits;
+    if (total > push.capacity) {
+        if (me == 0u)
+            notice(push.root, kNoticeMemoryTooSmall);
+        return;
+    }
+    Words b = Words(unitAddress(push.blob, block));
+    if (push.pass == 0u) {
+        if (me != 0u)
+            return;
+        Words header = Words(push.blob);
+        Words blank = Words(push.blank);
+        for (uint w = 0u; w < 8u; ++w)
+            header.w[w] = w < 4u ? blank.w[w] : blank.w[w] ^ kCompatibilityWord;
+        const uvec2 totalBytes = bytesOfUnits(total);
+        const uvec2 size = bytesOfUnits(max(offset + tailUnits + 15u & ~15u, push.leastUnits));
+        header.w[8] = totalBytes.x;
+        header.w[9] = totalBytes.y;
+        header.w[10] = size.x | kTopLevelSizeMark;
+        header.w[11] = size.y;
+        header.w[12] = cell.count;
+        header.w[13] = 0u;
+        for (uint w = 0u; w < 16u; ++w)
+            b.w[w] = 0u;
+        b.w[kBlockHeaderMagic] = kBlockMagic;
+        b.w[kBlockHeaderVersion] = kBlockVersion;
+        b.w[kBlockHeaderKind] = kCellTop;
+        b.w[kBlockHeaderCount] = cell.count;
+        b.w[kBlockHeaderTailUnits] = tailUnits;
+        return;
+    }
+    Units from = Units(cell.tail);
+    Units to = Units(unitAddress(push.blob, block + kBlockUnits));
+    Words handles = Words(addressPlus(push.blob, kSerializedHeaderWords * 4u));
+    uint sum = 0u;
+    for (uint i = me; i < cell.count; i += all) {
+        for (uint u = 0u; u < kInstanceUnits; ++u) {
+            const uint at = i * kInstanceUnits + u;
+            const uvec4 value = from.at[at];
+            to.at[at] = value;
+            sum += checkOf(value, at);
+            if (u + 1u == kInstanceUnits) {
+                handles.w[2u * i] = value.z;
+                handles.w[2u * i + 1u] = value.w;
+            }
+        }
+    }
+    atomicAdd(b.w[kBlockHeaderChecksum], sum);
+}

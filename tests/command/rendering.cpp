@@ -1,0 +1,38 @@
+#include "rendering.h"
+
+#include <fstream>
+#include <iterator>
+
+namespace vellum::test
+{
+
+Bytes readFile(const std::filesystem::path &path)
+{
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::string lineOf(const Outcome &outcome, const std::string &beginning)
+{
+    const std::size_t at = outcome.output.find("\n" + beginning);
+    if (at == std::string::npos)
+        return {};
+    return outcome.output.substr(at + 1, outcome.output.find('\n', at + 1) - at - 1);
+}
+
+Outcome Rendering::render(std::vector<std::string> options)
+{
+    options.insert(options.begin(), {"render", "--size", "96x64"});
+    Outcome outcome = runVellum(options);
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_EQ(outcome.errors, "");
+    return outcome;
+}
+
+Outcome Rendering::render(const std::string &trace, std::vector<std::string> options)
+{
+    options.insert(options.begin(), {"--trace", trace, "--frames", "1"});
+    return render(std::move(options));
+}
+
+} // namespace vellum::test

@@ -1,0 +1,31 @@
+// For tests of `vellum render`.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "command.h"
+#include "glb_file.h"
+
+namespace vellum::test
+{
+
+Bytes readFile(const std::filesystem::path &path);
+
+// The line of the output that begins so; empty where there is none.
+std::string lineOf(const Outcome &outcome, const std::string &beginning);
+
+class Rendering : public testing::Test
+{
+protected:
+    // A small picture of the grove, which must succeed: leaves, solid wood, ground and sky.
+    [[nodiscard]] static Outcome render(std::vector<std::string> options);
+    // One frame of it.
+    [[nodiscard]] static Outcome render(const std::string &trace, std::vector<std::string> options);
+
+    TemporaryFolder folder;
+};
+
+} // namespace vellum::test

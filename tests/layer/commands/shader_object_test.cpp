@@ -1,0 +1,158 @@
+// VK_EXT_shader_object: ray queries in a shader object, and a bound one that survives builds. The types are written out
+// here because the oldest headers this project builds with lack them, and so does the validation layer of that age.
+#include <cstddef>
+#include <vector>
+
+#include "commands/state_scene.h"
+
+#include "shaders/tracer_comp.h"
+
+namespace
+{
+
+using namespace vt;
+
+using ShaderHandle = std::uint64_t; // VkShaderEXT
+
+struct ShaderCreateInfo { // VkShaderCreateInfoEXT
+    std::uint32_t sType = 1000482002;
+    const void *pNext = nullptr;
+    VkFlags flags = 0;
+    VkShaderStageFlagBits stage{};
+    VkShaderStageFlags nextStage = 0;
+    std::uint32_t codeType = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
+    std::size_t codeSize = 0;
+    const void *pCode = nullptr;
+    const char *pName = "main";
+    std::uint32_t setLayoutCount = 0;
+    const VkDescriptorSetLayout *pSetLayouts = nullptr;
+    std::uint32_t pushConstantRangeCount = 0;
+    const VkPushConstantRange *pPushConstantRanges = nullptr;
+    const VkSpecializationInfo *pSpecializationInfo = nullptr;
+};
+
+using CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, std::uint32_t, const ShaderCreateInfo *,
+                                            const VkAllocationCallbacks *, ShaderHandle *);
+using DestroyShader = void(VKAPI_PTR *)(VkDevice, ShaderHandle, const VkAllocationCallbacks *);
+using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkShaderStageFlagBits *,
+                                      const ShaderHandle *);
+
+// The tracer as a shader object: what `info` points to lives as long as this.
+struct TracerShader {
+    explicit TracerShader(const Gpu &gpu, const Tracer &tracer)
+        : setLayout(tracer.setLayout()), code(gpu.code(tracer_comp))
+    {
+        info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+        info.codeSize = code.size() * sizeof(std::uint32_t);
+        info.pCode = code.data();
+        info.setLayoutCount = 1;
+        info.pSetLayouts = &setLayout;
+        info.pushConstantRangeCount = 1;
+        info.pPushConstantRanges = &range;
+    }
+    TracerShader(const TracerShader &) = delete;
+    TracerShader &operator=(const TracerShader &) = delete;
+    VkDescriptorSetLayout setLayout;
+    std::vector<std::uint32_t> code;
+    VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
+    ShaderCreateInfo info;
+};
+
+class ShaderObject : public GpuTest
+{
+protected:
+    ShaderObject() : GpuTest({.oldValidation = false, .shaderObject = true}) {}
+};
+
+TEST_F(ShaderObject, TracesAndSurvivesBuilds)
+{
+    if (!gpu().has("VK_EXT_shader_object"))
+        GTEST_SKIP() << "no VK_EXT_shader_object";
+    const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
+    const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
+    const auto bind = reinterpret_cast<BindShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCmdBindShadersEXT"));
+    ASSERT_TRUE(create != nullptr && destroy != nullptr && bind != nullptr);
+
+    StateScene scene(gpu());
+    Tracer tracer(gpu());
+    TracerShader description(gpu(), tracer);
+    ShaderCreateInfo &info = description.info;
+    ShaderHandle shader = 0;
+    VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
+
+    const std::vector<Ray> rays = scene.rays();
+    tracer.prepare(scene.tlas(), rays);
+    gpu().submit([&](VkCommandBuffer commands) {
+        tracer.bind(commands); // descriptor set and push constants; the shader object replaces the pipeline
+        const VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
+        bind(commands, 1, &stage, &shader);
+        scene.record(commands);
+        tracer.dispatch(commands);
+        barrier(commands);
+    });
+    StateScene::expectRight(tracer.results());
+    destroy(gpu().device(), shader, nullptr);
+}
+
+// VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT: the spy below the layer tells if it gets
+// there.
+TEST_F(ShaderObject, ThePromiseOfNoMixedSpecialIndicesStaysInTheLayer)
+{
+    if (!gpu().has("VK_EXT_shader_object"))
+        GTEST_SKIP() << "no VK_EXT_shader_object";
+    const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
+    const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
+    const Tracer tracer(gpu());
+    TracerShader description(gpu(), tracer);
+    description.info.flags = 1u << 12;
+    ShaderHandle shader = 0;
+    EXPECT_EQ(create(gpu().device(), 1, &description.info, nullptr, &shader), VK_SUCCESS);
+    destroy(gpu().device(), shader, nullptr);
+    const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(messages.size(), gpu().khr() ? 0u : 1u);
+    for (const Message &m : messages)
+        EXPECT_EQ(m.id, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623") << m.text;
+}
+
+// A rewritten shader holds the address of its device's tables: its binary must come back on that device, and on no
+// other.
+TEST_F(ShaderObject, BinariesFitOnlyTheDeviceThatMadeThem)
+{
+    if (!gpu().has("VK_EXT_shader_object"))
+        GTEST_SKIP() << "no VK_EXT_shader_object";
+    using GetBinary = VkResult(VKAPI_PTR *)(VkDevice, ShaderHandle, std::size_t *, void *);
+    const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
+    const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
+    const auto binaryOf = reinterpret_cast<GetBinary>(vkGetDeviceProcAddr(gpu().device(), "vkGetShaderBinaryDataEXT"));
+    ASSERT_TRUE(create != nullptr && destroy != nullptr && binaryOf != nullptr);
+
+    Tracer tracer(gpu());
+    TracerShader description(gpu(), tracer);
+    ShaderCreateInfo &info = description.info;
+    ShaderHandle shader = 0;
+    VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
+
+    std::size_t size = 0;
+    VT_CHECK(binaryOf(gpu().device(), shader, &size, nullptr));
+    std::vector<std::max_align_t> storage(size / sizeof(std::max_align_t) + 1);
+    auto *bytes = reinterpret_cast<std::uint8_t *>(storage.data());
+    std::size_t small = size - 1;
+    EXPECT_EQ(binaryOf(gpu().device(), shader, &small, bytes), VK_INCOMPLETE);
+    VT_CHECK(binaryOf(gpu().device(), shader, &size, bytes));
+    destroy(gpu().device(), shader, nullptr);
+
+    info.codeType = 0; // VK_SHADER_CODE_TYPE_BINARY_EXT
+    info.codeSize = size;
+    info.pCode = bytes;
+    EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), VK_SUCCESS);
+    destroy(gpu().device(), shader, nullptr);
+
+    constexpr auto incompatible = static_cast<VkResult>(1000482000); // VK_INCOMPATIBLE_SHADER_BINARY_EXT
+    bytes[20] ^= 1;                                                  // as another device's would differ
+    EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), incompatible);
+    EXPECT_EQ(shader, 0u);
+    info.codeSize = 7;
+    EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), incompatible);
+}
+
+} // namespace

@@ -1,0 +1,91 @@
+// What the layer finds out about the driver by trying is tried on the application's queue, when something first depends
+// on it: while the application uses that queue, and from whichever threads ask.
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "harness/scene.h"
+#include "shaders/tracer_comp.h"
+
+using namespace vt;
+
+namespace
+{
+
+// On a fresh device: nothing was tried yet. The validation layer below judges who uses the queue at the same time.
+class Trials : public GpuTest
+{
+protected:
+    // Works while the queue is in use by this thread.
+    void besideSubmissions(const std::function<void(std::size_t thread)> &work)
+    {
+        constexpr std::size_t kThreads = 4;
+        std::atomic<std::size_t> running = kThreads;
+        std::vector<std::thread> threads;
+        for (std::size_t i = 0; i < kThreads; ++i)
+            threads.emplace_back([&, i] {
+                work(i);
+                --running;
+            });
+        VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+        while (running > 0) {
+            VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
+            VT_CHECK(vkQueueWaitIdle(gpu().queue()));
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+        for (std::thread &thread : threads)
+            thread.join();
+    }
+};
+
+// Its ray flags are read from a buffer, so what becomes of it depends on the driver.
+TEST_F(Trials, OfRayFlagsRunBesideTheApplicationsSubmissions)
+{
+    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
+    std::vector<VkShaderModule> modules(4);
+    besideSubmissions([&](std::size_t thread) {
+        VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+        info.codeSize = code.size() * 4;
+        info.pCode = code.data();
+        EXPECT_EQ(vkCreateShaderModule(gpu().device(), &info, nullptr, &modules[thread]), VK_SUCCESS);
+    });
+    for (const VkShaderModule module : modules)
+        vkDestroyShaderModule(gpu().device(), module, nullptr);
+}
+
+// Recorded first of all, so that the driver's way to serialize is not known yet.
+TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
+{
+    const Blas blas(gpu(), {Geometry{.vertices = triangleRow(1)}});
+    const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, 4);
+    std::vector<VkCommandPool> pools(4);
+    std::vector<VkCommandBuffer> commands(4);
+    besideSubmissions([&](std::size_t thread) {
+        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, 0};
+        VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
+        const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
+                                                   pools[thread], VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
+        VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocate, &commands[thread]));
+        const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+        VT_CHECK(vkBeginCommandBuffer(commands[thread], &begin));
+        const auto query = static_cast<std::uint32_t>(thread);
+        vkCmdResetQueryPool(commands[thread], pool, query, 1);
+        const VkAccelerationStructureKHR structure = blas.handle();
+        gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands[thread], 1, &structure, pool.type(), pool,
+                                                               query);
+        VT_CHECK(vkEndCommandBuffer(commands[thread]));
+    });
+    std::vector<std::uint64_t> sizes(4);
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+        gpu().execute(commands[i]);
+        VT_CHECK(vkGetQueryPoolResults(gpu().device(), pool, static_cast<std::uint32_t>(i), 1, 8, &sizes[i], 8,
+                                       VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
+        EXPECT_GT(sizes[i], 56u); // the header that the specification gives
+        EXPECT_EQ(sizes[i], sizes[0]);
+        vkDestroyCommandPool(gpu().device(), pools[i], nullptr);
+    }
+}
+
+} // namespace

@@ -1,0 +1,104 @@
+// The layer's way in, as other layers and old applications use it.
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <dlfcn.h>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <vulkan/vk_layer.h>
+#include <vulkan/vulkan.h>
+
+namespace
+{
+
+std::string library()
+{
+    const std::string path = std::getenv("VK_ADD_LAYER_PATH");
+    return path.substr(0, path.find(':')) + "/libVkLayer_vellum_opacity_micromap.so";
+}
+
+// MangoHud 0.6.8 and vkBasalt 0.3.2 look for vkCreateDevice without an instance, and call it with one.
+TEST(Instance, CommandsAreFoundWithoutOne)
+{
+    void *layer = dlopen(library().c_str(), RTLD_NOW | RTLD_LOCAL);
+    ASSERT_NE(layer, nullptr) << dlerror();
+    const auto negotiate = reinterpret_cast<PFN_vkNegotiateLoaderLayerInterfaceVersion>(
+        dlsym(layer, "vkNegotiateLoaderLayerInterfaceVersion"));
+    ASSERT_NE(negotiate, nullptr);
+    VkNegotiateLayerInterface interface {
+        LAYER_NEGOTIATE_INTERFACE_STRUCT, nullptr, 2, nullptr, nullptr, nullptr
+    };
+    ASSERT_EQ(negotiate(&interface), VK_SUCCESS);
+    for (const char *name : {"vkCreateInstance", "vkDestroyInstance", "vkCreateDevice", "vkGetPhysicalDeviceFeatures2",
+                             "vkGetDeviceProcAddr", "vkDestroyDevice"})
+        EXPECT_NE(interface.pfnGetInstanceProcAddr(VK_NULL_HANDLE, name), nullptr) << name;
+    for (const char *name : {"vkCreateBuffer", "vkEnumeratePhysicalDevices", "vkNoSuchCommand"})
+        EXPECT_EQ(interface.pfnGetInstanceProcAddr(VK_NULL_HANDLE, name), nullptr) << name;
+    dlclose(layer);
+}
+
+VKAPI_ATTR VkBool32 VKAPI_CALL remember(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
+                                        const VkDebugUtilsMessengerCallbackDataEXT *data, void *messages)
+{
+    static_cast<std::vector<std::string> *>(messages)->push_back(data->pMessage);
+    return VK_FALSE;
+}
+
+// An application of Vulkan 1.0, with and without the extension whose commands 1.1 took over. Validation is below the
+// layer, and sees what it calls.
+class OldInstance : public testing::TestWithParam<bool>
+{
+};
+
+TEST_P(OldInstance, NothingNewerIsCalled)
+{
+    std::vector<std::string> messages;
+    VkDebugUtilsMessengerCreateInfoEXT messenger{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+    messenger.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    messenger.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    messenger.pfnUserCallback = remember;
+    messenger.pUserData = &messages;
+    const VkApplicationInfo application{
+        VK_STRUCTURE_TYPE_APPLICATION_INFO, nullptr, "old", 0, nullptr, 0, VK_API_VERSION_1_0};
+    const char *layers[] = {"VK_LAYER_VELLUM_opacity_micromap", "VK_LAYER_KHRONOS_validation"};
+    const char *extensions[] = {VK_EXT_DEBUG_UTILS_EXTENSION_NAME,
+                                VK_KHR_GET_PHYSICAL_DEVICE_PROPERTIES_2_EXTENSION_NAME};
+    VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO, &messenger};
+    info.pApplicationInfo = &application;
+    info.enabledLayerCount = 2;
+    info.ppEnabledLayerNames = layers;
+    info.enabledExtensionCount = GetParam() ? 2 : 1;
+    info.ppEnabledExtensionNames = extensions;
+    VkInstance instance = VK_NULL_HANDLE;
+    ASSERT_EQ(vkCreateInstance(&info, nullptr, &instance), VK_SUCCESS);
+    uint32_t count = 1;
+    VkPhysicalDevice physical = VK_NULL_HANDLE;
+    ASSERT_GE(vkEnumeratePhysicalDevices(instance, &count, &physical), VK_SUCCESS);
+    ASSERT_EQ(count, 1u);
+    ASSERT_EQ(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr), VK_SUCCESS);
+    std::vector<VkExtensionProperties> offered(count);
+    ASSERT_EQ(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, offered.data()), VK_SUCCESS);
+    const bool micromaps = std::any_of(offered.begin(), offered.end(), [](const VkExtensionProperties &e) {
+        return std::strcmp(e.extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0;
+    });
+    EXPECT_EQ(micromaps, GetParam()); // whether a device can have them, takes asking
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
+    deviceInfo.queueCreateInfoCount = 1;
+    deviceInfo.pQueueCreateInfos = &queue;
+    VkDevice device = VK_NULL_HANDLE;
+    ASSERT_EQ(vkCreateDevice(physical, &deviceInfo, nullptr, &device), VK_SUCCESS);
+    vkDestroyDevice(device, nullptr);
+    vkDestroyInstance(instance, nullptr);
+    for (const std::string &message : messages)
+        ADD_FAILURE() << message;
+}
+
+INSTANTIATE_TEST_SUITE_P(Extension, OldInstance, testing::Bool());
+
+} // namespace

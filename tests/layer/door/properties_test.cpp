@@ -1,0 +1,281 @@
+// What an application sees of the extension with Vellum's layer and without.
+#include <algorithm>
+#include <array>
+
+#include "harness/harness.h"
+
+namespace
+{
+
+using vt::Gpu;
+
+bool advertises(VkPhysicalDevice physical)
+{
+    std::uint32_t count = 0;
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
+    std::vector<VkExtensionProperties> all(count);
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, all.data());
+    int found = 0;
+    for (const VkExtensionProperties &p : all) {
+        if (std::strcmp(p.extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0) {
+            EXPECT_EQ(p.specVersion, 2u);
+            ++found;
+        }
+    }
+    EXPECT_LE(found, 1) << "listed twice";
+    return found > 0;
+}
+
+VkPhysicalDeviceOpacityMicromapFeaturesEXT featuresOf(VkPhysicalDevice physical)
+{
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{};
+    micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
+    VkPhysicalDeviceFeatures2 features{};
+    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    features.pNext = &micromap;
+    vkGetPhysicalDeviceFeatures2(physical, &features);
+    return micromap;
+}
+
+VkResult createDevice(VkPhysicalDevice physical, std::span<const char *const> extensions, const void *chain,
+                      VkDevice *device)
+{
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{};
+    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    VkDeviceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    info.pNext = chain;
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    info.ppEnabledExtensionNames = extensions.data();
+    return vkCreateDevice(physical, &info, nullptr, device);
+}
+
+// Of VK_EXT_opacity_micromap; those of VK_KHR_opacity_micromap are in micromap_structure_test.cpp.
+class Properties : public vt::GpuTest
+{
+protected:
+    Properties() : GpuTest({.api = vt::Api::Ext}) {}
+};
+
+class WithoutLayer : public vt::GpuTest
+{
+protected:
+    WithoutLayer() : GpuTest({.vellum = false, .micromaps = false}) {}
+};
+
+TEST_F(Properties, ExtensionIsListedOnce)
+{
+    EXPECT_TRUE(advertises(gpu().physical()));
+}
+
+TEST_F(Properties, ListingInPiecesWorks)
+{
+    std::uint32_t total = 0;
+    ASSERT_EQ(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &total, nullptr), VK_SUCCESS);
+    std::vector<VkExtensionProperties> some(total - 1);
+    std::uint32_t count = total - 1;
+    EXPECT_EQ(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, some.data()), VK_INCOMPLETE);
+    EXPECT_EQ(count, total - 1);
+}
+
+TEST_F(Properties, FeaturesAndLimits)
+{
+    const auto features = featuresOf(gpu().physical());
+    EXPECT_TRUE(features.micromap);
+    EXPECT_FALSE(features.micromapCaptureReplay);
+    EXPECT_TRUE(features.micromapHostCommands);
+
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT micromap{};
+    micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &micromap;
+    vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
+    EXPECT_EQ(micromap.maxOpacity2StateSubdivisionLevel, 12u);
+    EXPECT_EQ(micromap.maxOpacity4StateSubdivisionLevel, 12u);
+}
+
+// VkPhysicalDevicePipelineOpacityMicromapFeaturesARM and VkPipelineCreateFlags2CreateInfo, which older headers lack.
+struct PipelineMicromapFeatures {
+    VkStructureType sType = static_cast<VkStructureType>(1000596000);
+    void *pNext = nullptr;
+    VkBool32 pipelineOpacityMicromap = VK_FALSE;
+};
+struct PipelineFlags2 {
+    VkStructureType sType = static_cast<VkStructureType>(1000470005);
+    const void *pNext = nullptr;
+    VkFlags64 flags = 0;
+};
+
+// VK_ARM_pipeline_opacity_micromap: listed, its feature can be enabled, and nothing of it reaches the driver (the spy).
+TEST_F(Properties, PipelinesWithoutMicromaps)
+{
+    const char *const name = "VK_ARM_pipeline_opacity_micromap";
+    std::uint32_t count = 0;
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> list(count);
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, list.data()));
+    EXPECT_EQ(
+        std::count_if(list.begin(), list.end(), [&](const auto &e) { return std::strcmp(e.extensionName, name) == 0; }),
+        1);
+    PipelineMicromapFeatures features;
+    VkPhysicalDeviceFeatures2 query{};
+    query.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    query.pNext = &features;
+    vkGetPhysicalDeviceFeatures2(gpu().physical(), &query);
+    EXPECT_TRUE(features.pipelineOpacityMicromap);
+
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
+    micromaps.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
+    micromaps.micromap = VK_TRUE;
+    features.pNext = &micromaps;
+    const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                           VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, name};
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(createDevice(gpu().physical(), names, &features, &device), VK_SUCCESS);
+    vkDestroyDevice(device, nullptr);
+    for (const vt::Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_EQ(m.text.find("icromap"), std::string::npos) << m.id << ": " << m.text;
+}
+
+TEST_F(Properties, TheFlagOfPipelinesStaysInTheLayer)
+{
+    // A compute shader that does nothing.
+    constexpr std::array<std::uint32_t, 34> words{
+        0x07230203, 0x00010000, 0,          5, 0,  0x00020011, 1, 0x0003000e, 0,          1, 0x0005000f, 5, 3,
+        0x6e69616d, 0,          0x00060010, 3, 17, 1,          1, 1,          0x00020013, 1, 0x00030021, 2, 1,
+        0x00050036, 1,          3,          0, 2,  0x000200f8, 4, 0x000100fd};
+    std::vector<std::uint32_t> code(words.begin(), words.end());
+    code.push_back(0x00010038);
+    const VkShaderModule module = gpu().shader(code);
+    VkPipelineLayoutCreateInfo layoutInfo{};
+    layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    VT_CHECK(vkCreatePipelineLayout(gpu().device(), &layoutInfo, nullptr, &layout));
+    PipelineFlags2 flags;
+    flags.flags = VkFlags64{1} << 37;
+    VkComputePipelineCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+    info.pNext = &flags;
+    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.stage.module = module;
+    info.stage.pName = "main";
+    info.layout = layout;
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), VK_SUCCESS);
+    for (const vt::Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_NE(m.id, "SPY") << m.text; // the old validation layer does not know VkPipelineCreateFlags2CreateInfo
+    EXPECT_EQ(flags.flags, VkFlags64{1} << 37) << "the application's chain is const";
+    vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+    vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
+    vkDestroyShaderModule(gpu().device(), module, nullptr);
+}
+
+class PropertiesNewer : public vt::GpuTest
+{
+protected:
+    PropertiesNewer() : GpuTest({.oldValidation = false, .api = vt::Api::Ext, .newer = true}) {}
+};
+
+// VK_BUFFER_USAGE_2_MICROMAP_..., which replace the flags beside them: a micromap is made on such a buffer, and the spy
+// tells if the driver gets them.
+TEST_F(PropertiesNewer, BufferUsageInTheChain)
+{
+    if (!gpu().has("VK_KHR_maintenance5"))
+        GTEST_SKIP() << "no VkBufferUsageFlags2CreateInfo";
+    struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
+        VkStructureType sType = static_cast<VkStructureType>(1000470006);
+        const void *pNext = nullptr;
+        VkFlags64 usage = 0;
+    } usage;
+    const VkFlags64 wanted = VkFlags64{VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT} |
+                             VkFlags64{VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT} |
+                             VkFlags64{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT};
+    usage.usage = wanted;
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.pNext = &usage;
+    info.size = 4096;
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
+    EXPECT_EQ(usage.usage, wanted) << "the application's chain is const";
+    VkMicromapCreateInfoEXT create{};
+    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    create.buffer = buffer;
+    create.size = 4096;
+    VkMicromapEXT micromap = VK_NULL_HANDLE;
+    EXPECT_EQ(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap), VK_SUCCESS);
+    gpu().vk().DestroyMicromapEXT(gpu().device(), micromap, nullptr);
+    vkDestroyBuffer(gpu().device(), buffer, nullptr);
+    expectNoMessages();
+}
+
+TEST_F(Properties, EveryEntryPointResolves)
+{
+    for (const char *name :
+         {"vkCreateMicromapEXT", "vkDestroyMicromapEXT", "vkCmdBuildMicromapsEXT", "vkBuildMicromapsEXT",
+          "vkCopyMicromapEXT", "vkCopyMicromapToMemoryEXT", "vkCopyMemoryToMicromapEXT",
+          "vkWriteMicromapsPropertiesEXT", "vkCmdCopyMicromapEXT", "vkCmdCopyMicromapToMemoryEXT",
+          "vkCmdCopyMemoryToMicromapEXT", "vkCmdWriteMicromapsPropertiesEXT", "vkGetDeviceMicromapCompatibilityEXT",
+          "vkGetMicromapBuildSizesEXT"}) {
+        EXPECT_NE(vkGetDeviceProcAddr(gpu().device(), name), nullptr) << name;
+        EXPECT_NE(vkGetInstanceProcAddr(gpu().instance(), name), nullptr) << name;
+    }
+}
+
+TEST_F(Properties, UnknownEntryPointsDoNotResolve)
+{
+    EXPECT_EQ(vkGetDeviceProcAddr(gpu().device(), "vkCmdNoSuchThingEXT"), nullptr);
+}
+
+TEST_F(Properties, EntryPointsStayHiddenWhereTheExtensionIsNotEnabled)
+{
+    Gpu plain({.micromaps = false});
+    EXPECT_EQ(vkGetDeviceProcAddr(plain.device(), "vkCreateMicromapEXT"), nullptr);
+    EXPECT_NE(vkGetDeviceProcAddr(plain.device(), "vkCmdDispatch"), nullptr);
+}
+
+TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
+{
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT wanted{};
+    wanted.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
+    wanted.micromap = VK_TRUE;
+    wanted.micromapCaptureReplay = VK_TRUE;
+    const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                           VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(createDevice(gpu().physical(), names, &wanted, &device), VK_ERROR_FEATURE_NOT_PRESENT);
+    vkDestroyDevice(device, nullptr);
+    gpu().takeMessages(); // whoever complains about it is right
+}
+
+TEST_F(Properties, CompatibilityOfVersionData)
+{
+    const std::array<std::uint8_t, 2 * VK_UUID_SIZE> foreign{1, 2, 3};
+    VkMicromapVersionInfoEXT version{};
+    version.sType = VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT;
+    version.pVersionData = foreign.data();
+    auto compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
+    gpu().vk().GetDeviceMicromapCompatibilityEXT(gpu().device(), &version, &compatibility);
+    EXPECT_EQ(compatibility, VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR);
+}
+
+TEST_F(WithoutLayer, TheDriverHasNoMicromaps)
+{
+    if (advertises(gpu().physical()))
+        GTEST_SKIP() << "this driver has micromaps of its own";
+    EXPECT_FALSE(featuresOf(gpu().physical()).micromap);
+    const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                           VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(createDevice(gpu().physical(), names, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
+    gpu().takeMessages();
+}
+
+} // namespace

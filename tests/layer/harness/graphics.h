@@ -1,0 +1,59 @@
+// Graphics pipelines for the tests: points or one big triangle, drawn into an image of one row with dynamic rendering.
+#pragma once
+
+#include <cstdint>
+
+#include "harness/tracer.h"
+
+namespace vt
+{
+
+// An image of one row, with its memory and view.
+class RowImage
+{
+public:
+    RowImage(Gpu &gpu, VkFormat format, std::uint32_t width, VkImageUsageFlags usage);
+    RowImage(const RowImage &) = delete;
+    RowImage &operator=(const RowImage &) = delete;
+    ~RowImage();
+    [[nodiscard]] VkImage handle() const { return image_; }
+    [[nodiscard]] VkImageView view() const { return view_; }
+
+    static constexpr VkImageSubresourceRange kAll{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+
+private:
+    Gpu &gpu_;
+    VkImage image_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkImageView view_ = VK_NULL_HANDLE;
+};
+
+class Graphics
+{
+public:
+    struct Shaders {
+        std::span<const std::uint32_t> vertex, fragment;
+        bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
+        VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+        const void *pNext = nullptr; // of the pipeline
+    };
+    Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width);
+    Graphics(const Graphics &) = delete;
+    Graphics &operator=(const Graphics &) = delete;
+    ~Graphics();
+
+    void bind(VkCommandBuffer commands) const
+    {
+        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_);
+    }
+    // Renders with whatever is bound.
+    void draw(VkCommandBuffer commands, std::uint32_t vertices) const;
+
+private:
+    Gpu &gpu_;
+    std::uint32_t width_;
+    RowImage image_;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+};
+
+} // namespace vt

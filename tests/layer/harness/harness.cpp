@@ -1,0 +1,544 @@
+#include "harness/harness.h"
+
+#include "harness/execution_mode.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <stdexcept>
+
+namespace vt
+{
+namespace
+{
+
+constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
+constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
+constexpr const char *kSpyLayer = "VK_LAYER_VELLUM_test_spy";
+constexpr const char *kCapableLayer = "VK_LAYER_VELLUM_test_capable";
+
+// Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
+// others, with the reason.
+struct FalseAlarm {
+    const char *id;
+    const char *text; // part of the message
+};
+constexpr std::array<FalseAlarm, 3> kFalseAlarms{{
+    // 1.3.239 takes device extensions newer than itself for unknown instead of leaving them alone.
+    {"UNASSIGNED-khronos-validation-createdevice", "is not supported by this layer"},
+    // Warnings of Vellum's that are right, of shaders and pipelines that are meant to use no micromaps.
+    // ForgottenMicromaps
+    // looks at them.
+    {"VELLUM-queries-without-micromaps", ""},
+    {"VELLUM-pipeline-without-micromaps", ""},
+}};
+
+// Whether the validation layer knows the extensions that Vellum provides, and all that came before.
+bool validationIsNew()
+{
+    std::uint32_t count = 0;
+    check(vkEnumerateInstanceLayerProperties(&count, nullptr), "vkEnumerateInstanceLayerProperties");
+    std::vector<VkLayerProperties> layers(count);
+    check(vkEnumerateInstanceLayerProperties(&count, layers.data()), "vkEnumerateInstanceLayerProperties");
+    return std::any_of(layers.begin(), layers.end(), [](const VkLayerProperties &layer) {
+        return std::strcmp(layer.layerName, kValidationLayer) == 0 &&
+               layer.specVersion >= VK_MAKE_API_VERSION(0, 1, 4, 360);
+    });
+}
+
+VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT severity,
+                                         VkDebugUtilsMessageTypeFlagsEXT,
+                                         const VkDebugUtilsMessengerCallbackDataEXT *data, void *user)
+{
+    static_cast<Gpu *>(user)->addMessage(
+        {severity, data->pMessageIdName != nullptr ? data->pMessageIdName : "",
+         data->pMessage != nullptr ? data->pMessage : "",
+         data->objectCount > 0 && data->pObjects[0].pObjectName != nullptr ? data->pObjects[0].pObjectName : ""});
+    return VK_FALSE;
+}
+
+VkDebugUtilsMessengerCreateInfoEXT messengerInfo(Gpu *gpu)
+{
+    VkDebugUtilsMessengerCreateInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
+    info.messageSeverity =
+        VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT;
+    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT;
+    info.pfnUserCallback = onMessage;
+    info.pUserData = gpu;
+    return info;
+}
+
+// Those a test may need; all that the device has are enabled.
+constexpr std::array<const char *, 10> kWantedExtensions{
+    VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+    VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+    VK_KHR_RAY_QUERY_EXTENSION_NAME,
+    VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME,
+    VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME,
+    VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME,
+    VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME,
+    VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME,
+    VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME,
+    VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME,
+};
+
+// A features structure of one member, for headers that lack it.
+struct OneFeature {
+    VkStructureType sType;
+    void *pNext = nullptr;
+    VkBool32 enabled = VK_FALSE;
+};
+constexpr auto kShaderObjectFeatures = static_cast<VkStructureType>(1000482000);
+struct NewerExtension {
+    const char *name;
+    VkStructureType features;
+};
+constexpr std::array<NewerExtension, 3> kNewerExtensions{{
+    {"VK_KHR_maintenance5", static_cast<VkStructureType>(1000470000)},
+    {"VK_KHR_ray_tracing_position_fetch", static_cast<VkStructureType>(1000481000)},
+    {"VK_EXT_pipeline_library_group_handles", static_cast<VkStructureType>(1000498000)},
+}};
+
+constexpr const char *kMaintenance6 = "VK_KHR_maintenance6";
+constexpr auto kMaintenance6Features = static_cast<VkStructureType>(1000545000);
+
+} // namespace
+
+void check(VkResult result, const char *what)
+{
+    if (result != VK_SUCCESS)
+        throw std::runtime_error(std::string(what) + ": VkResult " + std::to_string(result));
+}
+
+void barrier(VkCommandBuffer commands)
+{
+    VkMemoryBarrier2 all{};
+    all.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2;
+    all.srcStageMask = all.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+    all.srcAccessMask = all.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
+    VkDependencyInfo dependency{};
+    dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
+    dependency.memoryBarrierCount = 1;
+    dependency.pMemoryBarriers = &all;
+    vkCmdPipelineBarrier2(commands, &dependency);
+}
+
+Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gpu), size_(size)
+{
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.size = size;
+    info.usage = usage;
+    VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
+
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
+    const bool addressed = (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
+    VkMemoryAllocateFlagsInfo flags{};
+    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    allocation.pNext = addressed ? &flags : nullptr;
+    allocation.allocationSize = needs.size;
+    allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
+                                                                          VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
+    VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
+    VT_CHECK(vkBindBufferMemory(gpu.device(), buffer_, memory_, 0));
+    void *mapped = nullptr;
+    VT_CHECK(vkMapMemory(gpu.device(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
+    bytes_ = static_cast<std::uint8_t *>(mapped);
+    std::memset(bytes_, 0, static_cast<std::size_t>(size));
+    if (addressed) {
+        VkBufferDeviceAddressInfo query{};
+        query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
+        query.buffer = buffer_;
+        address_ = vkGetBufferDeviceAddress(gpu.device(), &query);
+    }
+}
+
+Buffer::~Buffer()
+{
+    if (gpu_ == nullptr)
+        return;
+    vkDestroyBuffer(gpu_->device(), buffer_, nullptr);
+    vkFreeMemory(gpu_->device(), memory_, nullptr);
+}
+
+void Buffer::swap(Buffer &other) noexcept
+{
+    std::swap(gpu_, other.gpu_);
+    std::swap(buffer_, other.buffer_);
+    std::swap(memory_, other.memory_);
+    std::swap(size_, other.size_);
+    std::swap(address_, other.address_);
+    std::swap(bytes_, other.bytes_);
+}
+
+QueryPool::QueryPool(Gpu &gpu, VkQueryType type, std::uint32_t count) : gpu_(&gpu), type_(type)
+{
+    VkQueryPoolCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+    info.queryType = type;
+    info.queryCount = count;
+    VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &pool_));
+}
+
+QueryPool::~QueryPool()
+{
+    if (gpu_ != nullptr)
+        vkDestroyQueryPool(gpu_->device(), pool_, nullptr);
+}
+
+void QueryPool::swap(QueryPool &other) noexcept
+{
+    std::swap(gpu_, other.gpu_);
+    std::swap(type_, other.type_);
+    std::swap(pool_, other.pool_);
+}
+
+std::uint64_t QueryPool::value(std::uint32_t query) const
+{
+    std::uint64_t value = 0;
+    VT_CHECK(vkGetQueryPoolResults(gpu_->device(), pool_, query, 1, sizeof value, &value, sizeof value,
+                                   VK_QUERY_RESULT_64_BIT));
+    return value;
+}
+
+Gpu::Gpu(const Options &options) : options_(options)
+{
+    createInstance();
+    createDevice();
+}
+
+Gpu::~Gpu()
+{
+    if (device_ != VK_NULL_HANDLE) {
+        vkDeviceWaitIdle(device_);
+        vkDestroyCommandPool(device_, pool_, nullptr);
+        vkDestroyDevice(device_, nullptr);
+    }
+    if (messenger_ != VK_NULL_HANDLE)
+        commands_.DestroyDebugUtilsMessengerEXT(instance_, messenger_, nullptr);
+    vkDestroyInstance(instance_, nullptr);
+    // What is left alive is reported when its device goes, after the test had its look at the messages.
+    for (const Message &m : takeUnexpectedMessages())
+        ADD_FAILURE() << "at the end: " << m.id << ": " << m.text;
+}
+
+void Gpu::createInstance()
+{
+    VkApplicationInfo application{};
+    application.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
+    application.pApplicationName = "vellum tests";
+    application.apiVersion = VK_API_VERSION_1_3;
+    std::vector<const char *> layers; // the first one is nearest to the application
+    if (options_.vellum)
+        layers.push_back(kVellumLayer);
+    if (options_.validation && (options_.oldValidation || validationIsNew()))
+        layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
+    if (options_.spy)
+        layers.push_back(kSpyLayer);
+    if (options_.capable)
+        layers.push_back(kCapableLayer);
+    const char *extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
+    VkInstanceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
+    info.pApplicationInfo = &application;
+    info.enabledLayerCount = static_cast<std::uint32_t>(layers.size());
+    info.ppEnabledLayerNames = layers.data();
+    info.enabledExtensionCount = 1;
+    info.ppEnabledExtensionNames = &extension;
+    if (options_.validate)
+        setenv("VELLUM_VALIDATE", "1", 1);
+    VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
+    unsetenv("VELLUM_VALIDATE");
+#define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
+    VT_INSTANCE_COMMANDS(VT_LOAD)
+#undef VT_LOAD
+    const VkDebugUtilsMessengerCreateInfoEXT messenger = messengerInfo(this);
+    VT_CHECK(commands_.CreateDebugUtilsMessengerEXT(instance_, &messenger, nullptr, &messenger_));
+}
+
+Api apiOfTests()
+{
+    const char *name = std::getenv("VELLUM_TEST_API");
+    return name && std::strcmp(name, "khr") == 0 ? Api::Khr : Api::Ext;
+}
+
+Validation validationOfTests()
+{
+    const char *name = std::getenv("VELLUM_TEST_VALIDATION");
+    return name && std::strcmp(name, "above") == 0 ? Validation::Above : Validation::Below;
+}
+
+void Gpu::createDevice()
+{
+    std::uint32_t count = 1;
+    const VkResult found = vkEnumeratePhysicalDevices(instance_, &count, &physical_);
+    if ((found != VK_SUCCESS && found != VK_INCOMPLETE) || count == 0)
+        throw std::runtime_error("no Vulkan device");
+
+    count = 0;
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(physical_, nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> present(count);
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(physical_, nullptr, &count, present.data()));
+    const auto add = [&](const char *name) {
+        for (const VkExtensionProperties &p : present) {
+            if (std::strcmp(p.extensionName, name) == 0 && !has(name))
+                extensions_.emplace_back(name);
+        }
+    };
+    for (const char *name : kWantedExtensions)
+        add(name);
+    if (options_.micromaps && (options_.api == Api::Ext || options_.bothApis))
+        extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    if (options_.micromaps && (options_.api == Api::Khr || options_.bothApis)) {
+        extensions_.emplace_back(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+        extensions_.emplace_back(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    }
+    if (options_.shaderObject)
+        add("VK_EXT_shader_object");
+    if (options_.debugMarker)
+        extensions_.emplace_back(VK_EXT_DEBUG_MARKER_EXTENSION_NAME);
+    if (options_.maintenance)
+        add(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+    if (options_.addressCommands) {
+        for (const char *name : {VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, VK_EXT_MESH_SHADER_EXTENSION_NAME,
+                                 VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME, VK_EXT_ROBUSTNESS_2_EXTENSION_NAME})
+            add(name);
+    }
+    if (options_.nullIndexBuffer)
+        add(kMaintenance6);
+    if (options_.newer) {
+        for (const NewerExtension &extension : kNewerExtensions)
+            add(extension.name);
+        add("VK_KHR_map_memory2");
+    }
+
+    VkPhysicalDeviceFeatures2 features{};
+    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    void **tail = &features.pNext;
+    const auto chain = [&tail](auto &structure, VkStructureType type) {
+        structure.sType = type;
+        *tail = &structure;
+        tail = &structure.pNext;
+    };
+    VkPhysicalDeviceVulkan11Features vulkan11{};
+    VkPhysicalDeviceVulkan12Features vulkan12{};
+    VkPhysicalDeviceVulkan13Features vulkan13{};
+    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
+    VkPhysicalDeviceRayQueryFeaturesKHR queries{};
+    VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
+    VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{};
+    VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT libraries{};
+    VkPhysicalDeviceIndexTypeUint8FeaturesEXT smallIndices{};
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
+    VkPhysicalDeviceOpacityMicromapFeaturesKHR micromapsKhr{};
+    VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{};
+    VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR maintenance{};
+    VkPhysicalDeviceMeshShaderFeaturesEXT mesh{};
+    VkPhysicalDeviceTransformFeedbackFeaturesEXT feedback{};
+    VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
+    OneFeature maintenance6{kMaintenance6Features};
+    OneFeature shaderObjects{kShaderObjectFeatures};
+    std::array<OneFeature, kNewerExtensions.size()> newer{};
+    chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
+    chain(vulkan12, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
+    chain(vulkan13, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES);
+    chain(structures, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
+    chain(queries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR);
+    if (has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        chain(pipelines, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR);
+    if (has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+        chain(conditional, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT);
+    if (has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
+        chain(libraries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_GRAPHICS_PIPELINE_LIBRARY_FEATURES_EXT);
+    if (has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME))
+        chain(smallIndices, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT);
+    if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
+        chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
+        chain(micromapsKhr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+    if (has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
+        chain(addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
+    if (has(VK_EXT_MESH_SHADER_EXTENSION_NAME))
+        chain(mesh, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MESH_SHADER_FEATURES_EXT);
+    if (has(VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME))
+        chain(feedback, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TRANSFORM_FEEDBACK_FEATURES_EXT);
+    if (has(VK_EXT_ROBUSTNESS_2_EXTENSION_NAME))
+        chain(robustness, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT);
+    if (has(kMaintenance6))
+        chain(maintenance6, maintenance6.sType);
+    if (options_.shaderObject)
+        chain(shaderObjects, shaderObjects.sType);
+    if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
+        chain(maintenance, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MAINTENANCE_1_FEATURES_KHR);
+    for (std::size_t i = 0; i < newer.size(); ++i) {
+        if (has(kNewerExtensions[i].name))
+            chain(newer[i], kNewerExtensions[i].features);
+    }
+    vkGetPhysicalDeviceFeatures2(physical_, &features);
+    if (!options_.micromapFeature)
+        micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
+    features.features.robustBufferAccess = VK_FALSE;
+    robustness.robustBufferAccess2 = VK_FALSE;
+    mesh.multiviewMeshShader = mesh.primitiveFragmentShadingRateMeshShader = VK_FALSE; // need features not asked for
+    if (!options_.hostCommands)
+        micromaps.micromapHostCommands = VK_FALSE;
+
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{};
+    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    std::vector<const char *> names;
+    for (const std::string &name : extensions_)
+        names.push_back(name.c_str());
+    VkDeviceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    info.pNext = &features;
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    info.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
+    info.ppEnabledExtensionNames = names.data();
+    VT_CHECK(vkCreateDevice(physical_, &info, nullptr, &device_));
+#define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetDeviceProcAddr(device_, "vk" #name));
+    VT_DEVICE_COMMANDS(VT_LOAD)
+#undef VT_LOAD
+
+    vkGetDeviceQueue(device_, 0, 0, &queue_);
+    VkCommandPoolCreateInfo pool{};
+    pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
+    pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
+    VT_CHECK(vkCreateCommandPool(device_, &pool, nullptr, &pool_));
+
+    VkPhysicalDeviceAccelerationStructurePropertiesKHR limits{};
+    limits.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR;
+    pipelineProperties_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR;
+    limits.pNext = &pipelineProperties_;
+    VkPhysicalDeviceDriverProperties driver{};
+    driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
+    pipelineProperties_.pNext = &driver;
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &limits;
+    vkGetPhysicalDeviceProperties2(physical_, &properties);
+    pipelineProperties_.pNext = nullptr;
+    scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
+    lavapipe26_ = driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
+                  properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
+}
+
+bool Gpu::has(const char *deviceExtension) const
+{
+    return std::find(extensions_.begin(), extensions_.end(), deviceExtension) != extensions_.end();
+}
+
+std::uint32_t Gpu::memoryType(std::uint32_t allowed, VkMemoryPropertyFlags wanted) const
+{
+    VkPhysicalDeviceMemoryProperties memory;
+    vkGetPhysicalDeviceMemoryProperties(physical_, &memory);
+    for (std::uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+        if ((allowed >> i & 1u) != 0 && (memory.memoryTypes[i].propertyFlags & wanted) == wanted)
+            return i;
+    }
+    throw std::runtime_error("no memory type");
+}
+
+VkBufferUsageFlags Gpu::structureUsage() const
+{
+    const bool emulated = options_.vellum && options_.micromaps && options_.micromapFeature;
+    const bool strict = !emulated || validationOfTests() == Validation::Above;
+    return VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+           (strict ? VkBufferUsageFlags{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT} : 0);
+}
+
+VkCommandBuffer Gpu::begin(VkCommandBufferUsageFlags usage, VkCommandBufferLevel level)
+{
+    VkCommandBufferAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
+    allocation.commandPool = pool_;
+    allocation.level = level;
+    allocation.commandBufferCount = 1;
+    VkCommandBuffer commands = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateCommandBuffers(device_, &allocation, &commands));
+    VkCommandBufferBeginInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+    info.flags = usage;
+    VkCommandBufferInheritanceInfo inheritance{};
+    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
+    info.pInheritanceInfo = &inheritance; // ignored for primary ones
+    VT_CHECK(vkBeginCommandBuffer(commands, &info));
+    return commands;
+}
+
+void Gpu::end(VkCommandBuffer commands)
+{
+    VT_CHECK(vkEndCommandBuffer(commands));
+}
+
+void Gpu::execute(VkCommandBuffer commands)
+{
+    VkSubmitInfo submission{};
+    submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
+    submission.commandBufferCount = 1;
+    submission.pCommandBuffers = &commands;
+    VT_CHECK(vkQueueSubmit(queue_, 1, &submission, VK_NULL_HANDLE));
+    VT_CHECK(vkQueueWaitIdle(queue_));
+}
+
+void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
+{
+    VkCommandBuffer commands = begin();
+    record(commands);
+    end(commands);
+    execute(commands);
+    vkFreeCommandBuffers(device_, pool_, 1, &commands);
+}
+
+std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
+{
+    // A driver without the extension knows nothing of the mode.
+    return khr() && options_.vellum && options_.micromaps && options_.micromapFeature && options_.declaresMode
+               ? withModeWhereNeeded(words)
+               : std::vector<std::uint32_t>(words.begin(), words.end());
+}
+
+VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const
+{
+    const std::vector<std::uint32_t> words = code(original);
+    VkShaderModuleCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+    info.codeSize = words.size() * sizeof(std::uint32_t);
+    info.pCode = words.data();
+    VkShaderModule module = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateShaderModule(device_, &info, nullptr, &module));
+    return module;
+}
+
+std::vector<Message> Gpu::takeMessages()
+{
+    return std::exchange(messages_, {});
+}
+
+std::vector<Message> Gpu::takeUnexpectedMessages()
+{
+    std::vector<Message> messages = takeMessages();
+    if (validationOfTests() == Validation::Above &&
+        std::any_of(messages.begin(), messages.end(), [](const Message &m) { return m.fromVellum(); }))
+        std::erase_if(messages, [](const Message &m) { return !m.fromVellum() && m.id != "SPY"; });
+    std::erase_if(messages, [this](const Message &m) {
+        return validationOfTests() == Validation::Above &&
+               std::find(broken_.begin(), broken_.end(), m.id) != broken_.end();
+    });
+    std::erase_if(messages, [](const Message &m) {
+        return std::any_of(kFalseAlarms.begin(), kFalseAlarms.end(), [&m](const FalseAlarm &alarm) {
+            return m.id == alarm.id && m.text.find(alarm.text) != std::string::npos;
+        });
+    });
+    return messages;
+}
+
+} // namespace vt

@@ -1,0 +1,277 @@
+#include "harness/pipeline_builder.h"
+
+#include <algorithm>
+#include <array>
+
+namespace vt
+{
+namespace
+{
+
+constexpr auto kCreateFlags2 = static_cast<VkStructureType>(1000470005); // VK_KHR_maintenance5
+
+VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
+{
+    return (value + alignment - 1) / alignment * alignment;
+}
+
+template <class T>
+void fill(std::vector<T> &values)
+{
+    if (!values.empty())
+        std::memset(static_cast<void *>(values.data()), 0x5a, values.size() * sizeof(T));
+}
+
+} // namespace
+
+PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), inlined_(setup.stages.size())
+{
+    std::vector<std::pair<const std::uint32_t *, VkShaderModule>> shared;
+    for (std::size_t i = 0; i < setup.stages.size(); ++i)
+        names_.emplace_back(setup.stages[i].entry);
+    for (std::size_t i = 0; i < setup.stages.size(); ++i) {
+        const PipelineStage &from = setup.stages[i];
+        VkPipelineShaderStageCreateInfo stage{};
+        stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+        stage.stage = from.stage;
+        stage.pName = names_[i].c_str();
+        stage.pSpecializationInfo = from.specialization;
+        if (from.inlineModule) {
+            words_.push_back(gpu.code(from.words));
+            inlined_[i].sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+            inlined_[i].codeSize = words_.back().size() * sizeof(std::uint32_t);
+            inlined_[i].pCode = words_.back().data();
+            stage.pNext = &inlined_[i];
+        } else {
+            const auto same = std::find_if(shared.begin(), shared.end(),
+                                           [&from](const auto &s) { return s.first == from.words.data(); });
+            if (setup.sharedModules && same != shared.end()) {
+                stage.module = same->second;
+            } else {
+                stage.module = gpu_.shader(from.words);
+                modules_.push_back(stage.module);
+                shared.emplace_back(from.words.data(), stage.module);
+            }
+        }
+        stages_.push_back(stage);
+    }
+    for (const PipelineGroup &from : setup.groups) {
+        VkRayTracingShaderGroupCreateInfoKHR group{};
+        group.sType = VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR;
+        group.type = from.general != kUnused        ? VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR
+                     : from.intersection != kUnused ? VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR
+                                                    : VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
+        group.generalShader = from.general;
+        group.closestHitShader = from.closestHit;
+        group.anyHitShader = from.anyHit;
+        group.intersectionShader = from.intersection;
+        groups_.push_back(group);
+    }
+    libraries_ = setup.libraries;
+
+    info_.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR;
+    info_.stageCount = static_cast<std::uint32_t>(stages_.size());
+    info_.pStages = stages_.data();
+    info_.groupCount = static_cast<std::uint32_t>(groups_.size());
+    info_.pGroups = groups_.data();
+    info_.maxPipelineRayRecursionDepth = setup.recursion;
+    info_.layout = setup.layout;
+    info_.basePipelineIndex = -1;
+    if (setup.flags2) {
+        flags2_.sType = kCreateFlags2;
+        flags2_.flags = setup.flags;
+        info_.pNext = &flags2_;
+    } else {
+        info_.flags = setup.flags;
+    }
+    if (!libraries_.empty() || (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0) {
+        interface_.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_INTERFACE_CREATE_INFO_KHR;
+        interface_.maxPipelineRayPayloadSize = setup.payloadSize;
+        interface_.maxPipelineRayHitAttributeSize = setup.attributeSize;
+        info_.pLibraryInterface = &interface_;
+    }
+    if (!libraries_.empty()) {
+        libraryInfo_.sType = VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR;
+        libraryInfo_.libraryCount = static_cast<std::uint32_t>(libraries_.size());
+        libraryInfo_.pLibraries = libraries_.data();
+        info_.pLibraryInfo = &libraryInfo_;
+    }
+    if (setup.dynamicStackSize) {
+        states_ = {VK_DYNAMIC_STATE_RAY_TRACING_PIPELINE_STACK_SIZE_KHR};
+        dynamic_.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO;
+        dynamic_.dynamicStateCount = 1;
+        dynamic_.pDynamicStates = states_.data();
+        info_.pDynamicState = &dynamic_;
+    }
+}
+
+PipelineInfo::~PipelineInfo()
+{
+    for (const VkShaderModule module : modules_)
+        vkDestroyShaderModule(gpu_.device(), module, nullptr);
+}
+
+void PipelineInfo::scribble()
+{
+    for (std::vector<std::uint32_t> &words : words_)
+        fill(words);
+    for (std::string &name : names_)
+        std::fill(name.begin(), name.end(), 'z');
+    fill(inlined_);
+    fill(stages_);
+    fill(groups_);
+    fill(libraries_);
+    fill(states_);
+    std::memset(static_cast<void *>(&info_), 0x5a, sizeof info_);
+    std::memset(static_cast<void *>(&interface_), 0x5a, sizeof interface_);
+    std::memset(static_cast<void *>(&libraryInfo_), 0x5a, sizeof libraryInfo_);
+    std::memset(static_cast<void *>(&dynamic_), 0x5a, sizeof dynamic_);
+    std::memset(static_cast<void *>(&flags2_), 0x5a, sizeof flags2_);
+}
+
+RayPipeline::RayPipeline(Gpu &gpu, const PipelineSetup &setup) : gpu_(&gpu)
+{
+    PipelineInfo info(gpu, setup);
+    VT_CHECK(gpu.vk().CreateRayTracingPipelinesKHR(gpu.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
+                                                   nullptr, &pipeline_));
+}
+
+RayPipeline::~RayPipeline()
+{
+    vkDestroyPipeline(gpu_->device(), pipeline_, nullptr);
+}
+
+std::vector<std::uint8_t> RayPipeline::groupHandles(std::uint32_t first, std::uint32_t count) const
+{
+    std::vector<std::uint8_t> handles(std::size_t{gpu_->pipelineProperties().shaderGroupHandleSize} * count, 0xee);
+    VT_CHECK(gpu_->vk().GetRayTracingShaderGroupHandlesKHR(gpu_->device(), pipeline_, first, count, handles.size(),
+                                                           handles.data()));
+    return handles;
+}
+
+VkDeviceSize RayPipeline::stackSize(std::uint32_t group, VkShaderGroupShaderKHR shader) const
+{
+    return gpu_->vk().GetRayTracingShaderGroupStackSizeKHR(gpu_->device(), pipeline_, group, shader);
+}
+
+BindingTable::BindingTable(Gpu &gpu, const RayPipeline &pipeline, const BindingRecords &records) : gpu_(gpu)
+{
+    const auto &limits = gpu.pipelineProperties();
+    const VkDeviceSize base = std::max(limits.shaderGroupBaseAlignment, 64u);
+    const VkDeviceSize handle = limits.shaderGroupHandleSize;
+    const VkDeviceSize stride =
+        alignUp(handle + kDataWords * 4, std::max<VkDeviceSize>(limits.shaderGroupHandleAlignment, 4));
+    struct Part {
+        VkStridedDeviceAddressRegionKHR *region;
+        std::vector<BindingRecord> records;
+        VkDeviceSize offset;
+    };
+    std::array<Part, 4> parts{{{&raygen, {records.raygen}, 0},
+                               {&miss, records.miss, 0},
+                               {&hit, records.hit, 0},
+                               {&callable, records.callable, 0}}};
+    VkDeviceSize size = base;
+    for (Part &part : parts) {
+        part.offset = size;
+        size = alignUp(size + stride * part.records.size(), base) + base;
+    }
+    buffer_ = Buffer(gpu, size + base,
+                     VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const VkDeviceSize start = alignUp(buffer_.address(), base) - buffer_.address();
+    for (Part &part : parts) {
+        for (std::size_t i = 0; i < part.records.size(); ++i) {
+            const BindingRecord &record = part.records[i];
+            std::uint8_t *at = buffer_.bytes() + start + part.offset + i * stride;
+            if (record.group)
+                std::memcpy(at, pipeline.groupHandles(*record.group).data(), static_cast<std::size_t>(handle));
+            if (record.data.size() > kDataWords)
+                throw std::runtime_error("too much data in a binding table record");
+            if (!record.data.empty())
+                std::memcpy(at + handle, record.data.data(), record.data.size() * 4);
+        }
+        const bool none = part.records.empty();
+        const VkDeviceSize bytes = part.region == &raygen ? alignUp(stride, 1) : stride * part.records.size();
+        *part.region = {none ? 0 : buffer_.address() + start + part.offset, none ? 0 : stride, none ? 0 : bytes};
+    }
+}
+
+void BindingTable::trace(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height, std::uint32_t depth) const
+{
+    gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
+}
+
+PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize,
+                                     std::span<const VkPushConstantRange> others)
+    : gpu_(gpu)
+{
+    std::vector<VkDescriptorSetLayoutBinding> bindings;
+    for (std::uint32_t i = 0; i <= buffers; ++i)
+        bindings.push_back({i,
+                            i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                            1, kStages, nullptr});
+    VkDescriptorSetLayoutCreateInfo setInfo{};
+    setInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
+    setInfo.bindingCount = static_cast<std::uint32_t>(bindings.size());
+    setInfo.pBindings = bindings.data();
+    VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &setInfo, nullptr, &setLayout_));
+    std::vector<VkPushConstantRange> ranges(others.begin(), others.end());
+    ranges.insert(ranges.begin(), {kStages, 0, pushSize});
+    VkPipelineLayoutCreateInfo layout{};
+    layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    layout.setLayoutCount = 1;
+    layout.pSetLayouts = &setLayout_;
+    layout.pushConstantRangeCount = static_cast<std::uint32_t>(ranges.size());
+    layout.pPushConstantRanges = ranges.data();
+    VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
+    const std::array<VkDescriptorPoolSize, 2> sizes{
+        {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers}}};
+    VkDescriptorPoolCreateInfo pool{};
+    pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
+    pool.maxSets = 1;
+    pool.poolSizeCount = static_cast<std::uint32_t>(sizes.size());
+    pool.pPoolSizes = sizes.data();
+    VT_CHECK(vkCreateDescriptorPool(gpu.device(), &pool, nullptr, &pool_));
+    VkDescriptorSetAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
+    allocation.descriptorPool = pool_;
+    allocation.descriptorSetCount = 1;
+    allocation.pSetLayouts = &setLayout_;
+    VT_CHECK(vkAllocateDescriptorSets(gpu.device(), &allocation, &set_));
+}
+
+PipelineResources::~PipelineResources()
+{
+    vkDestroyDescriptorPool(gpu_.device(), pool_, nullptr);
+    vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
+    vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
+}
+
+void PipelineResources::write(VkAccelerationStructureKHR scene, std::span<const Buffer *const> buffers) const
+{
+    VkWriteDescriptorSetAccelerationStructureKHR structure{};
+    structure.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR;
+    structure.accelerationStructureCount = 1;
+    structure.pAccelerationStructures = &scene;
+    VkWriteDescriptorSet write{};
+    write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
+    write.pNext = &structure;
+    write.dstSet = set_;
+    write.descriptorCount = 1;
+    write.descriptorType = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
+    vkUpdateDescriptorSets(gpu_.device(), 1, &write, 0, nullptr);
+    write.pNext = nullptr;
+    write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    for (const Buffer *buffer : buffers) {
+        const VkDescriptorBufferInfo info{buffer->handle(), 0, VK_WHOLE_SIZE};
+        ++write.dstBinding;
+        write.pBufferInfo = &info;
+        vkUpdateDescriptorSets(gpu_.device(), 1, &write, 0, nullptr);
+    }
+}
+
+void PipelineResources::bind(VkCommandBuffer commands, VkPipelineBindPoint point) const
+{
+    vkCmdBindDescriptorSets(commands, point, layout_, 0, 1, &set_, 0, nullptr);
+}
+
+} // namespace vt

@@ -1,0 +1,169 @@
+// Ray tracing pipelines and shader binding tables as an application makes them.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "harness/harness.h"
+
+namespace vt
+{
+
+inline constexpr VkPipelineCreateFlags kMicromapBit = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+inline constexpr std::uint32_t kUnused = VK_SHADER_UNUSED_KHR;
+
+struct PipelineStage {
+    VkShaderStageFlagBits stage;
+    std::span<const std::uint32_t> words;
+    const char *entry = "main";
+    const VkSpecializationInfo *specialization = nullptr;
+    bool inlineModule = false; // VkShaderModuleCreateInfo in the stage's pNext
+};
+
+// Indices of stages. A group with a general shader is a general one, with an intersection shader a procedural one,
+// every other one is for triangles.
+struct PipelineGroup {
+    std::uint32_t general = kUnused;
+    std::uint32_t closestHit = kUnused;
+    std::uint32_t anyHit = kUnused;
+    std::uint32_t intersection = kUnused;
+};
+
+struct PipelineSetup {
+    std::vector<PipelineStage> stages;
+    std::vector<PipelineGroup> groups;
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    VkPipelineCreateFlags flags = 0;
+    bool flags2 = false; // the flags come in VkPipelineCreateFlags2CreateInfo
+    std::uint32_t recursion = 1;
+    std::vector<VkPipeline> libraries;
+    std::uint32_t payloadSize = 96;
+    std::uint32_t attributeSize = 8;
+    bool dynamicStackSize = false;
+    bool sharedModules = false; // stages with the same words share one VkShaderModule
+};
+
+// Everything that VkRayTracingPipelineCreateInfoKHR points to, on the heap, to be destroyed when the test says so.
+class PipelineInfo
+{
+public:
+    PipelineInfo(Gpu &gpu, const PipelineSetup &setup);
+    PipelineInfo(const PipelineInfo &) = delete;
+    PipelineInfo &operator=(const PipelineInfo &) = delete;
+    ~PipelineInfo();
+    [[nodiscard]] const VkRayTracingPipelineCreateInfoKHR &get() const { return info_; }
+    [[nodiscard]] VkRayTracingPipelineCreateInfoKHR &get() { return info_; }
+    // Overwrites every array and structure that the creation may have read, as an application may afterwards.
+    void scribble();
+
+private:
+    // VkPipelineCreateFlags2CreateInfo, for headers that lack it.
+    struct Flags2 {
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags64 flags;
+    };
+
+    Gpu &gpu_;
+    std::vector<std::vector<std::uint32_t>> words_;
+    std::vector<VkShaderModuleCreateInfo> inlined_;
+    std::vector<VkShaderModule> modules_;
+    std::vector<std::string> names_;
+    std::vector<VkPipelineShaderStageCreateInfo> stages_;
+    std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups_;
+    std::vector<VkPipeline> libraries_;
+    std::vector<VkDynamicState> states_;
+    VkPipelineLibraryCreateInfoKHR libraryInfo_{};
+    VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
+    VkPipelineDynamicStateCreateInfo dynamic_{};
+    Flags2 flags2_{};
+    VkRayTracingPipelineCreateInfoKHR info_{};
+};
+
+class RayPipeline
+{
+public:
+    RayPipeline(Gpu &gpu, const PipelineSetup &setup);
+    RayPipeline(Gpu &gpu, VkPipeline pipeline) : gpu_(&gpu), pipeline_(pipeline) {}
+    RayPipeline(RayPipeline &&other) noexcept : gpu_(other.gpu_), pipeline_(other.pipeline_)
+    {
+        other.pipeline_ = VK_NULL_HANDLE;
+    }
+    RayPipeline &operator=(RayPipeline &&) = delete;
+    ~RayPipeline();
+
+    [[nodiscard]] VkPipeline handle() const { return pipeline_; }
+    [[nodiscard]] std::vector<std::uint8_t> groupHandles(std::uint32_t first, std::uint32_t count = 1) const;
+    [[nodiscard]] VkDeviceSize stackSize(std::uint32_t group, VkShaderGroupShaderKHR shader) const;
+
+private:
+    Gpu *gpu_;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+};
+
+// A record of a binding table: a group of the pipeline, or all zeros, and data for the shader.
+struct BindingRecord {
+    std::optional<std::uint32_t> group;
+    std::vector<std::uint32_t> data;
+};
+
+struct BindingRecords {
+    BindingRecord raygen{0, {}};
+    std::vector<BindingRecord> miss, hit, callable;
+};
+
+class BindingTable
+{
+public:
+    static constexpr std::uint32_t kDataWords = 4; // room for data in each record
+
+    BindingTable(Gpu &gpu, const RayPipeline &pipeline, const BindingRecords &records);
+    void trace(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height = 1, std::uint32_t depth = 1) const;
+
+    VkStridedDeviceAddressRegionKHR raygen{}, miss{}, hit{}, callable{};
+
+private:
+    Gpu &gpu_;
+    Buffer buffer_;
+};
+
+// A descriptor set layout, a pipeline layout with push constants for all ray tracing stages, and a set: binding 0 an
+// acceleration structure, bindings 1.. storage buffers.
+class PipelineResources
+{
+public:
+    PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize,
+                      std::span<const VkPushConstantRange> others = {});
+    PipelineResources(const PipelineResources &) = delete;
+    PipelineResources &operator=(const PipelineResources &) = delete;
+    ~PipelineResources();
+    void write(VkAccelerationStructureKHR scene, std::span<const Buffer *const> buffers) const;
+    void bind(VkCommandBuffer commands, VkPipelineBindPoint point = VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR) const;
+
+    static constexpr VkShaderStageFlags kStages =
+        VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
+        VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
+    [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+    [[nodiscard]] VkDescriptorSet set() const { return set_; }
+
+private:
+    Gpu &gpu_;
+    VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
+    VkPipelineLayout layout_ = VK_NULL_HANDLE;
+    VkDescriptorPool pool_ = VK_NULL_HANDLE;
+    VkDescriptorSet set_ = VK_NULL_HANDLE;
+};
+
+// A test with a device that has ray tracing pipelines, where there is one.
+class PipelineTest : public GpuTest
+{
+protected:
+    explicit PipelineTest(const Options &options = {}) : GpuTest(options) {}
+    void SetUp() override
+    {
+        if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+            GTEST_SKIP() << "no ray tracing pipelines";
+    }
+};
+
+} // namespace vt

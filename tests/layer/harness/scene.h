@@ -1,0 +1,216 @@
+// Micromaps and acceleration structures as an application makes them. Every object lies between guard bytes, which the
+// test can check: nothing may be written beyond the sizes that Vulkan reported.
+#pragma once
+
+#include "harness/micromap_commands.h"
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+namespace vt
+{
+
+using Vec3 = std::array<float, 3>;
+
+inline constexpr std::uint16_t kTwoState = VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT;
+inline constexpr std::uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
+inline constexpr std::uint32_t kFlagTwoState = 0x10; // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT
+inline constexpr std::uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT
+
+// What a micromap build reads.
+struct MicromapInput {
+    std::vector<VkMicromapTriangleEXT> triangles;
+    std::vector<std::uint8_t> data;
+    VkDeviceSize stride = sizeof(VkMicromapTriangleEXT);
+    std::vector<VkMicromapUsageEXT> declared; // not empty: instead of the true usage
+
+    // Appends a triangle and its data; states: 4^level values 0..3 (only 0 and 1 in the 2-state format).
+    std::uint32_t add(std::uint32_t level, std::uint16_t format, std::span<const std::uint8_t> states);
+    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage() const;
+    // The usage of a geometry with these indices; negative ones do not count.
+    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage(std::span<const std::int32_t> indices,
+                                                        std::uint32_t base) const;
+};
+
+// A buffer with a piece of given size and alignment in the middle and guard bytes around it.
+class Guarded
+{
+public:
+    Guarded() = default;
+    Guarded(Gpu &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage);
+    [[nodiscard]] VkBuffer buffer() const { return buffer_.handle(); }
+    [[nodiscard]] VkDeviceSize offset() const { return offset_; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    [[nodiscard]] VkDeviceAddress address() const { return buffer_.address() + offset_; }
+    [[nodiscard]] std::uint8_t *bytes() const { return buffer_.bytes() + offset_; }
+    [[nodiscard]] VkDeviceMemory memory() const { return buffer_.memory(); }
+    [[nodiscard]] bool intact() const;
+
+private:
+    Buffer buffer_;
+    VkDeviceSize offset_ = 0;
+    VkDeviceSize size_ = 0;
+};
+
+// Content at an address that is a multiple of 256.
+Guarded uploadAligned(Gpu &gpu, const void *content, VkDeviceSize size, VkBufferUsageFlags usage);
+
+class Micromap
+{
+public:
+    Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags = 0);
+    // Not to be built but copied to: of that size, with the content of `like`.
+    Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size);
+    Micromap(const Micromap &) = delete;
+    Micromap &operator=(const Micromap &) = delete;
+    ~Micromap();
+
+    [[nodiscard]] const MicromapHandle &handle() const { return handle_; }
+    [[nodiscard]] const MicromapInput &input() const { return input_; }
+    // What a build of it reads; dstMicromap where the API is VK_EXT_opacity_micromap.
+    [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
+    // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
+    [[nodiscard]] const std::uint8_t *memory() const { return storage_.bytes(); }
+    [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
+    void record(VkCommandBuffer commands);
+    void build();
+    // The same input in host memory, for vkBuildMicromapsEXT.
+    [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
+    // The buffer that the micromap lies in.
+    [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
+    // Overwrites everything a build has read or used, as an application may afterwards.
+    void scribble();
+
+private:
+    void create(VkDeviceSize size);
+
+    Gpu &gpu_;
+    MicromapInput input_;
+    std::vector<VkMicromapUsageEXT> usage_;
+    Guarded data_, triangles_, scratch_, storage_;
+    VkMicromapBuildInfoEXT info_{};
+    MicromapHandle handle_;
+};
+
+// VkAccelerationStructureTrianglesOpacityMicromapEXT of a geometry.
+struct Attachment {
+    const Micromap *micromap = nullptr;
+    VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
+    std::vector<std::int32_t> indices;   // the values the index buffer holds
+    std::optional<std::uint32_t> stride; // tightly packed unless given; 0: every triangle reads the first index
+    std::uint32_t base = 0;
+    std::uint32_t indexOffset = 0; // bytes before the first index
+};
+
+struct Geometry {
+    std::vector<Vec3> vertices;
+    std::vector<std::uint32_t> indices;
+    VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
+    std::vector<VkAabbPositionsKHR> boxes; // not empty: AABB geometry
+    VkGeometryFlagsKHR flags = 0;
+    std::optional<Attachment> micromap;
+    std::uint32_t skippedTriangles = 0; // primitiveOffset, in triangles
+    std::uint32_t firstVertex = 0;
+
+    [[nodiscard]] std::uint32_t primitives() const;
+};
+
+// An acceleration structure and what its last build read.
+class Structure
+{
+public:
+    Structure(Gpu &gpu, VkAccelerationStructureTypeKHR type) : gpu_(gpu), type_(type) {}
+    Structure(const Structure &) = delete;
+    Structure &operator=(const Structure &) = delete;
+    ~Structure();
+
+    [[nodiscard]] VkAccelerationStructureKHR handle() const { return structure_; }
+    [[nodiscard]] VkDeviceAddress address() const { return address_; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    // Uses memory of the caller's instead of memory of its own; before the first prepare.
+    void placeIn(VkBuffer buffer, VkDeviceSize offset);
+    // Makes the structure, of that size, instead of the one there is.
+    void create(VkDeviceSize size);
+    void record(VkCommandBuffer commands) const;
+    [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &buildInfo() const { return info_; }
+    [[nodiscard]] const VkAccelerationStructureBuildRangeInfoKHR *ranges() const { return ranges_.data(); }
+
+protected:
+    // Makes the structure where there is none or it is too small, the scratch memory, and the build info.
+    void prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
+                      std::span<const std::uint32_t> maxPrimitives);
+    [[nodiscard]] Gpu &gpu() const { return gpu_; }
+    void checkGuards() const;
+
+    std::vector<VkAccelerationStructureGeometryKHR> geometries_;
+    std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges_;
+
+private:
+    Gpu &gpu_;
+    VkAccelerationStructureTypeKHR type_;
+    VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
+    VkDeviceAddress address_ = 0;
+    VkDeviceSize size_ = 0;
+    Guarded storage_, scratch_;
+    VkBuffer placedBuffer_ = VK_NULL_HANDLE;
+    VkDeviceSize placedOffset_ = 0;
+    VkAccelerationStructureBuildGeometryInfoKHR info_{};
+};
+
+class Blas : public Structure
+{
+public:
+    explicit Blas(Gpu &gpu) : Structure(gpu, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR) {}
+    Blas(Gpu &gpu, std::vector<Geometry> geometries, VkBuildAccelerationStructureFlagsKHR flags = 0) : Blas(gpu)
+    {
+        build(std::move(geometries), flags);
+    }
+    void prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructureFlagsKHR flags = 0,
+                 VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    void build(std::vector<Geometry> geometries, VkBuildAccelerationStructureFlagsKHR flags = 0,
+               VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+
+private:
+    std::vector<Geometry> inputs_;
+    std::vector<Guarded> buffers_;
+    std::vector<std::vector<VkMicromapUsageEXT>> usages_;
+    std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments_;
+    std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr_;
+};
+
+// An instance at a place, not turned.
+VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, std::uint32_t customIndex,
+                                            std::uint32_t flags = 0, std::uint32_t mask = 0xff);
+
+enum class Arrangement { Array, Pointers };
+
+class Tlas : public Structure
+{
+public:
+    explicit Tlas(Gpu &gpu) : Structure(gpu, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {}
+    Tlas(Gpu &gpu, std::vector<VkAccelerationStructureInstanceKHR> instances) : Tlas(gpu) { build(instances); }
+    void prepare(std::span<const VkAccelerationStructureInstanceKHR> instances,
+                 VkBuildAccelerationStructureFlagsKHR flags = 0,
+                 VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+                 Arrangement arrangement = Arrangement::Array, std::uint32_t skipped = 0);
+    void build(std::span<const VkAccelerationStructureInstanceKHR> instances,
+               VkBuildAccelerationStructureFlagsKHR flags = 0,
+               VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+               Arrangement arrangement = Arrangement::Array, std::uint32_t skipped = 0);
+
+private:
+    Guarded instances_, pointers_;
+};
+
+// The right-angled triangle (0,0) (1,0) (0,1) in the plane z = 0, at a place: barycentrics are x and y.
+void appendTriangle(std::vector<Vec3> &vertices, Vec3 place);
+// n of them, one unit and a half apart in x.
+std::vector<Vec3> triangleRow(std::uint32_t n, Vec3 place = {});
+
+// The centre of micro-triangle `index` (barycentrics of vertices 1 and 2), by descending the curve of the
+// specification: into the sub-triangle nearest vertex 0, the middle one with ordering flipped, the one nearest vertex
+// 1, then nearest vertex 2 with ordering flipped.
+std::array<double, 2> microTriangleCentre(std::uint32_t index, std::uint32_t level);
+
+} // namespace vt

@@ -1,0 +1,168 @@
+#include "harness/tracer.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "shaders/tracer_comp.h"
+
+namespace vt
+{
+namespace
+{
+
+static_assert(sizeof(Ray) == 48 && sizeof(Candidate) == 32 && sizeof(RawResult) == 48);
+
+constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+
+} // namespace
+
+bool hashConfirms(std::uint32_t customIndex, std::uint32_t instance, std::uint32_t geometry, std::uint32_t primitive)
+{
+    const std::uint32_t h =
+        (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^ (primitive * 0x27d4eb2fu);
+    return ((h ^ (h >> 15)) & 0x40u) != 0;
+}
+
+Tracer::Tracer(Gpu &gpu) : Tracer(gpu, tracer_comp) {}
+
+Tracer::Tracer(Gpu &gpu, std::span<const std::uint32_t> words, const TracerSetup &setup) : gpu_(gpu)
+{
+    const VkDevice device = gpu.device();
+    std::array<VkDescriptorSetLayoutBinding, 4> bindings{};
+    for (std::uint32_t i = 0; i < 4; ++i)
+        bindings[i] = {i, i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
+                       VK_SHADER_STAGE_ALL, nullptr};
+    VkDescriptorSetLayoutCreateInfo setInfo{};
+    setInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
+    setInfo.bindingCount = 4;
+    setInfo.pBindings = bindings.data();
+    VT_CHECK(vkCreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout_));
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(Push)};
+    VkPipelineLayoutCreateInfo layout{};
+    layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    layout.setLayoutCount = 1;
+    layout.pSetLayouts = &setLayout_;
+    layout.pushConstantRangeCount = 1;
+    layout.pPushConstantRanges = &range;
+    VT_CHECK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
+
+    VkShaderModuleCreateInfo inlined{};
+    inlined.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+    const std::vector<std::uint32_t> code = gpu.code(words);
+    inlined.codeSize = code.size() * sizeof(std::uint32_t);
+    inlined.pCode = code.data();
+    const VkShaderModule module = setup.inlineModule ? VK_NULL_HANDLE : gpu.shader(words);
+    const VkSpecializationMapEntry entry{0, 0, sizeof(std::uint32_t)};
+    const std::uint32_t flags = setup.specializedFlags.value_or(0);
+    const VkSpecializationInfo specialization{1, &entry, sizeof(flags), &flags};
+    VkComputePipelineCreateInfo pipeline{};
+    pipeline.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+    pipeline.layout = layout_;
+    pipeline.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    pipeline.stage.pNext = setup.inlineModule ? &inlined : nullptr;
+    pipeline.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    pipeline.stage.module = module;
+    pipeline.stage.pName = "main";
+    pipeline.stage.pSpecializationInfo = setup.specializedFlags ? &specialization : nullptr;
+    VT_CHECK(vkCreateComputePipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
+    vkDestroyShaderModule(device, module, nullptr);
+
+    const std::array<VkDescriptorPoolSize, 2> sizes{
+        {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
+    VkDescriptorPoolCreateInfo pool{};
+    pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
+    pool.maxSets = 1;
+    pool.poolSizeCount = static_cast<std::uint32_t>(sizes.size());
+    pool.pPoolSizes = sizes.data();
+    VT_CHECK(vkCreateDescriptorPool(device, &pool, nullptr, &pool_));
+    VkDescriptorSetAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
+    allocation.descriptorPool = pool_;
+    allocation.descriptorSetCount = 1;
+    allocation.pSetLayouts = &setLayout_;
+    VT_CHECK(vkAllocateDescriptorSets(device, &allocation, &set_));
+}
+
+Tracer::~Tracer()
+{
+    vkDestroyPipeline(gpu_.device(), pipeline_, nullptr);
+    vkDestroyDescriptorPool(gpu_.device(), pool_, nullptr);
+    vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
+    vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
+}
+
+void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity)
+{
+    rays_ = gpu_.upload(rays, kStorage);
+    results_ = Buffer(gpu_, std::max<std::size_t>(rays.size(), 1) * sizeof(RawResult), kStorage);
+    candidates_ = Buffer(gpu_, std::max<std::size_t>(rays.size() * capacity, 1) * sizeof(Candidate), kStorage);
+    push_ = {static_cast<std::uint32_t>(rays.size()), capacity, scene.address()};
+
+    const VkAccelerationStructureKHR handle = scene.handle();
+    VkWriteDescriptorSetAccelerationStructureKHR structure{};
+    structure.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR;
+    structure.accelerationStructureCount = 1;
+    structure.pAccelerationStructures = &handle;
+    const std::array<VkDescriptorBufferInfo, 3> buffers{{{rays_.handle(), 0, VK_WHOLE_SIZE},
+                                                         {results_.handle(), 0, VK_WHOLE_SIZE},
+                                                         {candidates_.handle(), 0, VK_WHOLE_SIZE}}};
+    std::array<VkWriteDescriptorSet, 4> writes{};
+    for (std::uint32_t i = 0; i < 4; ++i) {
+        writes[i].sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
+        writes[i].dstSet = set_;
+        writes[i].dstBinding = i;
+        writes[i].descriptorCount = 1;
+        writes[i].descriptorType =
+            i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        if (i == 0)
+            writes[i].pNext = &structure;
+        else
+            writes[i].pBufferInfo = &buffers[i - 1];
+    }
+    vkUpdateDescriptorSets(gpu_.device(), 4, writes.data(), 0, nullptr);
+}
+
+void Tracer::bind(VkCommandBuffer commands) const
+{
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline_);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout_, 0, 1, &set_, 0, nullptr);
+    vkCmdPushConstants(commands, layout_, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(push_), &push_);
+}
+
+void Tracer::dispatch(VkCommandBuffer commands) const
+{
+    vkCmdDispatch(commands, (push_.rayCount + 63) / 64, 1, 1);
+}
+
+void Tracer::clearResults()
+{
+    std::memset(results_.bytes(), 0xff, static_cast<std::size_t>(results_.size()));
+}
+
+std::vector<Result> Tracer::results() const
+{
+    const std::span<RawResult> raw = results_.as<RawResult>();
+    const std::span<Candidate> list = candidates_.as<Candidate>();
+    std::vector<Result> results(push_.rayCount);
+    for (std::size_t i = 0; i < results.size(); ++i) {
+        static_cast<RawResult &>(results[i]) = raw[i];
+        const std::size_t kept = std::min(raw[i].candidateCount, push_.capacity);
+        const auto first = list.begin() + static_cast<std::ptrdiff_t>(i * push_.capacity);
+        results[i].candidates.assign(first, first + static_cast<std::ptrdiff_t>(kept));
+    }
+    return results;
+}
+
+std::vector<Result> Tracer::trace(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity)
+{
+    prepare(scene, rays, capacity);
+    gpu_.submit([this](VkCommandBuffer commands) {
+        barrier(commands);
+        bind(commands);
+        dispatch(commands);
+        barrier(commands);
+    });
+    return results();
+}
+
+} // namespace vt

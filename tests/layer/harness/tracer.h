@@ -1,0 +1,111 @@
+// Traces rays with shaders/tracer.comp and gives back what the shader saw.
+#pragma once
+
+#include <cstdint>
+
+#include "harness/scene.h"
+
+namespace vt
+{
+
+// Ray flags of SPIR-V.
+inline constexpr std::uint32_t kRayOpaque = 0x001;
+inline constexpr std::uint32_t kRayNoOpaque = 0x002;
+inline constexpr std::uint32_t kRayTerminateOnFirstHit = 0x004;
+inline constexpr std::uint32_t kRayCullBack = 0x010;
+inline constexpr std::uint32_t kRayCullFront = 0x020;
+inline constexpr std::uint32_t kRayCullOpaque = 0x040;
+inline constexpr std::uint32_t kRayCullNoOpaque = 0x080;
+inline constexpr std::uint32_t kRaySkipTriangles = 0x100;
+inline constexpr std::uint32_t kRaySkipBoxes = 0x200;
+inline constexpr std::uint32_t kRayForceTwoState = 0x400;
+
+enum Rule : std::uint32_t { kNever = 0, kAlways = 1, kHash = 2 };
+// What the shader does with a candidate under kHash.
+bool hashConfirms(std::uint32_t customIndex, std::uint32_t instance, std::uint32_t geometry, std::uint32_t primitive);
+
+struct Ray {
+    Vec3 origin{};
+    float tMin = 0;
+    Vec3 direction{0, 0, -1};
+    float tMax = 1000;
+    std::uint32_t flags = 0;
+    std::uint32_t cullMask = 0xff;
+    std::uint32_t rule = kNever;
+    float generate = 0;
+};
+
+struct Candidate {
+    std::uint32_t customIndex, instance, geometry, primitive;
+    std::uint32_t bits;
+    float t, u, v;
+
+    [[nodiscard]] bool box() const { return (bits & 1) != 0; }
+    [[nodiscard]] bool boxOpaque() const { return (bits & 2) != 0; }
+    [[nodiscard]] bool frontFace() const { return (bits & 4) != 0; }
+    [[nodiscard]] bool confirmed() const { return (bits & 8) != 0; }
+};
+
+enum Committed : std::uint32_t { kNone = 0, kTriangle = 1, kGenerated = 2 };
+
+struct RawResult {
+    std::uint32_t candidateCount;
+    std::uint32_t flags;
+    std::uint32_t committed;
+    std::uint32_t customIndex, instance, geometry, primitive;
+    float t, u, v;
+    float tMin;
+    std::uint32_t frontFace;
+};
+
+struct Result : RawResult {
+    std::vector<Candidate> candidates;
+};
+
+struct TracerSetup {
+    std::optional<std::uint32_t> specializedFlags; // specialization constant 0
+    bool inlineModule = false;                     // VkShaderModuleCreateInfo in the stage's pNext
+};
+
+// A compute pipeline with the bindings of tracer.comp.
+class Tracer
+{
+public:
+    Tracer(Gpu &gpu, std::span<const std::uint32_t> words, const TracerSetup &setup = {});
+    explicit Tracer(Gpu &gpu); // run-time ray flags, bound acceleration structure
+    Tracer(const Tracer &) = delete;
+    Tracer &operator=(const Tracer &) = delete;
+    ~Tracer();
+
+    // Traces and waits. At most `capacity` candidates of each ray come back.
+    std::vector<Result> trace(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity = 8);
+
+    // The same in steps, for tests that put other commands in between.
+    void prepare(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity = 8);
+    void bind(VkCommandBuffer commands) const; // pipeline, descriptor set, push constants
+    void dispatch(VkCommandBuffer commands) const;
+    [[nodiscard]] std::vector<Result> results() const;
+    [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+    [[nodiscard]] VkDescriptorSetLayout setLayout() const { return setLayout_; }
+    [[nodiscard]] VkDescriptorSet set() const { return set_; }
+    [[nodiscard]] const Buffer &resultBuffer() const { return results_; }
+    void clearResults();
+
+private:
+    struct Push {
+        std::uint32_t rayCount;
+        std::uint32_t capacity;
+        VkDeviceAddress scene;
+    };
+
+    Gpu &gpu_;
+    VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
+    VkPipelineLayout layout_ = VK_NULL_HANDLE;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+    VkDescriptorPool pool_ = VK_NULL_HANDLE;
+    VkDescriptorSet set_ = VK_NULL_HANDLE;
+    Buffer rays_, results_, candidates_;
+    Push push_{};
+};
+
+} // namespace vt

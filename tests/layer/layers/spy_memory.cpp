@@ -1,0 +1,133 @@
+// Buffers, types of memory and mappings.
+#include "layers/spy.h"
+
+#include <cstdlib>
+#include <map>
+#include <utility>
+
+namespace spy
+{
+namespace
+{
+
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+{
+    struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags64 usage;
+    };
+    const auto *flags2 = static_cast<const Usage2 *>(inChain(info->pNext, static_cast<VkStructureType>(1000470006)));
+    if (((info->usage | (flags2 != nullptr ? flags2->usage : 0)) &
+         (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
+        tell("vkCreateBuffer: micromap usage");
+    return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
+}
+
+// --- a memory type more: that of the host, where lavapipe's are local to the device ---
+
+bool moreMemory = false;
+std::uint32_t memoryTypesBelow = 0;
+
+VKAPI_ATTR void VKAPI_CALL getBufferRequirements(VkDevice handle, VkBuffer buffer, VkMemoryRequirements *requirements)
+{
+    SPY_NEXT(vkGetBufferMemoryRequirements)(handle, buffer, requirements);
+    if (moreMemory)
+        requirements->memoryTypeBits |= 1u << memoryTypesBelow;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
+                                              const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+{
+    VkMemoryAllocateInfo below = *info;
+    if (moreMemory && info->memoryTypeIndex == memoryTypesBelow)
+        below.memoryTypeIndex = 0;
+    else if (std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr)
+        return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    return SPY_NEXT(vkAllocateMemory)(handle, &below, allocator, memory);
+}
+
+// Memory can be mapped once (VUID-vkMapMemory-memory-00678), and unmapped where it is
+// (VUID-vkUnmapMemory-memory-00689).
+std::map<VkDeviceMemory, bool> mapped;
+
+void expectMapped(const char *where, VkDeviceMemory memory, bool before, bool after)
+{
+    bool was = false;
+    {
+        std::lock_guard lock(mutex);
+        was = std::exchange(mapped[memory], after);
+    }
+    if (was != before)
+        tell(std::string(where) + (was ? ": memory that is mapped" : ": memory that is not mapped"));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize size,
+                                         VkMemoryMapFlags flags, void **data)
+{
+    expectMapped("vkMapMemory", memory, false, true);
+    return SPY_NEXT(vkMapMemory)(handle, memory, offset, size, flags, data);
+}
+
+struct MapInfo { // VkMemoryMapInfo
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkDeviceMemory memory;
+    VkDeviceSize offset, size;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const MapInfo *info, void **data)
+{
+    expectMapped("vkMapMemory2", info->memory, false, true);
+    return SPY_NEXT(vkMapMemory)(handle, info->memory, info->offset, info->size, info->flags, data);
+}
+
+VKAPI_ATTR void VKAPI_CALL unmapMemory(VkDevice handle, VkDeviceMemory memory)
+{
+    expectMapped("vkUnmapMemory", memory, true, false);
+    SPY_NEXT(vkUnmapMemory)(handle, memory);
+}
+
+VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        mapped.erase(memory);
+    }
+    SPY_NEXT(vkFreeMemory)(handle, memory, allocator);
+}
+
+} // namespace
+
+void setMoreMemory(bool more)
+{
+    moreMemory = more;
+}
+
+VKAPI_ATTR void VKAPI_CALL getMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties *memory)
+{
+    tableOf(keyOf(handle)).getMemoryProperties(handle, memory);
+    if (!moreMemory)
+        return;
+    memoryTypesBelow = memory->memoryTypeCount;
+    memory->memoryTypes[memory->memoryTypeCount++] = {
+        VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT, 0};
+}
+
+std::span<const Row> memory()
+{
+    static const Row rows[]{
+        {"vkGetBufferMemoryRequirements", SPY_FUNCTION(getBufferRequirements)},
+        {"vkAllocateMemory", SPY_FUNCTION(allocateMemory)},
+        {"vkMapMemory", SPY_FUNCTION(mapMemory)},
+        {"vkMapMemory2", SPY_FUNCTION(mapMemory2)},
+        {"vkUnmapMemory", SPY_FUNCTION(unmapMemory)},
+        {"vkFreeMemory", SPY_FUNCTION(freeMemory)},
+        {"vkCreateBuffer", SPY_FUNCTION(createBuffer)},
+    };
+    return rows;
+}
+
+} // namespace spy

@@ -1,0 +1,274 @@
+// Pipelines of all kinds, shader objects, and stack sizes.
+#include "layers/spy.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+
+namespace spy
+{
+namespace
+{
+
+// Flags of a pipeline, from wherever it has them.
+VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
+{
+    constexpr auto flags2Type = static_cast<VkStructureType>(1000470005);
+    struct Flags2 { // VkPipelineCreateFlags2CreateInfo
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags64 flags;
+    };
+    const auto *flags2 = static_cast<const Flags2 *>(inChain(pNext, flags2Type));
+    return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
+}
+constexpr VkFlags64 kDisallowMicromaps = VkFlags64{1} << 37; // ..._DISALLOW_OPACITY_MICROMAP_BIT_ARM
+constexpr VkFlags64 kDisallowMixed = VkFlags64{1} << 41;     // ..._DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR
+
+// What no kind of pipeline may have.
+void expectPromises(const char *where, VkFlags64 flags)
+{
+    if ((flags & kDisallowMicromaps) != 0)
+        tell(std::string(where) + ": DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+    if ((flags & kDisallowMixed) != 0)
+        tell(std::string(where) + ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR");
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                      const VkComputePipelineCreateInfo *infos,
+                                                      const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    for (const VkComputePipelineCreateInfo &info : std::span(infos, count))
+        expectPromises("vkCreateComputePipelines", pipelineFlags(info.pNext, info.flags));
+    return SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                       const VkGraphicsPipelineCreateInfo *infos,
+                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    for (const VkGraphicsPipelineCreateInfo &info : std::span(infos, count))
+        expectPromises("vkCreateGraphicsPipelines", pipelineFlags(info.pNext, info.flags));
+    return SPY_NEXT(vkCreateGraphicsPipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
+struct ShaderCreateInfo { // VkShaderCreateInfoEXT, which older headers lack
+    VkStructureType sType;
+    const void *pNext;
+    VkFlags flags;
+    VkShaderStageFlagBits stage;
+    VkShaderStageFlags nextStage;
+    std::uint32_t codeType;
+    std::size_t codeSize;
+    const void *pCode;
+    const char *pName;
+    std::uint32_t setLayoutCount;
+    const VkDescriptorSetLayout *pSetLayouts;
+    std::uint32_t pushConstantRangeCount;
+    const VkPushConstantRange *pPushConstantRanges;
+    const VkSpecializationInfo *pSpecializationInfo;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t count, const ShaderCreateInfo *infos,
+                                             const VkAllocationCallbacks *allocator, void *shaders)
+{
+    constexpr VkFlags disallowMixed = 1u << 12; // ..._OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT
+    for (const ShaderCreateInfo &info : std::span(infos, count)) {
+        if ((info.flags & disallowMixed) != 0)
+            tell("vkCreateShadersEXT: OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT");
+    }
+    const auto next = nextOfDevice<decltype(&createShaders)>(keyOf(handle), "vkCreateShadersEXT");
+    return next(handle, count, infos, allocator, shaders);
+}
+
+// --- ray tracing pipelines ---
+
+// What the specification's formula for the default stack size needs (raytracing.adoc, "Ray Tracing Pipeline Stack").
+struct StackNeed {
+    VkDeviceSize raygen = 0, miss = 0, closestHit = 0, anyHit = 0, intersection = 0, callable = 0;
+    std::uint32_t depth = 0;
+
+    void add(const StackNeed &other)
+    {
+        raygen = std::max(raygen, other.raygen);
+        miss = std::max(miss, other.miss);
+        closestHit = std::max(closestHit, other.closestHit);
+        anyHit = std::max(anyHit, other.anyHit);
+        intersection = std::max(intersection, other.intersection);
+        callable = std::max(callable, other.callable);
+    }
+    [[nodiscard]] VkDeviceSize total() const
+    {
+        const VkDeviceSize hitOrMiss = std::max(closestHit, miss);
+        return raygen + std::min(1u, depth) * std::max(hitOrMiss, intersection + anyHit) +
+               (depth > 0 ? depth - 1 : 0) * hitOrMiss + 2 * callable;
+    }
+};
+std::map<VkPipeline, StackNeed> stackNeeds;
+std::map<VkCommandBuffer, VkPipeline> boundPipelines; // ray tracing
+
+// Creations that were put off: what the caller gave, and is bound to keep alive until the operation completes.
+struct Deferral {
+    VkDevice device;
+    VkPipelineCache cache;
+    std::uint32_t count;
+    const VkRayTracingPipelineCreateInfoKHR *infos;
+    const VkAllocationCallbacks *allocator;
+    VkPipeline *pipelines;
+    VkResult result = VK_NOT_READY;
+    bool joined = false;
+};
+std::map<VkDeferredOperationKHR, Deferral> deferrals;
+
+StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &info, VkPipeline pipeline)
+{
+    const auto sizeOf = SPY_NEXT(vkGetRayTracingShaderGroupStackSizeKHR);
+    StackNeed need;
+    need.depth = info.maxPipelineRayRecursionDepth;
+    for (std::uint32_t i = 0; i < info.groupCount; ++i) {
+        const VkRayTracingShaderGroupCreateInfoKHR &group = info.pGroups[i];
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
+            const VkDeviceSize size = sizeOf(handle, pipeline, i, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
+            const VkShaderStageFlagBits stage = info.pStages[group.generalShader].stage;
+            VkDeviceSize &part = stage == VK_SHADER_STAGE_RAYGEN_BIT_KHR ? need.raygen
+                                 : stage == VK_SHADER_STAGE_MISS_BIT_KHR ? need.miss
+                                                                         : need.callable;
+            part = std::max(part, size);
+            continue;
+        }
+        const auto add = [&](std::uint32_t shader, VkShaderGroupShaderKHR which, VkDeviceSize &part) {
+            if (shader != VK_SHADER_UNUSED_KHR)
+                part = std::max(part, sizeOf(handle, pipeline, i, which));
+        };
+        add(group.closestHitShader, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR, need.closestHit);
+        add(group.anyHitShader, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR, need.anyHit);
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR)
+            add(group.intersectionShader, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR, need.intersection);
+    }
+    std::lock_guard lock(mutex);
+    for (std::uint32_t i = 0; info.pLibraryInfo != nullptr && i < info.pLibraryInfo->libraryCount; ++i)
+        need.add(stackNeeds[info.pLibraryInfo->pLibraries[i]]);
+    return need;
+}
+
+void expectPipeline(const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
+    if ((flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
+        tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
+    expectPromises("vkCreateRayTracingPipelinesKHR", flags);
+}
+
+VkResult createPipelinesNow(VkDevice handle, VkDeferredOperationKHR operation, const Deferral &call)
+{
+    const VkResult result = SPY_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, call.cache, call.count,
+                                                                     call.infos, call.allocator, call.pipelines);
+    if (result != VK_SUCCESS && result != VK_OPERATION_NOT_DEFERRED_KHR)
+        return result;
+    for (std::uint32_t i = 0; i < call.count; ++i) {
+        const StackNeed need = stackNeed(handle, call.infos[i], call.pipelines[i]);
+        std::lock_guard lock(mutex);
+        stackNeeds[call.pipelines[i]] = need;
+    }
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
+                                                         VkPipelineCache cache, std::uint32_t count,
+                                                         const VkRayTracingPipelineCreateInfoKHR *infos,
+                                                         const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    for (std::uint32_t i = 0; i < count; ++i)
+        expectPipeline(infos[i]);
+    const Deferral call{handle, cache, count, infos, allocator, pipelines};
+    if (operation == VK_NULL_HANDLE || std::getenv("VELLUM_TEST_SPY_DEFER") == nullptr)
+        return createPipelinesNow(handle, operation, call);
+    std::lock_guard lock(mutex);
+    deferrals[operation] = call;
+    return VK_OPERATION_DEFERRED_KHR;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL deferredOperationJoin(VkDevice handle, VkDeferredOperationKHR operation)
+{
+    Deferral call{};
+    {
+        std::lock_guard lock(mutex);
+        const auto found = deferrals.find(operation);
+        if (found != deferrals.end()) {
+            call = found->second;
+            found->second.joined = true;
+        }
+    }
+    if (call.device == VK_NULL_HANDLE)
+        return SPY_NEXT(vkDeferredOperationJoinKHR)(handle, operation);
+    if (call.joined) // one thread is all that the work is good for
+        return call.result == VK_NOT_READY ? VK_THREAD_DONE_KHR : VK_SUCCESS;
+    const VkResult result = createPipelinesNow(handle, VK_NULL_HANDLE, call);
+    std::lock_guard lock(mutex);
+    deferrals[operation].result = result;
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL getDeferredOperationResult(VkDevice handle, VkDeferredOperationKHR operation)
+{
+    {
+        std::lock_guard lock(mutex);
+        const auto found = deferrals.find(operation);
+        if (found != deferrals.end())
+            return found->second.result;
+    }
+    return SPY_NEXT(vkGetDeferredOperationResultKHR)(handle, operation);
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyDeferredOperation(VkDevice handle, VkDeferredOperationKHR operation,
+                                                    const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        deferrals.erase(operation);
+    }
+    SPY_NEXT(vkDestroyDeferredOperationKHR)(handle, operation, allocator);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBindPipeline(VkCommandBuffer handle, VkPipelineBindPoint point, VkPipeline pipeline)
+{
+    if (point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR) {
+        std::lock_guard lock(mutex);
+        boundPipelines[handle] = pipeline;
+    }
+    SPY_NEXT(vkCmdBindPipeline)(handle, point, pipeline);
+}
+
+// The tests set it after they have bound the pipeline that it is for.
+VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, std::uint32_t size)
+{
+    VkDeviceSize need = 0;
+    {
+        std::lock_guard lock(mutex);
+        need = stackNeeds[boundPipelines[handle]].total();
+    }
+    if (size < need)
+        tell("vkCmdSetRayTracingPipelineStackSizeKHR: " + std::to_string(size) + " bytes where the pipeline needs " +
+             std::to_string(need));
+    SPY_NEXT(vkCmdSetRayTracingPipelineStackSizeKHR)(handle, size);
+}
+
+} // namespace
+
+std::span<const Row> pipelines()
+{
+    static const Row rows[]{
+        {"vkCreateComputePipelines", SPY_FUNCTION(createComputePipelines)},
+        {"vkCreateGraphicsPipelines", SPY_FUNCTION(createGraphicsPipelines)},
+        {"vkCreateShadersEXT", SPY_FUNCTION(createShaders)},
+        {"vkCreateRayTracingPipelinesKHR", SPY_FUNCTION(createRayTracingPipelines)},
+        {"vkDeferredOperationJoinKHR", SPY_FUNCTION(deferredOperationJoin)},
+        {"vkGetDeferredOperationResultKHR", SPY_FUNCTION(getDeferredOperationResult)},
+        {"vkDestroyDeferredOperationKHR", SPY_FUNCTION(destroyDeferredOperation)},
+        {"vkCmdBindPipeline", SPY_FUNCTION(cmdBindPipeline)},
+        {"vkCmdSetRayTracingPipelineStackSizeKHR", SPY_FUNCTION(cmdSetStackSize)},
+    };
+    return rows;
+}
+
+} // namespace spy

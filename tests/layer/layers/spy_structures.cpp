@@ -1,0 +1,199 @@
+// Acceleration structures, and the objects that names and private data are for.
+#include "layers/spy.h"
+
+#include <set>
+
+namespace spy
+{
+namespace
+{
+
+void expectBuild(const char *where, const VkAccelerationStructureBuildGeometryInfoKHR &info)
+{
+    constexpr VkFlags ours = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
+                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
+                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT |
+                             0x400; // VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR
+    if (info.type > VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        tell(std::string(where) + ": a type that the driver does not know");
+    if ((info.flags & ours) != 0)
+        tell(std::string(where) + ": micromap build flags");
+    for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
+        const VkAccelerationStructureGeometryKHR &geometry =
+            info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
+        if (geometry.geometryType > VK_GEOMETRY_TYPE_INSTANCES_KHR)
+            tell(std::string(where) + ": a type of geometry that the driver does not know");
+        // VkAccelerationStructureTrianglesOpacityMicromapKHR
+        if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
+            inChain(geometry.geometry.triangles.pNext, static_cast<VkStructureType>(1000623003)) != nullptr)
+            tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapKHR");
+        if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
+            inChain(geometry.geometry.triangles.pNext,
+                    VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT) != nullptr)
+            tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapEXT");
+    }
+}
+
+// Acceleration structures that are the driver's: others, which the layer has by itself, must not come here.
+std::set<VkAccelerationStructureKHR> known;
+std::mutex knownMutex;
+
+// Whether it is the driver's; the spy tells of the others.
+bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
+{
+    bool theDrivers = structure == VK_NULL_HANDLE;
+    {
+        std::lock_guard lock(knownMutex);
+        theDrivers = theDrivers || known.contains(structure);
+    }
+    if (!theDrivers)
+        tell(std::string(where) + ": an acceleration structure that is not the driver's");
+    return theDrivers;
+}
+
+bool expectObject(const char *where, VkObjectType type, std::uint64_t object)
+{
+    if (type == VK_OBJECT_TYPE_MICROMAP_EXT)
+        tell(std::string(where) + ": an object of type VK_OBJECT_TYPE_MICROMAP_EXT");
+    if (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
+        return expectStructure(where, reinterpret_cast<VkAccelerationStructureKHR>(object));
+    return type != VK_OBJECT_TYPE_MICROMAP_EXT;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelerationStructureCreateInfoKHR *info,
+                                               const VkAllocationCallbacks *allocator,
+                                               VkAccelerationStructureKHR *structure)
+{
+    if (info->type > VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        tell("vkCreateAccelerationStructureKHR: a type that the driver does not know");
+    const VkResult result = SPY_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
+    std::lock_guard lock(knownMutex);
+    if (result == VK_SUCCESS)
+        known.insert(*structure);
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
+                                            const VkAllocationCallbacks *allocator)
+{
+    expectStructure("vkDestroyAccelerationStructureKHR", structure);
+    {
+        std::lock_guard lock(knownMutex);
+        known.erase(structure);
+    }
+    SPY_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
+}
+
+VKAPI_ATTR void VKAPI_CALL copyStructure(VkCommandBuffer handle, const VkCopyAccelerationStructureInfoKHR *info)
+{
+    expectStructure("vkCmdCopyAccelerationStructureKHR", info->src);
+    expectStructure("vkCmdCopyAccelerationStructureKHR", info->dst);
+    SPY_NEXT(vkCmdCopyAccelerationStructureKHR)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL writeProperties(VkCommandBuffer handle, std::uint32_t count,
+                                           const VkAccelerationStructureKHR *list, VkQueryType type, VkQueryPool pool,
+                                           std::uint32_t first)
+{
+    for (const VkAccelerationStructureKHR structure : std::span(list, count))
+        expectStructure("vkCmdWriteAccelerationStructuresPropertiesKHR", structure);
+    SPY_NEXT(vkCmdWriteAccelerationStructuresPropertiesKHR)(handle, count, list, type, pool, first);
+}
+
+VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
+                                                       const VkAccelerationStructureDeviceAddressInfoKHR *info)
+{
+    expectStructure("vkGetAccelerationStructureDeviceAddressKHR", info->accelerationStructure);
+    return SPY_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, info);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
+                                              VkPrivateDataSlot slot, std::uint64_t data)
+{
+    return expectObject("vkSetPrivateData", type, object) ? SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data)
+                                                          : VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
+                                          VkPrivateDataSlot slot, std::uint64_t *data)
+{
+    if (expectObject("vkGetPrivateData", type, object))
+        SPY_NEXT(vkGetPrivateData)(handle, type, object, slot, data);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
+{
+    const auto next = SPY_NEXT(vkSetDebugUtilsObjectNameEXT);
+    return expectObject("vkSetDebugUtilsObjectNameEXT", info->objectType, info->objectHandle) && next != nullptr
+               ? next(handle, info)
+               : VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
+{
+    const auto next = SPY_NEXT(vkSetDebugUtilsObjectTagEXT);
+    return expectObject("vkSetDebugUtilsObjectTagEXT", info->objectType, info->objectHandle) && next != nullptr
+               ? next(handle, info)
+               : VK_SUCCESS;
+}
+
+// Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerName(VkDevice, const VkDebugMarkerObjectNameInfoEXT *info)
+{
+    expectObject("vkDebugMarkerSetObjectNameEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerTag(VkDevice, const VkDebugMarkerObjectTagInfoEXT *info)
+{
+    expectObject("vkDebugMarkerSetObjectTagEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
+                                         const VkAccelerationStructureBuildGeometryInfoKHR *info,
+                                         const std::uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
+{
+    expectBuild("vkGetAccelerationStructureBuildSizesKHR", *info);
+    SPY_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, sizes);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
+                                    const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                    const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
+{
+    for (std::uint32_t i = 0; i < count; ++i)
+        expectBuild("vkCmdBuildAccelerationStructuresKHR", infos[i]);
+    noteBuild(handle);
+    SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
+}
+
+} // namespace
+
+std::span<const Row> structures()
+{
+    static const Row rows[]{
+        {"vkCreateAccelerationStructureKHR", SPY_FUNCTION(createStructure)},
+        {"vkDestroyAccelerationStructureKHR", SPY_FUNCTION(destroyStructure)},
+        {"vkCmdCopyAccelerationStructureKHR", SPY_FUNCTION(copyStructure)},
+        {"vkCmdWriteAccelerationStructuresPropertiesKHR", SPY_FUNCTION(writeProperties)},
+        {"vkGetAccelerationStructureDeviceAddressKHR", SPY_FUNCTION(structureAddress)},
+        {"vkSetPrivateData", SPY_FUNCTION(setPrivateData)},
+        {"vkGetPrivateData", SPY_FUNCTION(getPrivateData)},
+        {"vkSetDebugUtilsObjectNameEXT", SPY_FUNCTION(setName)},
+        {"vkSetDebugUtilsObjectTagEXT", SPY_FUNCTION(setTag)},
+        {"vkGetAccelerationStructureBuildSizesKHR", SPY_FUNCTION(getBuildSizes)},
+        {"vkCmdBuildAccelerationStructuresKHR", SPY_FUNCTION(cmdBuild)},
+    };
+    return rows;
+}
+
+// Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
+PFN_vkVoidFunction markerFunction(std::string_view name)
+{
+    if (name == "vkDebugMarkerSetObjectNameEXT")
+        return SPY_FUNCTION(setMarkerName);
+    return name == "vkDebugMarkerSetObjectTagEXT" ? SPY_FUNCTION(setMarkerTag) : nullptr;
+}
+
+} // namespace spy

@@ -1,0 +1,233 @@
+// Barriers, events, semaphores, and the order of builds and transfers.
+#include "layers/spy.h"
+
+#include <cstdlib>
+#include <map>
+#include <sstream>
+#include <type_traits>
+
+namespace spy
+{
+
+void expectStages(const char *where, VkPipelineStageFlags2 stages)
+{
+    if ((stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0)
+        tell(std::string(where) + ": MICROMAP_BUILD stage");
+}
+
+namespace
+{
+
+void expectAccess(const char *where, VkAccessFlags2 access)
+{
+    if ((access & (VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT)) != 0)
+        tell(std::string(where) + ": MICROMAP_READ or MICROMAP_WRITE access");
+}
+
+template <class Barrier>
+void expectBarrier(const char *where, const Barrier &barrier)
+{
+    expectStages(where, barrier.srcStageMask);
+    expectStages(where, barrier.dstStageMask);
+    expectAccess(where, barrier.srcAccessMask);
+    expectAccess(where, barrier.dstAccessMask);
+}
+
+// "MEMORY srcStage srcAccess dstStage dstAccess", and for buffers " srcFamily dstFamily offset size buffer" after it.
+template <class Barrier>
+void tellBarrier(const Barrier &b)
+{
+    if (std::getenv("VELLUM_TEST_SPY_BARRIERS") == nullptr)
+        return;
+    std::ostringstream text;
+    text << std::hex << "MEMORY " << b.srcStageMask << ' ' << b.srcAccessMask << ' ' << b.dstStageMask << ' '
+         << b.dstAccessMask;
+    if constexpr (std::is_same_v<Barrier, VkBufferMemoryBarrier2>)
+        text << ' ' << b.srcQueueFamilyIndex << ' ' << b.dstQueueFamilyIndex << ' ' << b.offset << ' ' << b.size << ' '
+             << reinterpret_cast<std::uint64_t>(b.buffer);
+    tell(text.str());
+}
+
+void expectDependency(const char *where, const VkDependencyInfo &info)
+{
+    if (inChain(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR) != nullptr)
+        tell(std::string(where) + ": VkMemoryRangeBarriersInfoKHR");
+    for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
+        tellBarrier(b);
+    for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
+        tellBarrier(b);
+    for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
+        expectBarrier(where, b);
+    for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
+        expectBarrier(where, b);
+    for (const VkImageMemoryBarrier2 &b : std::span(info.pImageMemoryBarriers, info.imageMemoryBarrierCount))
+        expectBarrier(where, b);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
+{
+    expectDependency("vkCmdPipelineBarrier2", *info);
+    SPY_NEXT(vkCmdPipelineBarrier2)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdSetEvent2(VkCommandBuffer handle, VkEvent event, const VkDependencyInfo *info)
+{
+    expectDependency("vkCmdSetEvent2", *info);
+    SPY_NEXT(vkCmdSetEvent2)(handle, event, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer handle, VkEvent event, VkPipelineStageFlags2 stages)
+{
+    expectStages("vkCmdResetEvent2", stages);
+    SPY_NEXT(vkCmdResetEvent2)(handle, event, stages);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer handle, std::uint32_t count, const VkEvent *events,
+                                          const VkDependencyInfo *infos)
+{
+    for (std::uint32_t i = 0; i < count; ++i)
+        expectDependency("vkCmdWaitEvents2", infos[i]);
+    SPY_NEXT(vkCmdWaitEvents2)(handle, count, events, infos);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkQueryPool pool,
+                                              std::uint32_t query)
+{
+    expectStages("vkCmdWriteTimestamp2", stage);
+    SPY_NEXT(vkCmdWriteTimestamp2)(handle, stage, pool, query);
+}
+
+// Whether the driver has it or not: lavapipe has not.
+VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkBuffer buffer,
+                                                 VkDeviceSize offset, std::uint32_t marker)
+{
+    expectStages("vkCmdWriteBufferMarker2AMD", stage);
+    if (std::getenv("VELLUM_TEST_SPY_MARKER") != nullptr)
+        SPY_NEXT(vkCmdFillBuffer)(handle, buffer, offset, 4, marker);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, std::uint32_t count, const VkSubmitInfo2 *submits,
+                                            VkFence fence)
+{
+    for (const VkSubmitInfo2 &s : std::span(submits, count)) {
+        for (const VkSemaphoreSubmitInfo &w : std::span(s.pWaitSemaphoreInfos, s.waitSemaphoreInfoCount))
+            expectStages("vkQueueSubmit2", w.stageMask);
+        for (const VkSemaphoreSubmitInfo &w : std::span(s.pSignalSemaphoreInfos, s.signalSemaphoreInfoCount))
+            expectStages("vkQueueSubmit2", w.stageMask);
+    }
+    return SPY_NEXT(vkQueueSubmit2)(handle, count, submits, fence);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRenderPassCreateInfo2 *info,
+                                                 const VkAllocationCallbacks *allocator, VkRenderPass *pass)
+{
+    for (const VkSubpassDependency2 &d : std::span(info->pDependencies, info->dependencyCount)) {
+        if (const void *barrier = inChain(d.pNext, VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
+            expectBarrier("vkCreateRenderPass2", *static_cast<const VkMemoryBarrier2 *>(barrier));
+    }
+    return SPY_NEXT(vkCreateRenderPass2)(handle, info, allocator, pass);
+}
+
+// Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
+// ordered before what comes in that stage. And whoever makes a build wait, for a semaphore, makes it wait in that
+// stage: the transfer must wait for what comes before it in that stage.
+struct Updates {
+    bool built = false;   // there was a build in the command buffer
+    bool pending = false; // and then a transfer, and no barrier since
+    bool waits = false;   // there was a barrier from that stage to transfers
+};
+std::map<VkCommandBuffer, Updates> updates;
+
+VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const VkCommandBufferBeginInfo *info)
+{
+    {
+        std::lock_guard lock(mutex);
+        updates.erase(handle);
+    }
+    return SPY_NEXT(vkBeginCommandBuffer)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buffer, VkDeviceSize offset,
+                                           VkDeviceSize size, const void *data)
+{
+    bool waits = false;
+    {
+        std::lock_guard lock(mutex);
+        updates[handle].pending = updates[handle].built;
+        waits = updates[handle].waits;
+    }
+    constexpr VkDeviceSize cell = 32; // what the layer writes; the tests write other sizes
+    if (size == cell && !waits)
+        tell("vkCmdUpdateBuffer: not ordered after builds before it");
+    SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipelineStageFlags from,
+                                              VkPipelineStageFlags to, VkDependencyFlags flags, std::uint32_t count,
+                                              const VkMemoryBarrier *memory, std::uint32_t buffers,
+                                              const VkBufferMemoryBarrier *buffer, std::uint32_t images,
+                                              const VkImageMemoryBarrier *image)
+{
+    constexpr VkPipelineStageFlags transfer = VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    constexpr VkPipelineStageFlags builds =
+        VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    {
+        std::lock_guard lock(mutex);
+        if ((from & transfer) != 0 && (to & builds) != 0)
+            updates[handle].pending = false;
+        if ((from & builds) != 0 && (to & transfer) != 0)
+            updates[handle].waits = true;
+    }
+    SPY_NEXT(vkCmdPipelineBarrier)(handle, from, to, flags, count, memory, buffers, buffer, images, image);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL endCommandBuffer(VkCommandBuffer handle)
+{
+    bool pending = false;
+    {
+        std::lock_guard lock(mutex);
+        pending = updates[handle].pending;
+    }
+    if (pending)
+        tell("vkEndCommandBuffer: a transfer after a build, and no barrier");
+    return SPY_NEXT(vkEndCommandBuffer)(handle);
+}
+
+} // namespace
+
+void noteBuild(VkCommandBuffer commands)
+{
+    std::lock_guard lock(mutex);
+    updates[commands].built = true;
+    updates[commands].pending = false;
+}
+
+std::span<const Row> synchronization()
+{
+    static const Row rows[]{
+        {"vkBeginCommandBuffer", SPY_FUNCTION(beginCommandBuffer)},
+        {"vkEndCommandBuffer", SPY_FUNCTION(endCommandBuffer)},
+        {"vkCmdUpdateBuffer", SPY_FUNCTION(cmdUpdateBuffer)},
+        {"vkCmdPipelineBarrier", SPY_FUNCTION(cmdPipelineBarrier)},
+        {"vkCmdPipelineBarrier2", SPY_FUNCTION(cmdPipelineBarrier2)},
+        {"vkCmdSetEvent2", SPY_FUNCTION(cmdSetEvent2)},
+        {"vkCmdResetEvent2", SPY_FUNCTION(cmdResetEvent2)},
+        {"vkCmdWaitEvents2", SPY_FUNCTION(cmdWaitEvents2)},
+        {"vkCmdWriteTimestamp2", SPY_FUNCTION(cmdWriteTimestamp2)},
+        {"vkQueueSubmit2", SPY_FUNCTION(queueSubmit2)},
+        {"vkCreateRenderPass2", SPY_FUNCTION(createRenderPass2)},
+    };
+    return rows;
+}
+
+PFN_vkVoidFunction bufferMarkerFunction(std::string_view name)
+{
+    // By the first of them the layer knows that the extension is there.
+    if (name == "vkCmdWriteBufferMarkerAMD" && std::getenv("VELLUM_TEST_SPY_MARKER") == nullptr)
+        return nullptr;
+    return name == "vkCmdWriteBufferMarkerAMD" || name == "vkCmdWriteBufferMarker2AMD"
+               ? SPY_FUNCTION(cmdWriteBufferMarker2)
+               : nullptr;
+}
+
+} // namespace spy

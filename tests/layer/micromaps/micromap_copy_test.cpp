@@ -1,0 +1,484 @@
+// Copies of micromaps: clone, compact, serialize, deserialize, compatibility; sizes by queries. What a copy is good for
+// is looked at by tracing it.
+#include <algorithm>
+
+#include "core/micromap.h"
+#include "core/micromap_memory.h"
+#include "harness/expected.h"
+#include "harness/states.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+constexpr std::size_t kSerializedHeader = 64;
+
+class MicromapCopy : public GpuTest
+{
+protected:
+    explicit MicromapCopy(const Options &options = {}) : GpuTest(options) {}
+
+    // 3 times 8 triangles of level 5, each pattern three times with data of its own, and 6 uniform ones.
+    static MicromapInput repetitive()
+    {
+        Random random(17);
+        MicromapInput input;
+        std::vector<std::vector<std::uint8_t>> patterns;
+        for (int i = 0; i < 8; ++i)
+            patterns.push_back(randomStates(random, 5, kFourState));
+        for (int round = 0; round < 3; ++round) {
+            for (const auto &pattern : patterns)
+                input.add(5, kFourState, pattern);
+            for (const std::uint8_t state : {std::uint8_t{0}, std::uint8_t{1}})
+                input.add(5, kFourState, std::vector<std::uint8_t>(1024, state));
+        }
+        return input;
+    }
+    static constexpr VkDeviceSize kRepetitiveCompacted = 64 + 30 * 8 + 8 * 256;
+
+    VkDeviceSize query(const Micromap &micromap, VkQueryType extType)
+    {
+        const VkQueryType type = micromapQueryType(gpu(), extType);
+        const QueryPool pool(gpu(), type);
+        gpu().submit([&](VkCommandBuffer commands) {
+            vkCmdResetQueryPool(commands, pool, 0, 1);
+            recordMicromapProperties(gpu(), commands, std::span(&micromap.handle(), 1), type, pool, 0);
+        });
+        return pool.value();
+    }
+    VkDeviceSize compactedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT); }
+    VkDeviceSize serializedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT); }
+    [[nodiscard]] VkDeviceSize told(VkDeviceSize bytes) { return toldSize(gpu(), bytes); }
+
+    void copy(const Micromap &from, const Micromap &to, VkCopyMicromapModeEXT mode)
+    {
+        gpu().submit(
+            [&](VkCommandBuffer commands) { recordMicromapCopy(gpu(), commands, from.handle(), to.handle(), mode); });
+    }
+    Guarded serialize(const Micromap &from)
+    {
+        // As little usage as an application needs to give.
+        Guarded out(gpu(), serializedSize(from), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        gpu().submit(
+            [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, from.handle(), out.address()); });
+        EXPECT_TRUE(out.intact());
+        return out;
+    }
+    void deserialize(std::span<const std::uint8_t> bytes, const Micromap &to)
+    {
+        const Buffer source = exact(bytes);
+        gpu().submit(
+            [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, source.address(), to.handle()); });
+    }
+    // A buffer that ends where the bytes do.
+    Buffer exact(std::span<const std::uint8_t> bytes)
+    {
+        Buffer buffer(gpu(), bytes.size(), VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        EXPECT_EQ(buffer.address() % 256, 0u);
+        std::memcpy(buffer.bytes(), bytes.data(), bytes.size());
+        return buffer;
+    }
+
+    // Traces the centres of micro-triangles of every triangle: what each state makes of a hit on non-opaque geometry.
+    std::vector<std::uint8_t> traced(const Micromap &micromap)
+    {
+        const MicromapInput &input = micromap.input();
+        const auto count = static_cast<std::uint32_t>(input.triangles.size());
+        Geometry geometry{.vertices = triangleRow(count)};
+        geometry.micromap = Attachment{&micromap};
+        const Blas blas(gpu(), {geometry});
+        const Tlas tlas(gpu(), {instance(blas, {}, 1)});
+        std::vector<Ray> rays;
+        for (std::uint32_t t = 0; t < count; ++t) {
+            for (const std::uint32_t i : samples(input.triangles[t])) {
+                const auto centre = microTriangleCentre(i, input.triangles[t].subdivisionLevel);
+                Ray ray;
+                ray.origin = {1.5f * static_cast<float>(t) + static_cast<float>(centre[0]),
+                              static_cast<float>(centre[1]), 1};
+                rays.push_back(ray);
+            }
+        }
+        std::vector<std::uint8_t> seen;
+        for (const Result &r : Tracer(gpu()).trace(tlas, rays))
+            seen.push_back(r.candidateCount > 0 ? 2 : r.committed == kTriangle ? 1 : 0);
+        return seen;
+    }
+    // The same, as the input says.
+    static std::vector<std::uint8_t> expected(const MicromapInput &input)
+    {
+        std::vector<std::uint8_t> out;
+        for (const VkMicromapTriangleEXT &t : input.triangles) {
+            for (const std::uint32_t i : samples(t)) {
+                const auto state = static_cast<std::uint8_t>(
+                    vellum::readState(input.data.data() + t.dataOffset, i, static_cast<vellum::Format>(t.format)));
+                out.push_back(std::min<std::uint8_t>(state, 2));
+            }
+        }
+        return out;
+    }
+    static std::vector<std::uint32_t> samples(const VkMicromapTriangleEXT &t)
+    {
+        std::vector<std::uint32_t> out;
+        const std::uint32_t count = 1u << (2 * t.subdivisionLevel);
+        for (std::uint32_t i = 0; i < count; i += std::max(1u, count / 61))
+            out.push_back(i);
+        return out;
+    }
+    std::vector<std::uint8_t> unknown(const MicromapInput &input)
+    {
+        return std::vector<std::uint8_t>(expected(input).size(), 2);
+    }
+
+    void expectMessage(const char *part)
+    {
+        bool found = false;
+        for (const Message &m : gpu().takeUnexpectedMessages()) {
+            EXPECT_TRUE(m.fromVellum()) << m.id << ": " << m.text;
+            found |= m.id.find(part) != std::string::npos;
+        }
+        EXPECT_TRUE(found) << part;
+    }
+    // What the rule is called in VK_EXT_opacity_micromap and in VK_KHR_opacity_micromap.
+    const char *id(const char *ext, const char *khr) { return gpu().khr() ? khr : ext; }
+    static std::vector<std::uint8_t> bytesOf(const Guarded &guarded)
+    {
+        return {guarded.bytes(), guarded.bytes() + guarded.size()};
+    }
+};
+
+TEST_F(MicromapCopy, CloneIsTheSame)
+{
+    Micromap source(gpu(), repetitive(), 0);
+    source.build();
+    const Micromap target(gpu(), source, source.size());
+    copy(source, target, VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    EXPECT_EQ(std::memcmp(source.memory(), target.memory(), source.size()), 0);
+    source.scribble();
+    EXPECT_EQ(traced(target), expected(source.input()));
+}
+
+TEST_F(MicromapCopy, CompactionFoldsAndShares)
+{
+    Micromap source(gpu(), repetitive(), kAllow);
+    source.build();
+    EXPECT_EQ(compactedSize(source), told(kRepetitiveCompacted));
+    EXPECT_LT(compactedSize(source), source.size() / 2);
+    const Micromap target(gpu(), source, kRepetitiveCompacted);
+    copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    EXPECT_EQ(traced(target), expected(source.input()));
+    // A compacted micromap can be copied and measured like any other one.
+    EXPECT_EQ(compactedSize(target), told(kRepetitiveCompacted));
+    const Micromap again(gpu(), target, kRepetitiveCompacted);
+    copy(target, again, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    EXPECT_EQ(std::memcmp(target.memory(), again.memory(), kRepetitiveCompacted), 0);
+}
+
+TEST_F(MicromapCopy, FastBuildsDoNotShare)
+{
+    Micromap source(gpu(), repetitive(), kAllow | VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT);
+    source.build();
+    EXPECT_EQ(compactedSize(source), told(64 + 30 * 8 + 30 * 256));
+    const Micromap target(gpu(), source, compactedSize(source));
+    copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    EXPECT_EQ(traced(target), expected(source.input()));
+}
+
+TEST_F(MicromapCopy, CompactedSizeDoesNotDependOnTheRun)
+{
+    // Many equal triangles, so that invocations compete for the slots; scratch memory holds what the run before left.
+    Random random(23);
+    std::vector<std::vector<std::uint8_t>> patterns;
+    for (int i = 0; i < 40; ++i)
+        patterns.push_back(randomStates(random, 3, kFourState));
+    MicromapInput input;
+    for (int i = 0; i < 5000; ++i)
+        input.add(3, kFourState, patterns[(random() >> 8) % patterns.size()]);
+    Micromap micromap(gpu(), input, kAllow);
+    micromap.build();
+    const VkDeviceSize size = compactedSize(micromap);
+    const std::vector<std::uint8_t> first(micromap.memory(), micromap.memory() + std::min(size, micromap.size()));
+    for (int run = 0; run < 10; ++run) {
+        micromap.build();
+        ASSERT_EQ(compactedSize(micromap), size);
+        ASSERT_EQ(std::memcmp(micromap.memory(), first.data(), first.size()), 0);
+    }
+}
+
+TEST_F(MicromapCopy, SerializedHeader)
+{
+    Micromap source(gpu(), repetitive(), kAllow);
+    source.build();
+    const Guarded bytes = serialize(source);
+    ASSERT_EQ(bytes.size(), kSerializedHeader + kRepetitiveCompacted);
+    VkPhysicalDeviceIDProperties id{};
+    id.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES;
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &id;
+    vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
+    EXPECT_EQ(std::memcmp(bytes.bytes(), id.driverUUID, VK_UUID_SIZE), 0);
+    std::uint64_t sizes[2];
+    std::memcpy(sizes, bytes.bytes() + 32, 16);
+    EXPECT_EQ(sizes[0], bytes.size());
+    EXPECT_EQ(sizes[1], told(kRepetitiveCompacted));
+    EXPECT_EQ(std::memcmp(bytes.bytes() + kSerializedHeader, source.memory(), kRepetitiveCompacted), 0);
+}
+
+TEST_F(MicromapCopy, CompatibilityOfEveryByte)
+{
+    Micromap source(gpu(), repetitive());
+    source.build();
+    const Guarded bytes = serialize(source);
+    const auto compatible = [&] { return micromapIsCompatible(gpu(), bytes.bytes()); };
+    EXPECT_TRUE(compatible());
+    for (std::size_t i = 0; i < 2 * VK_UUID_SIZE; ++i) {
+        bytes.bytes()[i] ^= 1;
+        EXPECT_FALSE(compatible()) << i;
+        bytes.bytes()[i] ^= 1;
+    }
+    EXPECT_TRUE(compatible());
+}
+
+TEST_F(MicromapCopy, SerializedMicromapsCanBeReloaded)
+{
+    for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kAllow}) {
+        Micromap source(gpu(), repetitive(), flags);
+        source.build();
+        const std::vector<std::uint8_t> bytes = bytesOf(serialize(source));
+        // Into one of the source's size, one that it just fits in, and a larger one.
+        for (const VkDeviceSize size :
+             {source.size(), VkDeviceSize{bytes.size() - kSerializedHeader}, source.size() + 4096}) {
+            const Micromap target(gpu(), source, size);
+            deserialize(bytes, target);
+            EXPECT_EQ(traced(target), expected(source.input()));
+            EXPECT_EQ(bytesOf(serialize(target)), bytes);
+        }
+    }
+}
+
+TEST_F(MicromapCopy, WhatIsNoMicromapBecomesUnknown)
+{
+    Micromap source(gpu(), repetitive());
+    source.build();
+    const std::vector<std::uint8_t> good = bytesOf(serialize(source));
+    const auto expectUnknown = [&](std::vector<std::uint8_t> bytes, VkDeviceSize size, const char *what,
+                                   bool tooLarge = false) {
+        SCOPED_TRACE(what);
+        const Micromap target(gpu(), source, size);
+        deserialize(bytes, target);
+        EXPECT_EQ(traced(target), unknown(source.input()));
+        expectMessage(tooLarge ? "VELLUM-micromap-copy-size" : "VELLUM-micromap-serialized");
+    };
+    expectUnknown({good.begin(), good.end() - 16}, source.size(), "cut off");
+    expectUnknown({good.begin(), good.begin() + 64}, source.size(), "only a header");
+    expectUnknown({good.begin(), good.begin() + 16}, source.size(), "less than a header");
+    expectUnknown(std::vector<std::uint8_t>(good.size(), 0), source.size(), "zeros");
+    expectUnknown(std::vector<std::uint8_t>(good.size(), 0xff), source.size(), "ones");
+    expectUnknown(good, good.size() - kSerializedHeader - 16, "too large for the target", true);
+    std::vector<std::uint8_t> other = good;
+    other[28] ^= 0x40;
+    expectUnknown(other, source.size(), "another layout");
+    other = good;
+    std::memset(other.data() + kSerializedHeader + 4, 0xff, 8); // counts of triangles and units
+    expectUnknown(other, source.size(), "huge counts");
+}
+
+TEST_F(MicromapCopy, RecordsOfAFileAreNotTrusted)
+{
+    MicromapInput input;
+    Random random(9);
+    for (int i = 0; i < 32; ++i)
+        input.add(5, kFourState, std::vector<std::uint8_t>(1024, static_cast<std::uint8_t>(i % 2)));
+    for (int i = 0; i < 32; ++i)
+        input.add(5, kFourState, randomStates(random, 5, kFourState));
+    Micromap source(gpu(), std::move(input));
+    source.build();
+    std::vector<std::uint8_t> bytes = bytesOf(serialize(source));
+    const auto record = [&](std::size_t i, std::uint32_t word0, std::uint32_t word1) {
+        const std::uint32_t words[2] = {word0, word1};
+        std::memcpy(bytes.data() + kSerializedHeader + 64 + i * 8, words, 8);
+    };
+    record(40, 6 | 0x7ffffffu << 5, 0xaaaaaaaa); // far outside
+    record(41, 20 | 0u << 5, 0xaaaaaaaa);        // level 12
+    record(42, 25, 0xaaaaaaaa);                  // level 15
+    record(43, 31 | 3u << 5, 0xfffffff0);        // far kind
+    record(44, 31 | 0xffffffe0, 0);              // far kind of no level
+    const Micromap target(gpu(), source, source.size());
+    deserialize(bytes, target);
+    const std::vector<std::uint8_t> seen = traced(target);
+    std::vector<std::uint8_t> want = expected(source.input());
+    const std::size_t each = want.size() / 64;
+    std::fill(want.begin() + static_cast<std::ptrdiff_t>(40 * each),
+              want.begin() + static_cast<std::ptrdiff_t>(45 * each), std::uint8_t{2});
+    EXPECT_EQ(seen, want);
+}
+
+TEST_F(MicromapCopy, TooSmallATarget)
+{
+    Micromap source(gpu(), repetitive(), kAllow);
+    source.build();
+    const Micromap target(gpu(), source, kRepetitiveCompacted - 16);
+    copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    EXPECT_EQ(traced(target), unknown(source.input()));
+    expectMessage("VELLUM-micromap-copy-size");
+}
+
+TEST_F(MicromapCopy, RefusedCopies)
+{
+    Micromap source(gpu(), repetitive(), kAllow);
+    source.build();
+    const Micromap target(gpu(), source, source.size());
+    copy(source, target, VK_COPY_MICROMAP_MODE_SERIALIZE_EXT);
+    expectMessage(id("VkCopyMicromapInfoEXT-mode-07531", "VkCopyAccelerationStructureInfoKHR-mode-03410"));
+    copy(source, source, VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    expectMessage("VELLUM-micromap-copy-overlap");
+    for (const auto &[from, to] :
+         {std::pair{MicromapHandle{}, target.handle()}, std::pair{source.handle(), MicromapHandle{}}}) {
+        gpu().submit([&, from = from, to = to](VkCommandBuffer commands) {
+            recordMicromapCopy(gpu(), commands, from, to, VK_COPY_MICROMAP_MODE_CLONE_EXT);
+        });
+        expectMessage(id("VkCopyMicromapInfoEXT-src-parameter", "VELLUM-copy-type"));
+    }
+    const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const auto refused = [&](VkDeviceAddress address, VkCopyMicromapModeEXT out, VkCopyMicromapModeEXT in,
+                             const char *outId, const char *inId) {
+        gpu().submit(
+            [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, source.handle(), address, out); });
+        expectMessage(outId);
+        gpu().submit(
+            [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, address, target.handle(), in); });
+        expectMessage(inId);
+    };
+    constexpr auto kOut = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+    constexpr auto kIn = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    constexpr auto kClone = VK_COPY_MICROMAP_MODE_CLONE_EXT;
+    refused(0, kOut, kIn, id("07536", "03739"), id("07543", "03742"));
+    refused(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
+    refused(memory.address(), kClone, kClone, id("07542", "03412"), id("07548", "03413"));
+    // Validation 1.4.363 above crashes on VK_NULL_HANDLE for an acceleration structure here.
+    if (!gpu().khr() || validationOfTests() == Validation::Below) {
+        gpu().submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, {}, memory.address()); });
+        expectMessage(id("VkCopyMicromapToMemoryInfoEXT-src-parameter",
+                         "VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter"));
+    }
+    gpu().submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, memory.address(), {}); });
+    expectMessage(
+        id("VkCopyMemoryToMicromapInfoEXT-dst-parameter", "VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter"));
+    for (const std::uint8_t byte : memory.as<std::uint8_t>())
+        ASSERT_EQ(byte, 0);
+}
+
+TEST_F(MicromapCopy, ALargeMicromap)
+{
+    Random random(31);
+    MicromapInput input;
+    for (int i = 0; i < 300; ++i)
+        input.add(6, kFourState, randomStates(random, 6, kFourState));
+    input.add(10, kTwoState, randomStates(random, 10, kTwoState));
+    Micromap source(gpu(), std::move(input), kAllow);
+    source.build();
+    const Micromap compact(gpu(), source, compactedSize(source));
+    copy(source, compact, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    const Micromap target(gpu(), source, source.size());
+    deserialize(bytesOf(serialize(compact)), target);
+    EXPECT_EQ(traced(target), expected(source.input()));
+}
+
+// 2^22 triangles that share 64 patterns, compacted; some of them, picked out by index, are traced.
+TEST_F(MicromapCopy, FourMillionTriangles)
+{
+    constexpr std::uint32_t kCount = 1u << 22;
+    MicromapInput input;
+    input.declared = {{kCount, 3, kFourState}};
+    Random random(41);
+    std::vector<std::vector<std::uint8_t>> patterns;
+    for (int i = 0; i < 64; ++i) {
+        std::vector<std::uint8_t> states(64);
+        for (std::uint8_t &state : states)
+            state = static_cast<std::uint8_t>(random() >> 8 & 3u);
+        patterns.push_back(states);
+        input.add(3, kFourState, states);
+    }
+    input.triangles.resize(kCount);
+    const auto patternOf = [](std::uint32_t i) { return i * 2654435761u >> 26; };
+    for (std::uint32_t i = 0; i < kCount; ++i)
+        input.triangles[i] = {patternOf(i) * 16, 3, kFourState};
+    Micromap source(gpu(), std::move(input), kAllow);
+    source.build();
+    const VkDeviceSize size = compactedSize(source);
+    EXPECT_EQ(size, told(64 + kCount * 8ull + 64 * 16));
+    const Micromap compact(gpu(), source, size);
+    copy(source, compact, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+
+    Attachment attachment{&compact, VK_INDEX_TYPE_UINT32};
+    for (std::uint32_t i = 0; i < 64; ++i)
+        attachment.indices.push_back(static_cast<std::int32_t>(i * 65537 + 64511));
+    Geometry geometry{.vertices = triangleRow(64)};
+    geometry.micromap = attachment;
+    const Blas blas(gpu(), {geometry});
+    const Tlas tlas(gpu(), {instance(blas, {}, 1)});
+    std::vector<Ray> rays;
+    std::vector<int> expectedCandidates;
+    for (std::uint32_t t = 0; t < 64; ++t) {
+        for (std::uint32_t i = 0; i < 64; ++i) {
+            const auto centre = microTriangleCentre(i, 3);
+            Ray ray;
+            ray.origin = {1.5f * static_cast<float>(t) + static_cast<float>(centre[0]), static_cast<float>(centre[1]),
+                          1};
+            rays.push_back(ray);
+            const auto micromapTriangle = static_cast<std::uint32_t>(attachment.indices[t]);
+            expectedCandidates.push_back(patterns[patternOf(micromapTriangle)][i] >= 2 ? 1 : 0);
+        }
+    }
+    std::vector<int> candidates;
+    for (const Result &r : Tracer(gpu()).trace(tlas, rays))
+        candidates.push_back(static_cast<int>(r.candidateCount));
+    EXPECT_EQ(candidates, expectedCandidates);
+}
+
+TEST_F(MicromapCopy, OneTriangleOfLevelTwelve)
+{
+    Random random(43);
+    MicromapInput input;
+    std::vector<std::uint8_t> states(std::size_t{1} << 24);
+    for (std::uint8_t &state : states)
+        state = static_cast<std::uint8_t>(random() >> 8 & 3u);
+    input.add(12, kFourState, states);
+    for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kAllow}) {
+        Micromap source(gpu(), input, flags);
+        source.build();
+        const Micromap target(gpu(), source, compactedSize(source));
+        copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+        EXPECT_EQ(traced(target), expected(input));
+    }
+}
+
+class MicromapCopyValidated : public MicromapCopy
+{
+protected:
+    MicromapCopyValidated() : MicromapCopy(Options{.validate = true}) {}
+};
+
+TEST_F(MicromapCopyValidated, WrongCopiesAreToldOf)
+{
+    Micromap source(gpu(), repetitive(), kAllow);
+    source.build();
+    const Micromap small(gpu(), source, kRepetitiveCompacted - 16);
+    expectNoMessages();
+    copy(source, small, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    expectMessage("VELLUM-micromap-copy-size");
+    const Micromap target(gpu(), source, source.size());
+    deserialize(std::vector<std::uint8_t>(1000, 7), target);
+    expectMessage(
+        id("VkCopyMemoryToMicromapInfoEXT-src-07549", "VkCopyMemoryToAccelerationStructureInfoKHR-src-04960"));
+    const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, target.handle(), memory.address()); });
+    expectMessage("VELLUM-micromap-not-constructed");
+    for (const std::uint8_t byte : memory.as<std::uint8_t>())
+        ASSERT_EQ(byte, 0);
+}
+
+} // namespace

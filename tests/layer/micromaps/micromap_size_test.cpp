@@ -1,0 +1,262 @@
+// Micromaps that are smaller than any micromap, as an application makes them that does not look at the messages of the
+// size queries, and smaller than what their memory says: nothing beyond their size is read or written, by either API.
+#include "harness/expected.h"
+#include "harness/states.h"
+
+namespace
+{
+
+using namespace vt;
+
+class MicromapSize : public testing::TestWithParam<Api>
+{
+protected:
+    MicromapSize() : gpu_(Options{.api = GetParam()}) {}
+    void TearDown() override { expectNoMessages(); }
+    Gpu &gpu() { return gpu_; }
+    [[nodiscard]] bool khr() const { return gpu_.khr(); }
+
+    void expectNoMessages()
+    {
+        for (const Message &m : gpu_.takeUnexpectedMessages())
+            ADD_FAILURE() << m.id << ": " << m.text;
+    }
+    void expectMessage(const std::string &id)
+    {
+        const std::vector<Message> messages = gpu_.takeUnexpectedMessages();
+        EXPECT_EQ(messages.size(), 1u) << id;
+        for (const Message &m : messages)
+            EXPECT_EQ(m.id, id) << m.text;
+    }
+    // Four transparent triangles of level 4.
+    static MicromapInput transparent()
+    {
+        MicromapInput input;
+        for (int i = 0; i < 4; ++i)
+            input.add(4, kFourState, std::vector<std::uint8_t>(256, 0));
+        return input;
+    }
+    // Makes its memory say that it is that micromap, as far as it goes.
+    static void alias(const Micromap &target, const Micromap &built)
+    {
+        std::memcpy(const_cast<std::uint8_t *>(target.memory()), built.memory(),
+                    static_cast<std::size_t>(std::min(target.size(), built.size())));
+    }
+    void copy(const Micromap &from, const Micromap &to)
+    {
+        VkCopyMicromapInfoEXT ext{};
+        ext.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
+        ext.src = from.handle().ext;
+        ext.dst = to.handle().ext;
+        ext.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+        VkCopyAccelerationStructureInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
+        info.src = from.handle().khr;
+        info.dst = to.handle().khr;
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+        gpu_.submit([&](VkCommandBuffer commands) {
+            if (khr())
+                gpu_.vk().CmdCopyAccelerationStructureKHR(commands, &info);
+            else
+                gpu_.vk().CmdCopyMicromapEXT(commands, &ext);
+        });
+    }
+    void save(const Micromap &from, VkDeviceAddress to)
+    {
+        VkCopyMicromapToMemoryInfoEXT ext{};
+        ext.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
+        ext.src = from.handle().ext;
+        ext.dst.deviceAddress = to;
+        ext.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+        VkCopyAccelerationStructureToMemoryInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
+        info.src = from.handle().khr;
+        info.dst.deviceAddress = to;
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
+        gpu_.submit([&](VkCommandBuffer commands) {
+            if (khr())
+                gpu_.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
+            else
+                gpu_.vk().CmdCopyMicromapToMemoryEXT(commands, &ext);
+        });
+    }
+    void restore(VkDeviceAddress from, const Micromap &to)
+    {
+        VkCopyMemoryToMicromapInfoEXT ext{};
+        ext.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+        ext.src.deviceAddress = from;
+        ext.dst = to.handle().ext;
+        ext.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+        VkCopyMemoryToAccelerationStructureInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        info.src.deviceAddress = from;
+        info.dst = to.handle().khr;
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
+        gpu_.submit([&](VkCommandBuffer commands) {
+            if (khr())
+                gpu_.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info);
+            else
+                gpu_.vk().CmdCopyMemoryToMicromapEXT(commands, &ext);
+        });
+    }
+    VkDeviceSize compactedSize(const Micromap &micromap)
+    {
+        const QueryPool pool(gpu_, khr() ? VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR
+                                         : VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+        const VkMicromapEXT ext = micromap.handle().ext;
+        const VkAccelerationStructureKHR structure = micromap.handle().khr;
+        gpu_.submit([&](VkCommandBuffer commands) {
+            vkCmdResetQueryPool(commands, pool, 0, 1);
+            if (khr())
+                gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &structure, pool.type(), pool, 0);
+            else
+                gpu_.vk().CmdWriteMicromapsPropertiesEXT(commands, 1, &ext, pool.type(), pool, 0);
+        });
+        return pool.value();
+    }
+    // Candidates at the centres of four triangles with the micromap.
+    std::vector<std::uint32_t> candidates(const Micromap &micromap)
+    {
+        Geometry geometry{.vertices = triangleRow(4)};
+        geometry.micromap = Attachment{&micromap};
+        const Blas blas(gpu_, {geometry});
+        const Tlas tlas(gpu_, {instance(blas, {}, 1)});
+        std::vector<Ray> rays(4);
+        for (std::size_t i = 0; i < rays.size(); ++i)
+            rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
+        std::vector<std::uint32_t> out;
+        for (const Result &r : Tracer(gpu_).trace(tlas, rays))
+            out.push_back(r.candidateCount);
+        return out;
+    }
+    static inline const std::vector<std::uint32_t> kUnknown{1, 1, 1, 1};
+
+private:
+    Gpu gpu_;
+};
+
+// Guard bytes around each are looked at when it goes.
+TEST_P(MicromapSize, SmallerThanAnyMicromap)
+{
+    Micromap source(gpu(), transparent());
+    source.build();
+    const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    ASSERT_EQ(memory.address() % 256, 0u);
+    for (const VkDeviceSize size : {0u, 1u, 4u, 12u, 60u}) {
+        SCOPED_TRACE(testing::Message() << size << " bytes");
+        if (size == 0 && khr())
+            continue; // not created: VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608
+        const Micromap tiny(gpu(), source, size);
+        const Micromap other(gpu(), source, source.size());
+        alias(tiny, source);
+        copy(source, tiny);
+        expectMessage("VELLUM-micromap-copy-size");
+        copy(tiny, other);
+        expectMessage("VELLUM-micromap-not-constructed");
+        save(source, memory.address());
+        expectNoMessages();
+        restore(memory.address(), tiny);
+        expectMessage("VELLUM-micromap-copy-size");
+        save(tiny, memory.address() + 32768);
+        expectMessage("VELLUM-micromap-not-constructed");
+        EXPECT_LE(compactedSize(tiny), 64u);
+        EXPECT_EQ(candidates(tiny), kUnknown);
+        EXPECT_EQ(candidates(other), kUnknown);
+        expectNoMessages();
+    }
+}
+
+// Its header is that of the larger micromap whose memory it has: nothing was built in it.
+TEST_P(MicromapSize, MemoryOfALargerMicromap)
+{
+    MicromapInput input = transparent();
+    Random random(5);
+    // Not folded, so that there is data.
+    input.add(4, kFourState, randomStates(random, 4, kFourState));
+    Micromap large(gpu(), input);
+    large.build();
+    EXPECT_EQ(candidates(large), std::vector<std::uint32_t>(4, 0));
+    for (const VkDeviceSize size : {64u, 80u, 96u, 112u, 368u}) {
+        SCOPED_TRACE(testing::Message() << size << " bytes");
+        const Micromap small(gpu(), large, size);
+        alias(small, large);
+        EXPECT_EQ(candidates(small), kUnknown);
+    }
+    // Of all bytes that are in use, it is a copy.
+    const Micromap same(gpu(), large, large.size());
+    alias(same, large);
+    EXPECT_EQ(candidates(same), std::vector<std::uint32_t>(4, 0));
+}
+
+// What only the GPU finds out about a copy, the next command buffer tells of, once, without the setting `validate`.
+TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
+{
+    MicromapInput input = transparent();
+    Random random(5);
+    input.add(4, kFourState, randomStates(random, 4, kFourState));
+    Micromap source(gpu(), input);
+    source.build();
+    const Micromap small(gpu(), source, 128);
+    const Micromap unbuilt(gpu(), source, source.size());
+    const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const auto expectNotice = [&](const char *id) {
+        expectNoMessages();
+        gpu().end(gpu().begin());
+        expectMessage(id);
+        gpu().end(gpu().begin());
+        expectNoMessages();
+    };
+    copy(source, small);
+    expectNotice("VELLUM-micromap-copy-size");
+    save(unbuilt, memory.address());
+    expectNotice("VELLUM-micromap-not-constructed");
+    restore(memory.address(), unbuilt);
+    expectNotice("VELLUM-micromap-serialized");
+    save(source, memory.address());
+    restore(memory.address(), unbuilt);
+    EXPECT_EQ(candidates(unbuilt), candidates(source));
+    expectNoMessages();
+    restore(memory.address(), small);
+    expectNotice("VELLUM-micromap-copy-size");
+    const Buffer room(gpu(), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    save(source, room.address());
+    expectNotice("VELLUM-micromap-copy-size");
+}
+
+TEST(MicromapSizeOnTheHost, SmallerThanAnyMicromap)
+{
+    Gpu gpu(Options{.api = Api::Ext});
+    MicromapInput input;
+    input.add(4, kFourState, std::vector<std::uint8_t>(256, 0));
+    Micromap source(gpu, input);
+    source.build();
+    const auto expectOne = [&](const std::string &id) {
+        const std::vector<Message> messages = gpu.takeUnexpectedMessages();
+        ASSERT_EQ(messages.size(), 1u) << id;
+        EXPECT_EQ(messages[0].id, id);
+    };
+    for (const VkDeviceSize size : {0u, 1u, 3u, 60u}) {
+        SCOPED_TRACE(testing::Message() << size << " bytes");
+        const Micromap tiny(gpu, source, size);
+        VkCopyMicromapInfoEXT info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
+        info.src = source.handle().ext;
+        info.dst = tiny.handle().ext;
+        info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+        EXPECT_EQ(gpu.vk().CopyMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info), VK_SUCCESS);
+        expectOne("VELLUM-micromap-copy-size");
+        const std::vector<std::uint8_t> nonsense(4096, 7);
+        VkCopyMemoryToMicromapInfoEXT in{};
+        in.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+        in.src.hostAddress = nonsense.data();
+        in.dst = tiny.handle().ext;
+        in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+        EXPECT_EQ(gpu.vk().CopyMemoryToMicromapEXT(gpu.device(), VK_NULL_HANDLE, &in), VK_SUCCESS);
+        expectOne("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-src-07549");
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Apis, MicromapSize, testing::Values(Api::Ext, Api::Khr),
+                         [](const auto &test) { return test.param == Api::Ext ? "Ext" : "Khr"; });
+
+} // namespace

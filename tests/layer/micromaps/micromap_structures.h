@@ -1,0 +1,231 @@
+// What the tests of VK_KHR_opacity_micromap alone have: micromaps as acceleration structures, made, built, queried and
+// traced.
+#pragma once
+
+#include <algorithm>
+
+#include "harness/copies.h"
+
+namespace vt
+{
+
+using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
+using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
+
+inline constexpr auto kMicromapType = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+inline constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+inline constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+inline constexpr auto kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+inline constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+inline constexpr VkBufferUsageFlags kStorage =
+    VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+
+// An acceleration structure of vkCreateAccelerationStructure2KHR, on a range of a buffer of the test's.
+class Placed
+{
+public:
+    Placed(Gpu &gpu, VkAccelerationStructureTypeKHR type, VkDeviceAddress address, VkDeviceSize size)
+        : gpu_(gpu), size_(size)
+    {
+        VkAccelerationStructureCreateInfo2KHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+        info.addressRange = {address, size};
+        info.type = type;
+        VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &handle_));
+    }
+    // In memory of its own.
+    Placed(Gpu &gpu, VkAccelerationStructureTypeKHR type, VkDeviceSize size)
+        : Placed(gpu, type, std::make_shared<Guarded>(gpu, size, 256, kStorage))
+    {
+    }
+    Placed(const Placed &) = delete;
+    Placed &operator=(const Placed &) = delete;
+    ~Placed()
+    {
+        if (own_) {
+            EXPECT_TRUE(own_->intact()) << "something was written beyond an acceleration structure";
+        }
+        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), handle_, nullptr);
+    }
+    [[nodiscard]] VkAccelerationStructureKHR handle() const { return handle_; }
+    [[nodiscard]] MicromapHandle micromap() const { return {VK_NULL_HANDLE, handle_}; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    [[nodiscard]] VkDeviceAddress address() const
+    {
+        VkAccelerationStructureDeviceAddressInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
+        info.accelerationStructure = handle_;
+        return gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &info);
+    }
+
+private:
+    Placed(Gpu &gpu, VkAccelerationStructureTypeKHR type, std::shared_ptr<Guarded> memory)
+        : Placed(gpu, type, memory->address(), memory->size())
+    {
+        own_ = std::move(memory);
+    }
+
+    Gpu &gpu_;
+    VkDeviceSize size_;
+    std::shared_ptr<Guarded> own_;
+    VkAccelerationStructureKHR handle_ = VK_NULL_HANDLE;
+};
+
+// One triangle of each state, then of each state backwards, at a level above what a record itself holds.
+inline MicromapInput eightStates(bool backwards = false)
+{
+    MicromapInput input;
+    for (std::uint8_t i = 0; i < 8; ++i) {
+        const auto state = static_cast<std::uint8_t>(i % 4);
+        input.add(4, kFourState,
+                  std::vector<std::uint8_t>(256, backwards ? static_cast<std::uint8_t>(3 - state) : state));
+    }
+    return input;
+}
+// Three triangles that share the data of one, of which a build that allows compaction keeps one.
+inline MicromapInput repeated()
+{
+    MicromapInput input;
+    std::vector<std::uint8_t> states(256, 0);
+    states[7] = 1;
+    for (int i = 0; i < 3; ++i)
+        input.add(4, kFourState, states);
+    return input;
+}
+// Bytes in use of eightStates: header, records, and data of all triangles, or once of each unknown state.
+inline constexpr VkDeviceSize kWhole = 64 + 8 * 8 + 8 * 64;
+inline constexpr VkDeviceSize kCompacted = 64 + 8 * 8 + 2 * 64;
+inline const std::vector<int> kForwards{0, 1, 2, 2, 0, 1, 2, 2};
+inline const std::vector<int> kBackwards{2, 2, 1, 0, 2, 2, 1, 0};
+inline const std::vector<int> kPlain(8, 2);
+
+class MicromapStructure : public GpuTest
+{
+protected:
+    explicit MicromapStructure(const Options &options = {.api = Api::Khr}) : GpuTest(options) {}
+
+    // What rays at eight triangles meet: 0 nothing, 1 a hit, 2 a question to the shader.
+    std::vector<int> traced(const Structure &scene)
+    {
+        std::vector<Ray> rays(8);
+        for (std::size_t i = 0; i < 8; ++i)
+            rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
+        std::vector<int> out;
+        for (const Result &r : Tracer(gpu()).trace(scene, rays))
+            out.push_back(r.candidateCount > 0 ? 2 : r.committed == kTriangle ? 1 : 0);
+        return out;
+    }
+    std::vector<int> tracedBottom(VkDeviceAddress reference)
+    {
+        VkAccelerationStructureInstanceKHR one{};
+        one.transform.matrix[0][0] = one.transform.matrix[1][1] = one.transform.matrix[2][2] = 1;
+        one.mask = 0xff;
+        one.accelerationStructureReference = reference;
+        return traced(Tlas(gpu(), {one}));
+    }
+    static Geometry mapped(const Micromap *micromap)
+    {
+        Geometry geometry{.vertices = triangleRow(8)};
+        if (micromap != nullptr)
+            geometry.micromap = Attachment{micromap};
+        return geometry;
+    }
+    // What a micromap makes of eight triangles.
+    std::vector<int> tracedMicromap(const Micromap &micromap)
+    {
+        return tracedBottom(Blas(gpu(), {mapped(&micromap)}).address());
+    }
+    // The same of a structure that is not of class Micromap.
+    std::vector<int> tracedMicromap(VkAccelerationStructureKHR micromap)
+    {
+        const Micromap any(gpu(), eightStates());
+        Blas blas(gpu());
+        blas.prepare({mapped(&any)});
+        VkAccelerationStructureGeometryKHR geometry = blas.buildInfo().pGeometries[0];
+        auto attachment =
+            *static_cast<const VkAccelerationStructureTrianglesOpacityMicromapKHR *>(geometry.geometry.triangles.pNext);
+        attachment.micromap = micromap;
+        geometry.geometry.triangles.pNext = &attachment;
+        BuildInfo info = blas.buildInfo();
+        info.pGeometries = &geometry;
+        build(info, blas.ranges());
+        return tracedBottom(blas.address());
+    }
+    void build(const BuildInfo &info, const RangeInfo *ranges = nullptr)
+    {
+        gpu().submit([&](VkCommandBuffer commands) {
+            gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        });
+    }
+    void buildInto(const Micromap &input, VkAccelerationStructureKHR target)
+    {
+        const StructureBuild translated(input.buildInfo(), target);
+        build(translated.info);
+    }
+    void copy(VkAccelerationStructureKHR from, VkAccelerationStructureKHR to,
+              VkCopyAccelerationStructureModeKHR mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR)
+    {
+        gpu().submit([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, from, to, mode); });
+    }
+    VkAccelerationStructureBuildSizesInfoKHR sizesOf(const BuildInfo &info, std::uint32_t primitives = 8)
+    {
+        VkAccelerationStructureBuildSizesInfoKHR sizes{};
+        sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+        // VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11613
+        const std::uint32_t *counts = info.type == kMicromapType ? nullptr : &primitives;
+        gpu().vk().GetAccelerationStructureBuildSizesKHR(
+            gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts, &sizes);
+        return sizes;
+    }
+    VkDeviceSize query(VkAccelerationStructureKHR structure, VkQueryType type)
+    {
+        return queryAll({structure}, type)[0];
+    }
+    // By the host, and it must be what a copy on the device says.
+    std::vector<std::uint64_t> queryAll(const std::vector<VkAccelerationStructureKHR> &structures, VkQueryType type)
+    {
+        const auto count = static_cast<std::uint32_t>(structures.size());
+        const QueryPool pool(gpu(), type, count + 1);
+        const Buffer out(gpu(), 8 * count, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+        gpu().submit([&](VkCommandBuffer commands) {
+            vkCmdResetQueryPool(commands, pool, 0, count + 1);
+            gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, count, structures.data(), type, pool, 1);
+            vkCmdCopyQueryPoolResults(commands, pool, 1, count, out.handle(), 0, 8,
+                                      VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+        });
+        std::vector<std::uint64_t> values(count);
+        EXPECT_EQ(
+            vkGetQueryPoolResults(gpu().device(), pool, 1, count, 8 * count, values.data(), 8, VK_QUERY_RESULT_64_BIT),
+            VK_SUCCESS);
+        for (std::uint32_t i = 0; i < count; ++i)
+            EXPECT_EQ(out.as<std::uint64_t>()[i], values[i]) << i;
+        return values;
+    }
+    // Of vkCreateAccelerationStructure2KHR.
+    void expectCreationRefused(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
+                               const std::string &rule)
+    {
+        VkAccelerationStructureCreateInfo2KHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+        info.addressRange = range;
+        info.type = type;
+        VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+        EXPECT_NE(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
+        EXPECT_EQ(handle, VkAccelerationStructureKHR{});
+        expectRefused(rule);
+    }
+    // Exactly one message of the layer's since the last look, with that rule's whole name. A validation layer above
+    // asks for the sizes of a build itself, which the layer refuses as often.
+    void expectRefused(const std::string &rule)
+    {
+        const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+        for (const Message &m : messages)
+            EXPECT_EQ(m.id, "VELLUM-" + rule) << m.text;
+        if (validationOfTests() == Validation::Above)
+            EXPECT_GE(messages.size(), 1u) << rule;
+        else
+            EXPECT_EQ(messages.size(), 1u) << rule;
+    }
+};
+
+} // namespace vt

@@ -1,0 +1,130 @@
+// Micromaps as an application with an allocator of its own makes them: side by side in one buffer, by handles that
+// reach to the end of the buffer, and so overlap and are far larger than what is in them. vkd3d-proton does so.
+#include <algorithm>
+
+#include "core/micromap_memory.h"
+#include "harness/expected.h"
+#include "harness/states.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr std::uint8_t kGuard = 0xa5;
+constexpr VkDeviceSize kArenaBytes = 65536;
+
+// One buffer that everything lies in. Handles begin at an offset and reach to its end.
+class Packing : public GpuTest
+{
+protected:
+    Packing()
+        : GpuTest({.maintenance = true}), arena_(gpu(), kArenaBytes, 256, micromapStorageUsage(gpu())),
+          source_(gpu(), input(), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT)
+    {
+        std::memset(arena_.bytes(), kGuard, kArenaBytes);
+        source_.build();
+        used_ = vellum::micromapMemoryInUse(source_.memory());
+    }
+    ~Packing() override
+    {
+        for (const MicromapHandle &handle : handles_)
+            destroyMicromap(gpu(), handle);
+        EXPECT_TRUE(arena_.intact());
+    }
+
+    static MicromapInput input()
+    {
+        Random random(23);
+        MicromapInput input;
+        for (std::uint32_t t = 0; t < 60; ++t) {
+            const std::uint32_t level = t % 6;
+            const std::uint16_t format = t % 2 == 0 ? kFourState : kTwoState;
+            input.add(level, format, randomStates(random, level, format));
+        }
+        return input;
+    }
+    MicromapHandle place(VkDeviceSize offset)
+    {
+        handles_.push_back(createMicromap(gpu(), arena_.buffer(), arena_.address() - arena_.offset(),
+                                          arena_.offset() + offset, kArenaBytes - offset));
+        return handles_.back();
+    }
+    void copy(const MicromapHandle &from, const MicromapHandle &to,
+              VkCopyMicromapModeEXT mode = VK_COPY_MICROMAP_MODE_CLONE_EXT)
+    {
+        gpu().submit([&](VkCommandBuffer commands) { recordMicromapCopy(gpu(), commands, from, to, mode); });
+    }
+    [[nodiscard]] bool holdsCopy(VkDeviceSize offset) const
+    {
+        return std::memcmp(arena_.bytes() + offset, source_.memory(), used_) == 0;
+    }
+    [[nodiscard]] bool untouched(VkDeviceSize begin, VkDeviceSize end) const
+    {
+        return std::all_of(arena_.bytes() + begin, arena_.bytes() + end, [](std::uint8_t b) { return b == kGuard; });
+    }
+
+    Guarded arena_;
+    Micromap source_;
+    VkDeviceSize used_ = 0;
+    std::vector<MicromapHandle> handles_;
+};
+
+TEST_F(Packing, CopiesMoveWhatIsInUse)
+{
+    ASSERT_GT(used_, 512u);
+    ASSERT_LT(used_, 4096u);
+    const MicromapHandle first = place(256), second = place(8192), third = place(4096);
+    copy(source_.handle(), first);
+    copy(first, second);
+    copy(second, third, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    for (const VkDeviceSize offset : {VkDeviceSize{256}, VkDeviceSize{4096}, VkDeviceSize{8192}})
+        EXPECT_TRUE(holdsCopy(offset)) << offset;
+    EXPECT_TRUE(untouched(0, 256));
+    EXPECT_TRUE(untouched(256 + used_, 4096));
+    EXPECT_TRUE(untouched(4096 + used_, 8192));
+    EXPECT_TRUE(untouched(8192 + used_, kArenaBytes));
+}
+
+TEST_F(Packing, SizesAreOfWhatIsInUse)
+{
+    const MicromapHandle handle = place(0);
+    copy(source_.handle(), handle);
+    std::vector<VkQueryType> types{micromapQueryType(gpu(), VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)};
+    if (gpu().khr())
+        types.push_back(VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR);
+    for (const VkQueryType type : types) {
+        VkQueryPoolCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+        info.queryType = type;
+        info.queryCount = 1;
+        VkQueryPool pool = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+        gpu().submit([&](VkCommandBuffer commands) {
+            vkCmdResetQueryPool(commands, pool, 0, 1);
+            recordMicromapProperties(gpu(), commands, std::span(&handle, 1), type, pool, 0);
+        });
+        VkDeviceSize size = 0;
+        VT_CHECK(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &size, 8, VK_QUERY_RESULT_64_BIT));
+        vkDestroyQueryPool(gpu().device(), pool, nullptr);
+        EXPECT_EQ(size, toldSize(gpu(), used_)) << type;
+    }
+}
+
+TEST_F(Packing, WhatIsInUseMayNotOverlap)
+{
+    const MicromapHandle first = place(256);
+    copy(source_.handle(), first);
+    for (const VkDeviceSize offset : {VkDeviceSize{0}, VkDeviceSize{512}}) {
+        copy(first, place(offset));
+        gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is told with the next commands
+        const auto messages = gpu().takeUnexpectedMessages();
+        ASSERT_EQ(messages.size(), 1u);
+        EXPECT_EQ(messages[0].id, "VELLUM-micromap-copy-overlap");
+    }
+    EXPECT_TRUE(holdsCopy(256));
+    EXPECT_TRUE(untouched(0, 256));
+    EXPECT_TRUE(untouched(256 + used_, kArenaBytes));
+}
+
+} // namespace

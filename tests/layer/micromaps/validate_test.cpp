@@ -1,0 +1,246 @@
+// The setting `validate`: wrong input that only the device sees is told of, once, with the triangle's number.
+#include <algorithm>
+
+#include "harness/states.h"
+
+namespace
+{
+
+using namespace vt;
+
+class Validate : public GpuTest
+{
+protected:
+    Validate() : GpuTest(Options{.validate = true}) {}
+
+    // 600 triangles of level 4.
+    static MicromapInput good()
+    {
+        MicromapInput input;
+        Random random(3);
+        for (int i = 0; i < 600; ++i)
+            input.add(4, kFourState, randomStates(random, 4, kFourState));
+        input.declared = input.usage();
+        return input;
+    }
+    // The messages of the layer, as "id|text".
+    std::vector<std::string> messages()
+    {
+        std::vector<std::string> out;
+        for (const Message &m : gpu().takeUnexpectedMessages()) {
+            EXPECT_TRUE(m.fromVellum()) << m.id << ": " << m.text;
+            out.push_back(m.id + "|" + m.text);
+        }
+        return out;
+    }
+    static std::size_t count(const std::vector<std::string> &messages, const std::string &part)
+    {
+        return static_cast<std::size_t>(std::count_if(
+            messages.begin(), messages.end(), [&](const std::string &m) { return m.find(part) != std::string::npos; }));
+    }
+    // Builds once, and finds each of the expected parts in exactly one message about that triangle.
+    void expectTold(const MicromapInput &input, VkBuildMicromapFlagsEXT flags,
+                    const std::vector<std::pair<std::uint32_t, std::string>> &expected)
+    {
+        SCOPED_TRACE(testing::Message() << "flags " << flags);
+        Micromap micromap(gpu(), input, flags);
+        micromap.build();
+        const std::vector<std::string> told = messages();
+        for (const auto &[triangle, part] : expected) {
+            const std::string where = "|triangle " + std::to_string(triangle) + ":";
+            EXPECT_EQ(count(told, where), 1u) << where;
+            for (const std::string &m : told) {
+                if (m.find(where) != std::string::npos) {
+                    EXPECT_NE(m.find(part), std::string::npos) << m;
+                }
+            }
+        }
+        EXPECT_EQ(count(told, "|triangle "), expected.size());
+        // Nothing is told again.
+        VT_CHECK(vkDeviceWaitIdle(gpu().device()));
+        EXPECT_TRUE(messages().empty());
+    }
+    static constexpr std::array<VkBuildMicromapFlagsEXT, 3> kFlags{0, VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT,
+                                                                   VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT};
+};
+
+TEST_F(Validate, GoodInputIsFine)
+{
+    for (const VkBuildMicromapFlagsEXT flags : kFlags)
+        expectTold(good(), flags, {});
+    EXPECT_TRUE(messages().empty());
+}
+
+TEST_F(Validate, EveryKindOfWrongTriangle)
+{
+    MicromapInput input = good();
+    input.triangles[1].subdivisionLevel = 13;
+    input.triangles[2].subdivisionLevel = 0xffff;
+    input.triangles[3].format = 0;
+    input.triangles[4].format = 3;
+    input.triangles[5].dataOffset = 0xfffffff0;
+    input.triangles[6] = {0, 13, kTwoState};
+    input.triangles[257].dataOffset = 1 << 28;
+    input.triangles[599].subdivisionLevel = 9;
+    const std::vector<std::pair<std::uint32_t, std::string>> expected{
+        {1, gpu().khr() ? "VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
+                        : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660"},
+        {2, "level 65535"},
+        {3, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11555"
+                        : "VUID-VkMicromapBuildInfoEXT-format-11657"},
+        {4, "format 3"},
+        {5, "offset 4294967280"},
+        {6, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556"
+                        : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659"},
+        {257, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "VELLUM-micromap-data"},
+        {599, "VELLUM-micromap-usage-counts"},
+    };
+    for (const VkBuildMicromapFlagsEXT flags : kFlags)
+        expectTold(input, flags, expected);
+}
+
+TEST_F(Validate, CountsThatDoNotMatch)
+{
+    const char *told = "data units of 16 bytes, the usage counts say";
+    for (const VkBuildMicromapFlagsEXT flags : kFlags) {
+        MicromapInput input = good();
+        input.declared = {{600, 6, kFourState}}; // less than declared
+        Micromap fewer(gpu(), input, flags);
+        fewer.build();
+        EXPECT_EQ(count(messages(), told), 1u);
+        input.declared = {{598, 4, kFourState}, {1, 6, kFourState}, {1, 3, kFourState}};
+        for (std::size_t i : {10u, 20u, 30u}) // 3 of level 6, where room is for one and a bit
+            input.triangles[i] = {0, 6, kFourState};
+        Micromap more(gpu(), input, flags);
+        more.build();
+        EXPECT_EQ(count(messages(), told), 1u);
+        // The same where the data cannot stay as it lies: then there is no room for all.
+        input.data.insert(input.data.begin(), 8, 0);
+        for (VkMicromapTriangleEXT &t : input.triangles)
+            t.dataOffset += 8;
+        Micromap unaligned(gpu(), input, flags);
+        unaligned.build();
+        const std::vector<std::string> all = messages();
+        EXPECT_EQ(count(all, told), 1u);
+        if ((flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) == 0) {
+            EXPECT_GE(count(all, "more data than the usage counts say"), 1u);
+        }
+    }
+}
+
+TEST_F(Validate, ATriangleArrayThatIsTooShort)
+{
+    MicromapInput input;
+    input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+    input.declared = {{5000, 3, kFourState}};
+    Micromap micromap(gpu(), std::move(input), 0);
+    micromap.build();
+    const std::vector<std::string> told = messages();
+    // The log has room for 4096 entries, and says so.
+    EXPECT_EQ(count(told, "VELLUM-validation-log"), 1u);
+    EXPECT_GE(count(told, "lies outside the buffer of triangleArray"), 3500u);
+    EXPECT_GE(count(told, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554|triangle "
+                                      : "VELLUM-micromap-triangle-array|triangle "),
+              3500u);
+    EXPECT_EQ(count(told, "|triangle 4095:"), 1u);
+    // Once the device is idle, the log begins anew.
+    VT_CHECK(vkDeviceWaitIdle(gpu().device()));
+    MicromapInput again = good();
+    again.triangles[77].format = 9;
+    expectTold(again, 0, {{77, "format 9"}});
+}
+
+TEST_F(Validate, MessagesNameTheMicromap)
+{
+    MicromapInput input = good();
+    input.triangles[8].format = 5;
+    Micromap micromap(gpu(), std::move(input), 0);
+    const auto name = reinterpret_cast<PFN_vkSetDebugUtilsObjectNameEXT>(
+        vkGetInstanceProcAddr(gpu().instance(), "vkSetDebugUtilsObjectNameEXT"));
+    VkDebugUtilsObjectNameInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
+    info.objectType = micromap.handle().objectType();
+    info.objectHandle = micromap.handle().object();
+    info.pObjectName = "the leaves";
+    VT_CHECK(name(gpu().device(), &info));
+    micromap.build();
+    const std::vector<Message> told = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(told.size(), 1u);
+    EXPECT_EQ(told[0].object, "the leaves");
+}
+
+// Of a BLAS build: which triangles refer to what the micromap does not have.
+TEST_F(Validate, IndicesPastTheMicromap)
+{
+    Micromap micromap(gpu(), good(), 0);
+    micromap.build();
+    Geometry geometry{.vertices = triangleRow(6)};
+    geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT32, {0, 598, 599, -3, 600, 1 << 30}};
+    geometry.micromap->base = 1;
+    const Blas blas(gpu(), {geometry});
+    const std::vector<std::string> told = messages();
+    const char *rest = " plus baseTriangle is outside the micromap's 600 triangles";
+    EXPECT_EQ(told.size(), 3u);
+    EXPECT_EQ(count(told, std::string("VELLUM-micromap-index|triangle 2: index 599") + rest), 1u);
+    EXPECT_EQ(count(told, std::string("VELLUM-micromap-index|triangle 4: index 600") + rest), 1u);
+    EXPECT_EQ(count(told, std::string("VELLUM-micromap-index|triangle 5: index 1073741824") + rest), 1u);
+    VT_CHECK(vkDeviceWaitIdle(gpu().device()));
+    EXPECT_TRUE(messages().empty());
+    // Without indices, the triangle's number is the index.
+    geometry.micromap = Attachment{.micromap = &micromap, .base = 597};
+    const Blas unindexed(gpu(), {geometry});
+    const std::vector<std::string> numbers = messages();
+    EXPECT_EQ(numbers.size(), 3u);
+    EXPECT_EQ(count(numbers, std::string("|triangle 3: index 3") + rest), 1u);
+}
+
+// Of a BLAS build: triangles whose index lies beyond the end of the index buffer.
+TEST_F(Validate, IndexBufferTooShort)
+{
+    Micromap micromap(gpu(), good(), 0);
+    micromap.build();
+    // The test's buffer ends a few hundred bytes, which say another index, behind the indices.
+    constexpr std::uint32_t indices = 900, last = indices + 300, triangles = 2000;
+    Geometry geometry{.vertices = triangleRow(triangles)};
+    geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<std::int32_t>(indices, 5)};
+    const Blas blas(gpu(), {geometry});
+    const std::vector<std::string> told = messages();
+    const std::string text = ": its index lies outside the buffer of indexBuffer";
+    EXPECT_EQ(told.size(), triangles - indices);
+    EXPECT_GE(count(told, text), triangles - last);
+    for (const std::uint32_t triangle : {last, triangles - 1})
+        EXPECT_EQ(count(told, "VELLUM-micromap-index|triangle " + std::to_string(triangle) + text), 1u) << triangle;
+}
+
+// Told of at every place where the host learns that work is done.
+TEST_F(Validate, FencesAndSemaphores)
+{
+    MicromapInput input = good();
+    input.triangles[8].format = 5;
+    Micromap micromap(gpu(), std::move(input), 0);
+    VkFenceCreateInfo create{};
+    create.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
+    VkFence fence = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateFence(gpu().device(), &create, nullptr, &fence));
+    VkCommandBuffer commands = gpu().begin(0);
+    micromap.record(commands);
+    gpu().end(commands);
+    VkSubmitInfo submit{};
+    submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
+    submit.commandBufferCount = 1;
+    submit.pCommandBuffers = &commands;
+    for (const bool poll : {false, true}) {
+        VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, fence));
+        if (poll) {
+            while (vkGetFenceStatus(gpu().device(), fence) == VK_NOT_READY)
+                ;
+        } else {
+            VT_CHECK(vkWaitForFences(gpu().device(), 1, &fence, VK_TRUE, UINT64_MAX));
+        }
+        EXPECT_EQ(count(messages(), "|triangle 8: format 5"), 1u);
+        VT_CHECK(vkResetFences(gpu().device(), 1, &fence));
+    }
+    vkDestroyFence(gpu().device(), fence, nullptr);
+}
+
+} // namespace

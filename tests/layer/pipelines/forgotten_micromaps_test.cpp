@@ -1,0 +1,78 @@
+// Shaders and pipelines that do not say that they use micromaps, on a device that has them: a warning each, and the
+// setting that uses micromaps all the same.
+#include <cstdlib>
+
+#include "commands/state_scene.h"
+#include "harness/pipeline_builder.h"
+
+#include "shaders/query_raygen.h"
+#include "shaders/tracer_comp.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr const char *kSetting = "VELLUM_ASSUME_MICROMAPS";
+
+class ForgottenMicromaps : public testing::TestWithParam<bool>
+{
+protected:
+    ForgottenMicromaps()
+    {
+        if (GetParam())
+            setenv(kSetting, "1", 1);
+        gpu_.emplace(Options{.oldValidation = false, .api = Api::Khr, .declaresMode = false});
+        unsetenv(kSetting); // read when the instance is created
+    }
+    ~ForgottenMicromaps() override { unsetenv(kSetting); }
+
+    Gpu &gpu() { return *gpu_; }
+    [[nodiscard]] std::size_t warnings(const char *id)
+    {
+        std::size_t count = 0;
+        for (const Message &message : gpu().takeMessages())
+            count += message.id == id ? 1u : 0u;
+        return count;
+    }
+
+private:
+    std::optional<Gpu> gpu_;
+};
+
+TEST_P(ForgottenMicromaps, RayQueries)
+{
+    StateScene scene(gpu());
+    gpu().submit([&](VkCommandBuffer commands) { scene.record(commands); });
+    gpu().takeMessages(); // of shaders of the scene
+    Tracer tracer(gpu(), tracer_comp);
+    EXPECT_EQ(warnings("VELLUM-queries-without-micromaps"), GetParam() ? 0u : 1u);
+    const std::vector<Result> results = tracer.trace(scene.tlas(), scene.rays());
+    if (GetParam())
+        return StateScene::expectRight(results);
+    for (std::size_t i = 0; i < 4; ++i) {
+        EXPECT_EQ(results[i].committed, std::uint32_t{kNone}) << "triangle " << i;
+        EXPECT_EQ(results[i].candidateCount, 1u) << "triangle " << i;
+    }
+}
+
+TEST_P(ForgottenMicromaps, Pipelines)
+{
+    if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        GTEST_SKIP() << "no ray tracing pipelines";
+    const Tracer tracer(gpu(), tracer_comp); // for its layout
+    for (const VkPipelineCreateFlags flags : {VkPipelineCreateFlags{0}, kMicromapBit}) {
+        gpu().takeMessages();
+        PipelineSetup setup;
+        setup.stages = {{VK_SHADER_STAGE_RAYGEN_BIT_KHR, query_raygen}};
+        setup.groups = {{.general = 0}};
+        setup.layout = tracer.layout();
+        setup.flags = flags;
+        const RayPipeline pipeline(gpu(), setup);
+        EXPECT_EQ(warnings("VELLUM-pipeline-without-micromaps"), flags == 0 && !GetParam() ? 1u : 0u) << flags;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Assumed, ForgottenMicromaps, testing::Bool());
+
+} // namespace

@@ -1,0 +1,372 @@
+// How ray tracing pipelines are made: deferred, several at once, what may be destroyed when, stack sizes.
+#include <algorithm>
+#include <cstdlib>
+#include <thread>
+
+#include "pipelines/pipeline_scene.h"
+
+namespace
+{
+
+using namespace vt;
+
+class PipelineCreation : public PipelineSceneTest
+{
+protected:
+    explicit PipelineCreation(const Options &options = {}) : PipelineSceneTest(options) {}
+    void TearDown() override
+    {
+        unsetenv("VELLUM_TEST_SPY_DEFER");
+        PipelineSceneTest::TearDown();
+    }
+
+    struct DeferredCase {
+        bool driverDefers = true;
+        std::uint32_t joiners = 1;
+        bool destroyUnjoined = false;
+    };
+
+    // Makes the setup's pipeline by a deferred operation. Everything that the application passed is overwritten and
+    // freed when the operation is complete, and not before.
+    MadePipeline makeDeferred(const PipelineSetup &setup, const DeferredCase &how)
+    {
+        const Commands &vk = gpu().vk();
+        if (how.driverDefers)
+            setenv("VELLUM_TEST_SPY_DEFER", "1", 1);
+        VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+        VT_CHECK(vk.CreateDeferredOperationKHR(gpu().device(), nullptr, &operation));
+        auto info = std::make_unique<PipelineInfo>(gpu(), setup);
+        auto pipeline = std::make_unique<VkPipeline>(VK_NULL_HANDLE);
+        const VkResult started = vk.CreateRayTracingPipelinesKHR(gpu().device(), operation, VK_NULL_HANDLE, 1,
+                                                                 &info->get(), nullptr, pipeline.get());
+        // Lavapipe (Mesa 25.0.7) says VK_SUCCESS where it does not defer.
+        if (how.driverDefers)
+            EXPECT_EQ(started, VK_OPERATION_DEFERRED_KHR);
+        else
+            EXPECT_TRUE(started == VK_OPERATION_NOT_DEFERRED_KHR || started == VK_SUCCESS) << started;
+        if (started == VK_OPERATION_DEFERRED_KHR) {
+            EXPECT_EQ(vk.GetDeferredOperationResultKHR(gpu().device(), operation), VK_NOT_READY);
+            std::vector<std::thread> threads;
+            std::vector<VkResult> joined(how.joiners, VK_ERROR_UNKNOWN);
+            // Spoil the memory that was free when the call returned, so that what is read from there is noticed.
+            std::vector<std::vector<std::uint8_t>> noise;
+            for (std::size_t size = 16; size < 65536; size = size * 3 / 2)
+                noise.emplace_back(size, std::uint8_t{0xdb});
+            const auto join = [&](std::size_t i) {
+                joined[i] = vk.DeferredOperationJoinKHR(gpu().device(), operation);
+            };
+            for (std::size_t i = 1; i < how.joiners; ++i)
+                threads.emplace_back(join, i);
+            join(0);
+            for (std::thread &thread : threads)
+                thread.join();
+            for (const VkResult result : joined)
+                EXPECT_TRUE(result == VK_SUCCESS || result == VK_THREAD_DONE_KHR || result == VK_THREAD_IDLE_KHR)
+                    << result;
+        }
+        // "VK_OPERATION_NOT_DEFERRED_KHR: ... the command has completed": as good as VK_SUCCESS.
+        EXPECT_EQ(vk.GetDeferredOperationResultKHR(gpu().device(), operation), VK_SUCCESS);
+        info->scribble();
+        info.reset();
+        vk.DestroyDeferredOperationKHR(gpu().device(), operation, nullptr);
+        return {RayPipeline(gpu(), *pipeline), {}};
+    }
+
+    void expectDeferred(const DeferredCase &how)
+    {
+        if (!gpu().has(VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME))
+            GTEST_SKIP() << "no deferred operations";
+        for (const bool micromaps : {true, false}) {
+            const PipelineScene plain(gpu(), {.micromaps = false});
+            for (const bool anyHit : {true, false}) {
+                PipelineTracer tracer(
+                    gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
+                            .flags = micromaps ? kMicromapBit : 0,
+                            .make = [&](Gpu &, const PipelineSetup &setup) { return makeDeferred(setup, how); }});
+                for (const std::uint32_t flags : opacityRayFlags(micromaps))
+                    (micromaps ? *scene_ : plain)
+                        .expect(tracer, flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
+            }
+        }
+    }
+};
+
+// Without the validation layer: 1.3.239 learns of a deferred pipeline when its result is asked for, but the pipeline is
+// there, and ours inspects it, as soon as an operation is joined.
+class PipelineCreationDeferred : public PipelineCreation
+{
+protected:
+    PipelineCreationDeferred() : PipelineCreation({.oldValidation = false}) {}
+};
+
+TEST_F(PipelineCreationDeferred, ByTheDriver)
+{
+    expectDeferred({});
+}
+
+TEST_F(PipelineCreationDeferred, JoinedByThreads)
+{
+    expectDeferred({.joiners = 3});
+}
+
+TEST_F(PipelineCreationDeferred, NotByTheDriver)
+{
+    expectDeferred({.driverDefers = false});
+}
+
+// Inline modules are memory of the application's too.
+class PipelineCreationDeferredInline : public PipelineCreation
+{
+protected:
+    PipelineCreationDeferredInline() : PipelineCreation({.oldValidation = false, .newer = true}) {}
+};
+
+TEST_F(PipelineCreationDeferredInline, ByTheDriver)
+{
+    if (!gpu().has("VK_KHR_maintenance5"))
+        GTEST_SKIP() << "no VK_KHR_maintenance5";
+    PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true}},
+                                  .flags2 = true,
+                                  .inlineModules = true,
+                                  .make = [&](Gpu &, const PipelineSetup &setup) { return makeDeferred(setup, {}); }});
+    for (const std::uint32_t flags : opacityRayFlags())
+        scene_->expect(tracer, flags, {.triangleAnyHit = false});
+}
+
+// Pipelines with and without the bit in one call, of the same modules, deferred and at once.
+TEST_F(PipelineCreationDeferred, SeveralInOneCall)
+{
+    const PipelineScene plain(gpu(), {.micromaps = false});
+    for (const bool deferred : {false, true}) {
+        const auto make = [&](std::uint32_t kept) {
+            return [this, deferred, kept](Gpu &, const PipelineSetup &from) {
+                std::array<std::unique_ptr<PipelineInfo>, 3> infos;
+                std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
+                for (std::uint32_t i = 0; i < 3; ++i) {
+                    PipelineSetup setup = from;
+                    setup.flags = i == 1 ? 0 : kMicromapBit;
+                    for (PipelineGroup &group : setup.groups) {
+                        if (i == 2)
+                            group.anyHit = kUnused;
+                    }
+                    infos[i] = std::make_unique<PipelineInfo>(gpu(), setup);
+                    list[i] = infos[i]->get();
+                }
+                const Commands &vk = gpu().vk();
+                std::array<VkPipeline, 3> pipelines{};
+                VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+                if (deferred) {
+                    setenv("VELLUM_TEST_SPY_DEFER", "1", 1);
+                    VT_CHECK(vk.CreateDeferredOperationKHR(gpu().device(), nullptr, &operation));
+                }
+                const VkResult result = vk.CreateRayTracingPipelinesKHR(gpu().device(), operation, VK_NULL_HANDLE, 3,
+                                                                        list.data(), nullptr, pipelines.data());
+                if (result == VK_OPERATION_DEFERRED_KHR) {
+                    EXPECT_EQ(vk.DeferredOperationJoinKHR(gpu().device(), operation), VK_SUCCESS);
+                } else {
+                    EXPECT_TRUE(result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR) << result;
+                }
+                if (deferred)
+                    vk.DestroyDeferredOperationKHR(gpu().device(), operation, nullptr);
+                for (auto &info : infos)
+                    info->scribble();
+                for (std::uint32_t i = 0; i < 3; ++i) {
+                    if (i != kept)
+                        vkDestroyPipeline(gpu().device(), pipelines[i], nullptr);
+                }
+                return MadePipeline{RayPipeline(gpu(), pipelines[kept]), {}};
+            };
+        };
+        PipelineTracer with(gpu(), {.make = make(0)});
+        PipelineTracer without(gpu(), {.make = make(1)});
+        PipelineTracer noAnyHit(gpu(), {.make = make(2)});
+        for (const std::uint32_t flags : opacityRayFlags()) {
+            scene_->expect(with, flags);
+            scene_->expect(noAnyHit, flags, {.triangleAnyHit = false, .boxAnyHit = false});
+            if ((flags & kRayForceTwoState) == 0)
+                plain.expect(without, flags);
+        }
+    }
+}
+
+// A deferred operation that nobody used, and one whose call failed.
+TEST_F(PipelineCreation, UnusedOperation)
+{
+    VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateDeferredOperationKHR(gpu().device(), nullptr, &operation));
+    EXPECT_EQ(gpu().vk().GetDeferredOperationResultKHR(gpu().device(), operation), VK_SUCCESS);
+    gpu().vk().DestroyDeferredOperationKHR(gpu().device(), operation, nullptr);
+    gpu().vk().DestroyDeferredOperationKHR(gpu().device(), VK_NULL_HANDLE, nullptr);
+}
+
+TEST_F(PipelineCreation, DestroyNothing)
+{
+    vkDestroyPipeline(gpu().device(), VK_NULL_HANDLE, nullptr);
+}
+
+// With a pipeline cache, twice: the second time from it.
+TEST_F(PipelineCreation, Cache)
+{
+    VkPipelineCacheCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO;
+    VkPipelineCache cache = VK_NULL_HANDLE;
+    VT_CHECK(vkCreatePipelineCache(gpu().device(), &info, nullptr, &cache));
+    for (int i = 0; i < 2; ++i) {
+        for (const bool anyHit : {true, false}) {
+            PipelineTracer tracer(
+                gpu(), {.groups = {{.anyHit = anyHit}, {.box = true}}, .make = [&](Gpu &g, const PipelineSetup &setup) {
+                            const PipelineInfo create(g, setup);
+                            VkPipeline pipeline = VK_NULL_HANDLE;
+                            VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, cache, 1,
+                                                                         &create.get(), nullptr, &pipeline));
+                            return MadePipeline{RayPipeline(g, pipeline), {}};
+                        }});
+            for (const std::uint32_t flags : opacityRayFlags())
+                scene_->expect(tracer, flags, {.triangleAnyHit = anyHit});
+        }
+    }
+    vkDestroyPipelineCache(gpu().device(), cache, nullptr);
+}
+
+// --- stack sizes ---
+
+struct StackSizes {
+    VkDeviceSize raygen, miss, closestHit, anyHit, boxClosestHit, boxAnyHit, intersection;
+
+    // raytracing.adoc, "Ray Tracing Pipeline Stack", for a recursion depth of 1.
+    [[nodiscard]] VkDeviceSize total() const
+    {
+        return raygen + std::max({closestHit, boxClosestHit, miss, intersection + std::max(anyHit, boxAnyHit)});
+    }
+};
+
+StackSizes sizesOf(const RayPipeline &pipeline, bool anyHit)
+{
+    return {pipeline.stackSize(0, VK_SHADER_GROUP_SHADER_GENERAL_KHR),
+            pipeline.stackSize(1, VK_SHADER_GROUP_SHADER_GENERAL_KHR),
+            pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR),
+            anyHit ? pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR) : 0,
+            pipeline.stackSize(3, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR),
+            anyHit ? pipeline.stackSize(3, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR) : 0,
+            pipeline.stackSize(3, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR)};
+}
+
+TEST_F(PipelineCreation, StackSizes)
+{
+    for (const bool anyHit : {true, false}) {
+        const std::vector<TracerGroup> groups{{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}};
+        const PipelineTracer with(gpu(), {.groups = groups});
+        const PipelineTracer without(gpu(), {.groups = groups, .flags = 0});
+        const StackSizes a = sizesOf(with.pipeline(), anyHit), b = sizesOf(without.pipeline(), anyHit);
+        // What our code adds is small; and no size is that of another group's shader, or none.
+        EXPECT_GE(a.total(), b.total());
+        EXPECT_LT(a.total(), b.total() + 65536);
+    }
+}
+
+// The application knows of no any-hit shader where it has none. The spy complains where the size that reaches the
+// driver has no room for ours.
+TEST_F(PipelineCreation, StackSizeSetByTheApplication)
+{
+    for (const bool anyHit : {true, false}) {
+        for (const bool micromaps : {true, false}) {
+            const PipelineScene plain(gpu(), {.micromaps = false});
+            PipelineTracer tracer(gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
+                                          .flags = micromaps ? kMicromapBit : 0,
+                                          .dynamicStackSize = true});
+            const PipelineScene &scene = micromaps ? *scene_ : plain;
+            const auto size = static_cast<std::uint32_t>(sizesOf(tracer.pipeline(), anyHit).total());
+            for (const std::uint32_t flags : opacityRayFlags(micromaps)) {
+                tracer.prepare(scene.tlas(), scene.rays(flags), 4);
+                gpu().submit([&](VkCommandBuffer commands) {
+                    tracer.bind(commands);
+                    gpu().vk().CmdSetRayTracingPipelineStackSizeKHR(commands, size);
+                    tracer.dispatch(commands);
+                    barrier(commands);
+                });
+                scene.expect(tracer.results(), flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
+            }
+        }
+    }
+}
+
+// The same where the layer's any-hit shader for boxes is the only one it adds.
+TEST_F(PipelineCreation, StackSizeWithBoxesOnly)
+{
+    PipelineTracer tracer(gpu(), {.groups = {{}, {.box = true, .anyHit = false}},
+                                  .flags = kMicromapBit | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR,
+                                  .dynamicStackSize = true,
+                                  .make = [](Gpu &g, const PipelineSetup &from) {
+                                      PipelineSetup setup = from;
+                                      setup.groups.erase(setup.groups.begin() + 2);
+                                      return MadePipeline{RayPipeline(g, setup), {0, 1, 2, 2}};
+                                  }});
+    const RayPipeline &pipeline = tracer.pipeline();
+    const VkDeviceSize size = pipeline.stackSize(0, VK_SHADER_GROUP_SHADER_GENERAL_KHR) +
+                              std::max({pipeline.stackSize(1, VK_SHADER_GROUP_SHADER_GENERAL_KHR),
+                                        pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR),
+                                        pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR)});
+    for (const std::uint32_t flags : opacityRayFlags()) {
+        tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
+        gpu().submit([&](VkCommandBuffer commands) {
+            tracer.bind(commands);
+            gpu().vk().CmdSetRayTracingPipelineStackSizeKHR(commands, static_cast<std::uint32_t>(size));
+            tracer.dispatch(commands);
+            barrier(commands);
+        });
+        scene_->expect(tracer.results(), flags, {.boxAnyHit = false, .skipTriangles = true});
+    }
+}
+
+// Pipelines are made by several threads at once (VkDevice is not externally synchronized).
+TEST_F(PipelineCreation, MadeByThreads)
+{
+    std::array<std::unique_ptr<PipelineTracer>, 4> tracers;
+    std::vector<std::thread> threads;
+    for (std::size_t i = 0; i < tracers.size(); ++i) {
+        threads.emplace_back([&, i] {
+            for (int k = 0; k < 3; ++k)
+                tracers[i] = std::make_unique<PipelineTracer>(
+                    gpu(), PipelineTracerSetup{.groups = {{.anyHit = i % 2 == 0}, {.box = true}}});
+        });
+    }
+    for (std::thread &thread : threads)
+        thread.join();
+    for (std::size_t i = 0; i < tracers.size(); ++i)
+        scene_->expect(*tracers[i], 0x402, {.triangleAnyHit = i % 2 == 0});
+}
+
+// The application's feedback has room for its own stages.
+TEST_F(PipelineCreation, Feedback)
+{
+    for (const bool anyHit : {true, false}) {
+        struct {
+            VkPipelineCreationFeedback whole{};
+            std::array<VkPipelineCreationFeedback, 6> stages{};
+            std::array<std::uint8_t, 256> guard{};
+        } feedback;
+        feedback.guard.fill(0xa5);
+        PipelineTracer tracer(gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
+                                      .make = [&](Gpu &g, const PipelineSetup &setup) {
+                                          PipelineInfo info(g, setup);
+                                          VkPipelineCreationFeedbackCreateInfo create{};
+                                          create.sType = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
+                                          create.pNext = info.get().pNext;
+                                          create.pPipelineCreationFeedback = &feedback.whole;
+                                          create.pipelineStageCreationFeedbackCount = info.get().stageCount;
+                                          create.pPipelineStageCreationFeedbacks = feedback.stages.data();
+                                          EXPECT_EQ(info.get().stageCount, feedback.stages.size());
+                                          info.get().pNext = &create;
+                                          VkPipeline pipeline = VK_NULL_HANDLE;
+                                          VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE,
+                                                                                       VK_NULL_HANDLE, 1, &info.get(),
+                                                                                       nullptr, &pipeline));
+                                          return MadePipeline{RayPipeline(g, pipeline), {}};
+                                      }});
+        EXPECT_TRUE(
+            std::all_of(feedback.guard.begin(), feedback.guard.end(), [](std::uint8_t b) { return b == 0xa5; }));
+        scene_->expect(tracer, 0x402, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
+    }
+}
+
+} // namespace

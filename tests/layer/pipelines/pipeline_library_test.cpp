@@ -1,0 +1,292 @@
+// Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
+#include <algorithm>
+
+#include "pipelines/pipeline_scene.h"
+
+namespace
+{
+
+using namespace vt;
+
+// Groups of the tracer's setup: ray generation, miss, triangles, boxes. Each library holds some, with their stages.
+using Groups = std::vector<std::uint32_t>;
+
+struct Plan {
+    std::vector<Groups> libraries; // in the order of linking
+    Groups own;                    // groups of the pipeline itself
+    bool nested = false;           // all libraries are linked to one, which the pipeline links
+};
+
+// The stages that the groups need, and the groups, of a larger setup.
+PipelineSetup part(const PipelineSetup &from, const Groups &groups)
+{
+    PipelineSetup setup = from;
+    setup.stages.clear();
+    setup.groups.clear();
+    std::vector<std::uint32_t> places(from.stages.size(), kUnused);
+    const auto place = [&](std::uint32_t stage) {
+        if (stage == kUnused)
+            return kUnused;
+        if (places[stage] == kUnused) {
+            places[stage] = static_cast<std::uint32_t>(setup.stages.size());
+            setup.stages.push_back(from.stages[stage]);
+        }
+        return places[stage];
+    };
+    for (const std::uint32_t g : groups) {
+        const PipelineGroup &group = from.groups[g];
+        setup.groups.push_back(
+            {place(group.general), place(group.closestHit), place(group.anyHit), place(group.intersection)});
+    }
+    return setup;
+}
+
+class PipelineLibrary : public PipelineSceneTest
+{
+protected:
+    explicit PipelineLibrary(const Options &options = {}) : PipelineSceneTest(options) {}
+    void SetUp() override
+    {
+        PipelineSceneTest::SetUp();
+        if (!IsSkipped() && !gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))
+            GTEST_SKIP() << "no pipeline libraries";
+    }
+    void TearDown() override
+    {
+        libraries_.clear();
+        PipelineSceneTest::TearDown();
+    }
+
+    MadePipeline link(const PipelineSetup &from, const Plan &plan)
+    {
+        libraries_.clear();
+        std::vector<std::uint32_t> places(from.groups.size());
+        std::uint32_t next = 0;
+        for (const std::uint32_t g : plan.own)
+            places[g] = next++;
+        PipelineSetup linking = part(from, plan.own);
+        PipelineSetup outer = part(from, {});
+        for (const Groups &groups : plan.libraries) {
+            PipelineSetup library = part(from, groups);
+            library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+            libraries_.emplace_back(gpu(), library);
+            (plan.nested ? outer : linking).libraries.push_back(libraries_.back().handle());
+            for (const std::uint32_t g : groups)
+                places[g] = next++;
+        }
+        if (plan.nested) {
+            outer.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+            libraries_.emplace_back(gpu(), outer);
+            linking.libraries = {libraries_.back().handle()};
+        }
+        MadePipeline made{RayPipeline(gpu(), linking), places};
+        return made;
+    }
+
+    void expect(const Plan &plan, const PipelineTracerSetup &base, const PipelineScene::View &view)
+    {
+        PipelineTracerSetup setup = base;
+        setup.make = [this, &plan](Gpu &, const PipelineSetup &from) { return link(from, plan); };
+        PipelineTracer tracer(gpu(), setup);
+        for (const std::uint32_t flags : opacityRayFlags(gpu().options().micromaps))
+            scene_->expect(tracer, flags, view);
+        expectHandles(tracer.pipeline(), static_cast<std::uint32_t>(setup.groups.size()) + 2);
+    }
+    void expect(const Plan &plan) { expect(plan, {}, {}); }
+    void expectWithoutAnyHit(const Plan &plan)
+    {
+        expect(plan, {.groups = {{.anyHit = false}, {.box = true, .anyHit = false}}},
+               {.triangleAnyHit = false, .boxAnyHit = false});
+    }
+
+    // Ranges of handles, also across the end of the pipeline's own groups and from library to library.
+    void expectHandles(const RayPipeline &pipeline, std::uint32_t groups) const
+    {
+        const std::size_t size = gpu().pipelineProperties().shaderGroupHandleSize;
+        const std::vector<std::uint8_t> all = pipeline.groupHandles(0, groups);
+        for (std::uint32_t first = 0; first < groups; ++first) {
+            const auto start = all.begin() + static_cast<std::ptrdiff_t>(first * size);
+            for (std::uint32_t other = 0; other < first; ++other)
+                EXPECT_FALSE(std::equal(start, start + static_cast<std::ptrdiff_t>(size),
+                                        all.begin() + static_cast<std::ptrdiff_t>(other * size)))
+                    << "groups " << other << " and " << first << " have one handle";
+            for (std::uint32_t count = 1; first + count <= groups; ++count) {
+                const std::vector<std::uint8_t> some = pipeline.groupHandles(first, count);
+                EXPECT_TRUE(std::equal(some.begin(), some.end(), start)) << first << ", " << count;
+            }
+        }
+    }
+
+    Gpu &gpu() const { return const_cast<PipelineLibrary *>(this)->PipelineTest::gpu(); }
+
+    std::vector<RayPipeline> libraries_;
+};
+
+class PipelineLibraryWithoutLayer : public PipelineLibrary
+{
+protected:
+    PipelineLibraryWithoutLayer() : PipelineLibrary({.vellum = false, .validation = false, .micromaps = false}) {}
+};
+
+// A ray generation shader of a library does not run on lavapipe (Mesa 25.0.7), so it is the pipeline's own here.
+const std::vector<Plan> kPlans{
+    {.libraries = {{1}, {2}, {3}}, .own = {0}},
+    {.libraries = {{3}, {2}, {1}}, .own = {0}},
+    {.libraries = {{2, 3}}, .own = {0, 1}},
+    {.libraries = {{2}, {3}}, .own = {0, 1}},
+    {.libraries = {{3}, {2}}, .own = {1, 0}},
+    {.libraries = {{1}}, .own = {3, 0, 2}},
+    {.libraries = {{3}, {1}}, .own = {2, 0}},
+    {.libraries = {{2}, {3}}, .own = {0, 1}, .nested = true},
+    {.libraries = {{3}, {2, 1}}, .own = {0}, .nested = true},
+};
+
+// Those with nothing but libraries: they can be made, and have handles.
+const std::vector<Plan> kOnlyLibraries{
+    {.libraries = {{0, 1}, {2}, {3}}},
+    {.libraries = {{3}, {2}, {1, 0}}},
+    {.libraries = {{3, 0}, {2, 1}}, .nested = true},
+};
+
+TEST_F(PipelineLibraryWithoutLayer, Orders)
+{
+    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+        SCOPED_TRACE(testing::Message() << "plan " << i);
+        expect(kPlans[i]);
+        expectWithoutAnyHit(kPlans[i]);
+    }
+}
+
+TEST_F(PipelineLibrary, Orders)
+{
+    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+        SCOPED_TRACE(testing::Message() << "plan " << i);
+        expect(kPlans[i]);
+    }
+}
+
+TEST_F(PipelineLibrary, GroupsWithoutAnyHit)
+{
+    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+        SCOPED_TRACE(testing::Message() << "plan " << i);
+        expectWithoutAnyHit(kPlans[i]);
+    }
+}
+
+TEST_F(PipelineLibrary, NothingButLibraries)
+{
+    for (const Plan &plan : kOnlyLibraries) {
+        for (const bool anyHit : {true, false}) {
+            const PipelineTracer tracer(gpu(),
+                                        {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
+                                         .make = [&](Gpu &, const PipelineSetup &from) { return link(from, plan); }});
+            expectHandles(tracer.pipeline(), 4);
+        }
+    }
+}
+
+TEST_F(PipelineLibrary, ZeroRecords)
+{
+    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+        SCOPED_TRACE(testing::Message() << "plan " << i);
+        expect(kPlans[i], {.records = {std::nullopt, 1}}, {.triangleAnyHit = false, .triangleClosestHit = false});
+    }
+    // And where neither pipeline nor libraries have a hit group.
+    const PipelineTracerSetup none{.groups = {}, .records = {std::nullopt, std::nullopt}};
+    const PipelineScene::View view{
+        .triangleAnyHit = false, .triangleClosestHit = false, .skipBoxes = true, .missFlags = false};
+    expect({.libraries = {{1}}, .own = {0}}, none, view);
+}
+
+TEST_F(PipelineLibrary, WithoutTheBit)
+{
+    const PipelineScene plain(gpu(), {.micromaps = false});
+    for (const Plan &plan : kPlans) {
+        PipelineTracer tracer(gpu(),
+                              {.flags = 0, .make = [&](Gpu &, const PipelineSetup &from) { return link(from, plan); }});
+        for (const std::uint32_t flags : opacityRayFlags(false))
+            plain.expect(tracer, flags);
+    }
+}
+
+// Only the rule of the other direction exists: libraries with the bit may be linked to a pipeline without it.
+TEST_F(PipelineLibrary, LibrariesWithTheBitInAPipelineWithoutIt)
+{
+    const PipelineScene plain(gpu(), {.micromaps = false});
+    PipelineTracer tracer(gpu(), {.make = [&](Gpu &g, const PipelineSetup &from) {
+                              PipelineSetup library = part(from, {2, 3});
+                              library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+                              libraries_.emplace_back(g, library);
+                              PipelineSetup linking = part(from, {0, 1});
+                              linking.flags = 0;
+                              linking.libraries = {libraries_.back().handle()};
+                              return MadePipeline{RayPipeline(g, linking), {}};
+                          }});
+    for (const std::uint32_t flags : opacityRayFlags(false))
+        plain.expect(tracer, flags);
+}
+
+// A library may be linked to several pipelines, and pipelines may be linked and destroyed in any order.
+TEST_F(PipelineLibrary, LinkedTwice)
+{
+    std::vector<RayPipeline> libraries;
+    const auto make = [&](Gpu &g, const PipelineSetup &from) {
+        if (libraries.empty()) {
+            PipelineSetup library = part(from, {2, 3});
+            library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+            libraries.emplace_back(g, library);
+        }
+        PipelineSetup linking = part(from, {0, 1});
+        linking.libraries = {libraries[0].handle()};
+        return MadePipeline{RayPipeline(g, linking), {}};
+    };
+    auto first = std::make_unique<PipelineTracer>(gpu(), PipelineTracerSetup{.make = make});
+    PipelineTracer second(gpu(), {.make = make});
+    scene_->expect(*first, 0);
+    first.reset();
+    scene_->expect(second, kRayOpaque);
+    PipelineTracer third(gpu(), {.make = make});
+    scene_->expect(third, kRayCullNoOpaque);
+}
+
+// VK_EXT_pipeline_library_group_handles: "These group handles remain bitwise identical for any pipeline which
+// references the pipeline library."
+class PipelineLibraryHandles : public PipelineLibrary
+{
+protected:
+    explicit PipelineLibraryHandles(bool vellum = true)
+        : PipelineLibrary({.vellum = vellum, .oldValidation = false, .micromaps = vellum, .newer = true})
+    {
+    }
+    void expectSame()
+    {
+        if (!gpu().has("VK_EXT_pipeline_library_group_handles"))
+            GTEST_SKIP() << "no VK_EXT_pipeline_library_group_handles";
+        const PipelineTracer tracer(gpu(), {.make = [&](Gpu &, const PipelineSetup &from) {
+                                        return link(from, {.libraries = {{3}, {2, 1}}, .own = {0}});
+                                    }});
+        ASSERT_EQ(libraries_.size(), 2u);
+        EXPECT_EQ(libraries_[0].groupHandles(0), tracer.pipeline().groupHandles(1));
+        EXPECT_EQ(libraries_[1].groupHandles(0), tracer.pipeline().groupHandles(2));
+        EXPECT_EQ(libraries_[1].groupHandles(1), tracer.pipeline().groupHandles(3));
+        EXPECT_EQ(libraries_[1].groupHandles(0, 2), tracer.pipeline().groupHandles(2, 2));
+    }
+};
+
+class PipelineLibraryHandlesWithoutLayer : public PipelineLibraryHandles
+{
+protected:
+    PipelineLibraryHandlesWithoutLayer() : PipelineLibraryHandles(false) {}
+};
+
+TEST_F(PipelineLibraryHandlesWithoutLayer, SameAsThePipelines)
+{
+    expectSame();
+}
+
+TEST_F(PipelineLibraryHandles, SameAsThePipelines)
+{
+    expectSame();
+}
+
+} // namespace

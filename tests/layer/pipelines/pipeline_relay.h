@@ -1,0 +1,48 @@
+// Chains of rays through closest-hit, miss and callable shaders (shaders/pipeline_relay.glsl).
+#pragma once
+
+#include <cstdint>
+
+#include "harness/columns.h"
+#include "harness/pipeline_builder.h"
+
+namespace vt
+{
+
+struct RelayStep {
+    std::uint32_t stage, customIndex, customIndexAfter, flags, flagsAfter, candidates, bad, callable;
+    float t;
+    std::uint32_t below;
+    std::uint32_t queryCandidates, queryCommitted, queryCustomIndex;
+    float queryT;
+    std::uint32_t queryFlags, primitive;
+    std::uint32_t anyHitQueries, anyHitCommitted;
+    float anyHitT;
+    std::uint32_t anyHitCustomIndex;
+};
+static_assert(sizeof(RelayStep) == 80);
+
+// Triangles behind each other like those of Columns, without micromaps.
+class PlainColumns
+{
+public:
+    static constexpr std::uint32_t kCustomIndex = 0x765432;
+
+    explicit PlainColumns(Gpu &gpu)
+    {
+        Geometry geometry;
+        for (std::uint32_t c = 0; c < Columns::kColumns; ++c) {
+            for (std::uint32_t l = 0; l < 2; ++l)
+                appendTriangle(geometry.vertices, {1.5f * static_cast<float>(c), 0, -static_cast<float>(l)});
+        }
+        blas_ = std::make_unique<Blas>(gpu, std::vector{geometry});
+        tlas_ = std::make_unique<Tlas>(gpu, std::vector{instance(*blas_, {}, kCustomIndex)});
+    }
+    [[nodiscard]] const Tlas &scene() const { return *tlas_; }
+
+private:
+    std::unique_ptr<Blas> blas_;
+    std::unique_ptr<Tlas> tlas_;
+};
+
+} // namespace vt

@@ -1,0 +1,198 @@
+// Rays traced from closest-hit and miss shaders, callable shaders between them, and ray queries in all of them.
+#include "pipelines/pipeline_relay.h"
+
+#include "shaders/pipeline_relay_any_hit.h"
+#include "shaders/pipeline_relay_callable.h"
+#include "shaders/pipeline_relay_closest_hit.h"
+#include "shaders/pipeline_relay_miss.h"
+#include "shaders/pipeline_relay_queries_any_hit.h"
+#include "shaders/pipeline_relay_queries_closest_hit.h"
+#include "shaders/pipeline_relay_queries_miss.h"
+#include "shaders/pipeline_relay_queries_raygen.h"
+#include "shaders/pipeline_relay_raygen.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr std::uint32_t kDepth = 6;
+constexpr std::array<std::uint32_t, 10> kFlags{0,     kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque,
+                                               0x400, 0x401,      0x402,        0x440,          0x480};
+
+struct Push {
+    std::uint32_t depth, pad;
+    VkDeviceAddress queryScene;
+};
+
+struct Relay {
+    bool queries = false;
+    bool anyHit = true;
+    bool micromaps = true; // the pipeline has the bit, and the traced scene micromaps
+};
+
+class PipelineStages : public PipelineTest
+{
+protected:
+    // The chain of ray `id` goes down a column each, with flags that change from ray to ray.
+    static std::uint32_t columnOf(std::uint32_t id, std::uint32_t depth)
+    {
+        return (id * 5 + depth * 11) % Columns::kColumns;
+    }
+    static std::uint32_t flagsOf(std::uint32_t id, std::uint32_t depth, bool micromaps)
+    {
+        return kFlags[(id + depth * 3) % (micromaps ? kFlags.size() : 5)];
+    }
+    static std::uint32_t ruleOf(std::uint32_t id, std::uint32_t depth)
+    {
+        return (id + depth) % 3 == 0 ? kNever : kAlways;
+    }
+
+    void expect(const Relay &relay)
+    {
+        const Columns columns(gpu(), 4, kAlways);
+        const PlainColumns plain(gpu());
+        const PipelineResources resources(gpu(), 2, sizeof(Push));
+        PipelineSetup setup;
+        const auto pick = [&relay](auto &with, auto &without) {
+            return relay.queries ? std::span<const std::uint32_t>(with) : std::span<const std::uint32_t>(without);
+        };
+        setup.stages = {
+            {VK_SHADER_STAGE_RAYGEN_BIT_KHR, pick(pipeline_relay_queries_raygen, pipeline_relay_raygen)},
+            {VK_SHADER_STAGE_MISS_BIT_KHR, pick(pipeline_relay_queries_miss, pipeline_relay_miss)},
+            {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pick(pipeline_relay_queries_closest_hit, pipeline_relay_closest_hit)},
+            {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pick(pipeline_relay_queries_any_hit, pipeline_relay_any_hit)},
+            {VK_SHADER_STAGE_CALLABLE_BIT_KHR, pipeline_relay_callable},
+        };
+        setup.groups = {{.general = 0},
+                        {.general = 1},
+                        {.closestHit = 2, .anyHit = relay.anyHit ? 3 : kUnused},
+                        {.general = 4},
+                        {.general = 4}};
+        setup.layout = resources.layout();
+        setup.recursion = kDepth;
+        setup.flags = relay.micromaps ? kMicromapBit : 0;
+        const RayPipeline pipeline(gpu(), setup);
+        const BindingTable table(
+            gpu(), pipeline, {.raygen = {0, {}}, .miss = {{1, {}}}, .hit = {{2, {}}}, .callable = {{3, {}}, {4, {}}}});
+
+        std::vector<Ray> rays;
+        for (std::uint32_t id = 0; id < Columns::kColumns; ++id) {
+            for (std::uint32_t depth = 0; depth < kDepth; ++depth) {
+                rays.push_back(columns.rays()[columnOf(id, depth)]);
+                rays.back().flags = flagsOf(id, depth, relay.micromaps);
+                rays.back().rule = ruleOf(id, depth);
+            }
+        }
+        const Buffer rayBuffer = gpu().upload(std::span<const Ray>(rays), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+        const Buffer steps(gpu(), rays.size() * sizeof(RelayStep), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+        const Tlas &traced = relay.micromaps ? columns.scene() : plain.scene();
+        resources.write(traced.handle(), std::array<const Buffer *, 2>{&rayBuffer, &steps});
+        gpu().submit([&](VkCommandBuffer commands) {
+            barrier(commands);
+            vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline.handle());
+            resources.bind(commands);
+            const Push push{kDepth, 0, columns.scene().address()};
+            vkCmdPushConstants(commands, resources.layout(), PipelineResources::kStages, 0, sizeof(push), &push);
+            table.trace(commands, Columns::kColumns);
+            barrier(commands);
+        });
+        for (std::uint32_t id = 0; id < Columns::kColumns && !HasFailure(); ++id) {
+            for (std::uint32_t depth = 0; depth < kDepth; ++depth) {
+                SCOPED_TRACE(testing::Message() << "ray " << id << " depth " << depth << std::hex << " flags 0x"
+                                                << flagsOf(id, depth, relay.micromaps));
+                expectStep(relay, columns, id, depth, steps.as<RelayStep>()[id * kDepth + depth]);
+            }
+        }
+    }
+
+private:
+    static void expectStep(const Relay &relay, const Columns &columns, std::uint32_t id, std::uint32_t depth,
+                           const RelayStep &step)
+    {
+        const std::uint32_t column = columnOf(id, depth);
+        const std::uint32_t flags = flagsOf(id, depth, relay.micromaps);
+        const bool confirming = ruleOf(id, depth) == kAlways;
+        std::uint32_t nearest = columns.nearest(column, confirming || !relay.anyHit, flags);
+        std::uint32_t least = 0, most = relay.anyHit ? columns.nonOpaque(column, flags) : 0;
+        if (!relay.micromaps) {
+            const Outcome outcome = outcomeOf(kNoMicromap, false, 0, flags);
+            const bool hit =
+                outcome == Outcome::Opaque || (outcome == Outcome::NonOpaque && (confirming || !relay.anyHit));
+            nearest = hit ? 0 : Columns::kLayers;
+            most = outcome == Outcome::NonOpaque && relay.anyHit ? 2 : 0;
+        } else if (relay.anyHit) {
+            least = nearest == Columns::kLayers ? most : 0;
+        }
+        EXPECT_EQ(step.stage, nearest == Columns::kLayers ? 1u : 2u);
+        if (step.stage == 2 && nearest != Columns::kLayers) {
+            const std::uint32_t customIndex = relay.micromaps ? 4242 : PlainColumns::kCustomIndex;
+            EXPECT_EQ(step.customIndex, customIndex);
+            EXPECT_EQ(step.customIndexAfter, customIndex);
+            EXPECT_FLOAT_EQ(step.t, 1 + static_cast<float>(nearest));
+            EXPECT_EQ(step.primitive, column * (relay.micromaps ? Columns::kLayers : 2) + nearest);
+        }
+        EXPECT_EQ(step.flags, flags);
+        EXPECT_EQ(step.flagsAfter, flags);
+        EXPECT_GE(step.candidates, least);
+        EXPECT_LE(step.candidates, most);
+        EXPECT_EQ(step.bad, 0u);
+        EXPECT_EQ(step.callable, (id + depth + 5) * 2);
+        EXPECT_EQ(step.below, kDepth - 1 - depth);
+        if (!relay.queries)
+            return;
+        const std::uint32_t layer = columns.nearest(column, confirming, flags);
+        EXPECT_EQ(step.anyHitQueries, step.candidates);
+        if (step.candidates > 0) {
+            EXPECT_EQ(step.anyHitCommitted, layer == Columns::kLayers ? kNone : kTriangle);
+            if (layer != Columns::kLayers) {
+                EXPECT_EQ(step.anyHitCustomIndex, 4242u);
+                EXPECT_FLOAT_EQ(step.anyHitT, 1 + static_cast<float>(layer));
+            }
+        }
+        EXPECT_EQ(step.queryCommitted, layer == Columns::kLayers ? kNone : kTriangle);
+        EXPECT_EQ(step.queryFlags, flags);
+        EXPECT_LE(step.queryCandidates, columns.nonOpaque(column, flags));
+        if (layer != Columns::kLayers) {
+            EXPECT_EQ(step.queryCustomIndex, 4242u);
+            EXPECT_FLOAT_EQ(step.queryT, 1 + static_cast<float>(layer));
+        } else {
+            EXPECT_EQ(step.queryCandidates, columns.nonOpaque(column, flags));
+        }
+    }
+};
+
+TEST_F(PipelineStages, RaysFromEveryStage)
+{
+    expect({});
+}
+
+TEST_F(PipelineStages, WithoutAnyHit)
+{
+    expect({.anyHit = false});
+}
+
+TEST_F(PipelineStages, QueriesInEveryStage)
+{
+    expect({.queries = true});
+}
+
+TEST_F(PipelineStages, QueriesInEveryStageWithoutAnyHit)
+{
+    expect({.queries = true, .anyHit = false});
+}
+
+// "This flag has no effect on using opacity micromaps with ray queries."
+TEST_F(PipelineStages, QueriesInAPipelineWithoutTheBit)
+{
+    expect({.queries = true, .micromaps = false});
+    expect({.queries = true, .anyHit = false, .micromaps = false});
+}
+
+TEST_F(PipelineStages, WithoutTheBit)
+{
+    expect({.micromaps = false});
+    expect({.anyHit = false, .micromaps = false});
+}
+
+} // namespace

@@ -1,0 +1,112 @@
+// Ray queries outside compute shaders.
+#include "harness/columns.h"
+#include "harness/graphics.h"
+
+#include "shaders/plain_fragment.h"
+#include "shaders/plain_vertex.h"
+#include "shaders/query_fragment.h"
+#include "shaders/query_raygen.h"
+#include "shaders/query_vertex.h"
+
+namespace
+{
+
+using namespace vt;
+
+class Stages : public GpuTest
+{
+protected:
+    // Columns, traced by whatever `record` does with the tracer's descriptor set.
+    void expectColumns(const std::function<void(VkCommandBuffer, const Tracer &)> &record)
+    {
+        const Columns columns(gpu(), 4, kAlways);
+        tracer_.prepare(columns.scene(), columns.rays(), 1);
+        gpu().submit([&](VkCommandBuffer commands) {
+            barrier(commands);
+            record(commands, tracer_);
+            barrier(commands);
+        });
+        const std::vector<Result> results = tracer_.results();
+        for (std::uint32_t i = 0; i < Columns::kColumns; ++i) {
+            SCOPED_TRACE(testing::Message() << "column " << i);
+            Columns::expectCommitted(results[i], columns.nearest(i, true));
+        }
+    }
+
+    void expectGraphics(const Graphics::Shaders &shaders, std::uint32_t vertices)
+    {
+        const Graphics graphics(gpu(), tracer_.layout(), shaders, Columns::kColumns);
+        expectColumns([&](VkCommandBuffer commands, const Tracer &tracer) {
+            graphics.bind(commands);
+            const VkDescriptorSet set = tracer.set();
+            vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, tracer.layout(), 0, 1, &set, 0, nullptr);
+            graphics.draw(commands, vertices);
+        });
+    }
+
+    Tracer tracer_{gpu()};
+};
+
+TEST_F(Stages, Vertex)
+{
+    expectGraphics({query_vertex, plain_fragment, false, VK_PRIMITIVE_TOPOLOGY_POINT_LIST}, Columns::kColumns);
+}
+
+TEST_F(Stages, Fragment)
+{
+    expectGraphics({plain_vertex, query_fragment, false}, 3);
+}
+
+TEST_F(Stages, InlineModules)
+{
+    if (!gpu().has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
+        GTEST_SKIP() << "no way to pass a shader module in the stage";
+    expectGraphics({query_vertex, plain_fragment, true, VK_PRIMITIVE_TOPOLOGY_POINT_LIST}, Columns::kColumns);
+    expectGraphics({plain_vertex, query_fragment, true}, 3);
+}
+
+TEST_F(Stages, RayGeneration)
+{
+    if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        GTEST_SKIP() << "no ray tracing pipelines";
+    VkRayTracingShaderGroupCreateInfoKHR group{};
+    group.sType = VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR;
+    group.type = VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR;
+    group.closestHitShader = group.anyHitShader = group.intersectionShader = VK_SHADER_UNUSED_KHR;
+    VkPipelineShaderStageCreateInfo stage{};
+    stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    stage.stage = VK_SHADER_STAGE_RAYGEN_BIT_KHR;
+    stage.module = gpu().shader(query_raygen);
+    stage.pName = "main";
+    VkRayTracingPipelineCreateInfoKHR info{};
+    info.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR;
+    info.stageCount = 1;
+    info.pStages = &stage;
+    info.groupCount = 1;
+    info.pGroups = &group;
+    info.maxPipelineRayRecursionDepth = 1;
+    info.layout = tracer_.layout();
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info, nullptr,
+                                                     &pipeline));
+    vkDestroyShaderModule(gpu().device(), stage.module, nullptr);
+
+    const auto &limits = gpu().pipelineProperties();
+    const Guarded table(gpu(), limits.shaderGroupHandleSize, std::max(limits.shaderGroupBaseAlignment, 64u),
+                        VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    VT_CHECK(gpu().vk().GetRayTracingShaderGroupHandlesKHR(gpu().device(), pipeline, 0, 1, limits.shaderGroupHandleSize,
+                                                           table.bytes()));
+    const VkStridedDeviceAddressRegionKHR raygen{table.address(), limits.shaderGroupHandleSize,
+                                                 limits.shaderGroupHandleSize};
+    const VkStridedDeviceAddressRegionKHR none{};
+    expectColumns([&](VkCommandBuffer commands, const Tracer &tracer) {
+        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline);
+        const VkDescriptorSet set = tracer.set();
+        vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, tracer.layout(), 0, 1, &set, 0,
+                                nullptr);
+        gpu().vk().CmdTraceRaysKHR(commands, &raygen, &none, &none, &none, Columns::kColumns, 1, 1);
+    });
+    vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+}
+
+} // namespace

@@ -1,0 +1,26 @@
+// What tests of copies of acceleration structures share.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "harness/copies.h"
+
+namespace vt
+{
+
+class Copies : public GpuTest
+{
+protected:
+    explicit Copies(const Options &options = {}) : GpuTest(options) {}
+
+    std::unique_ptr<Structure> made(VkAccelerationStructureTypeKHR type, VkDeviceSize size)
+    {
+        auto structure = std::make_unique<Structure>(gpu(), type);
+        structure->create(size);
+        return structure;
+    }
+    std::vector<Geometry> plain() { return {Geometry{.vertices = triangleRow(6)}}; }
+};
+
+} // namespace vt

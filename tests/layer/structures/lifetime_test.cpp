@@ -1,0 +1,157 @@
+// Micromaps must be found for exactly as long as the structure that a reference stands for has them: whatever was built
+// or copied over it, and whoever had its memory or its table entries before.
+#include <algorithm>
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "harness/scene.h"
+#include "harness/tracer.h"
+
+using namespace vt;
+
+namespace
+{
+
+class Lifetime : public GpuTest
+{
+protected:
+    // A micromap with one triangle of level 3, transparent all over.
+    std::unique_ptr<Micromap> transparentMicromap()
+    {
+        MicromapInput input;
+        input.add(3, kFourState, std::vector<std::uint8_t>(packedSize, 0));
+        auto micromap = std::make_unique<Micromap>(gpu(), std::move(input));
+        micromap->build();
+        return micromap;
+    }
+    static Geometry plain() { return Geometry{.vertices = triangleRow(1)}; }
+    static Geometry mapped(const Micromap &micromap)
+    {
+        Geometry geometry = plain();
+        geometry.micromap = Attachment{&micromap};
+        return geometry;
+    }
+    // Candidates that the shader is handed by a ray at the only triangle.
+    std::uint32_t candidates(const Blas &blas)
+    {
+        const Tlas tlas(gpu(), {instance(blas, {}, 5)});
+        Ray ray;
+        ray.origin = {0.3f, 0.3f, 1};
+        Tracer tracer(gpu());
+        return tracer.trace(tlas, std::span(&ray, 1))[0].candidateCount;
+    }
+    template <typename Function>
+    Function function(const char *name)
+    {
+        return reinterpret_cast<Function>(vkGetDeviceProcAddr(gpu().device(), name));
+    }
+    static constexpr std::size_t packedSize = 16;
+};
+
+TEST_F(Lifetime, ACopyOverAStructureTakesItsMicromapsAway)
+{
+    const auto micromap = transparentMicromap();
+    const Blas target(gpu(), {mapped(*micromap)});
+    const Blas source(gpu(), {plain()});
+    EXPECT_EQ(candidates(target), 0u);
+    const auto copy = function<PFN_vkCmdCopyAccelerationStructureKHR>("vkCmdCopyAccelerationStructureKHR");
+    gpu().submit([&](VkCommandBuffer commands) {
+        VkCopyAccelerationStructureInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
+        info.src = source.handle();
+        info.dst = target.handle();
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+        copy(commands, &info);
+    });
+    EXPECT_EQ(candidates(target), 1u);
+}
+
+// The layer keeps something of boxes too, for intersection shaders, but it is not in the structure.
+TEST_F(Lifetime, BoxesAreSerializedByTheDriver)
+{
+    Geometry boxes;
+    boxes.boxes = {{0, 0, -0.1f, 1, 1, 0.1f}};
+    const Blas blas(gpu(), {boxes});
+    const Buffer data(gpu(), blas.size() + 4096, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    std::memset(data.bytes(), 0, blas.size() + 4096);
+    const auto copy =
+        function<PFN_vkCmdCopyAccelerationStructureToMemoryKHR>("vkCmdCopyAccelerationStructureToMemoryKHR");
+    gpu().submit([&](VkCommandBuffer commands) {
+        VkCopyAccelerationStructureToMemoryInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
+        info.src = blas.handle();
+        info.dst.deviceAddress = (data.address() + 255) & ~VkDeviceAddress{255};
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
+        copy(commands, &info);
+    });
+    EXPECT_TRUE(std::any_of(data.bytes(), data.bytes() + blas.size(), [](auto byte) { return byte != 0; }));
+}
+
+TEST_F(Lifetime, APlainBuildExecutedLateLeavesOthersAlone)
+{
+    const Buffer memory(gpu(), 1 << 20, gpu().structureUsage());
+    const auto micromap = transparentMicromap();
+    auto first = std::make_unique<Blas>(gpu());
+    first->placeIn(memory.handle(), 0);
+    first->build({mapped(*micromap)});
+    // Recorded while the memory's reference has micromaps, executed when its table entry could be another's.
+    Blas aliasing(gpu());
+    aliasing.placeIn(memory.handle(), 0);
+    aliasing.prepare({plain()});
+    VkCommandBuffer late = gpu().begin();
+    aliasing.record(late);
+    gpu().end(late);
+    first.reset();
+    const Blas other(gpu(), {mapped(*micromap)});
+    EXPECT_EQ(candidates(other), 0u);
+    gpu().execute(late);
+    EXPECT_EQ(candidates(other), 0u);
+    EXPECT_EQ(candidates(aliasing), 1u);
+}
+
+TEST_F(Lifetime, PrivateDataOfMicromapsIsKeptPerSlotAndObject)
+{
+    const auto micromap = transparentMicromap();
+    const std::uint64_t object = micromap->handle().object();
+    const VkObjectType type = micromap->handle().objectType();
+    VkPrivateDataSlotCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
+    VkPrivateDataSlot slots[2] = {};
+    for (VkPrivateDataSlot &slot : slots)
+        ASSERT_EQ(vkCreatePrivateDataSlot(gpu().device(), &info, nullptr, &slot), VK_SUCCESS);
+    ASSERT_EQ(vkSetPrivateData(gpu().device(), type, object, slots[0], 42), VK_SUCCESS);
+    std::uint64_t values[2] = {1, 1};
+    for (int i = 0; i < 2; ++i)
+        vkGetPrivateData(gpu().device(), type, object, slots[i], &values[i]);
+    EXPECT_EQ(values[0], 42u);
+    EXPECT_EQ(values[1], 0u);
+    for (VkPrivateDataSlot slot : slots)
+        vkDestroyPrivateDataSlot(gpu().device(), slot, nullptr);
+}
+
+// 300 rounds of a build and a copy: the slots that the pair goes through come back.
+TEST_F(Lifetime, BuildAndCopyInTurnDoesNotUseUpSlots)
+{
+    const Blas blas(gpu(), {plain()});
+    Tlas source(gpu());
+    Tlas target(gpu());
+    const std::vector instances(60'000, instance(blas, {}, 5));
+    source.prepare(instances);
+    target.prepare(instances);
+    const auto copy = function<PFN_vkCmdCopyAccelerationStructureKHR>("vkCmdCopyAccelerationStructureKHR");
+    // Recorded only: what counts is that no build is refused, which the fixture would see as a message.
+    VkCommandBuffer commands = gpu().begin();
+    for (int round = 0; round < 300; ++round) {
+        source.record(commands);
+        VkCopyAccelerationStructureInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
+        info.src = source.handle();
+        info.dst = target.handle();
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+        copy(commands, &info);
+    }
+    gpu().end(commands);
+}
+
+} // namespace

@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""Tests check_includes.py on trees that are made up, each with one fault."""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CHECK = pathlib.Path(__file__).resolve().with_name("check_includes.py")
+
+SOUND = {
+    "src/core/states.h": "",
+    "src/core/curve.cpp": '#include "core/states.h"\n#include <vector>\n',
+    "src/spirv/link.cpp": '#include "core/states.h"\n',
+    "src/shaders/ground/words.h": '#include "states.h"\n',
+    "src/shaders/structures/copy.comp": '#include "ground/words.h"\n',
+    "src/gltf/reader.cpp": '#include "bake/bake.h"\n',
+    "src/bake/bake.h": '#include "core/states.h"\n',
+    "src/layer/ground/report.h": '#include "shaders/copy.h"\n#include "layer/ground/written_by_the_build.h"\n',
+    "src/layer/memory/memory.h": '#include "layer/ground/report.h"\n#include "core/states.h"\n',
+    "src/layer/door/device.h": '#include "layer/memory/memory.h"\n',
+    "src/cli/main.cpp": '#include "gltf/reader.h"\n#include "options.h"\n#include "cli/base/error.h"\n',
+    "src/cli/base/error.h": "",
+    "src/cli/options.h": "",
+    "include/vellum/header.h": "",
+    "tests/layer/some_test.cpp": '#include "layer/door/device.h"\n',
+}
+
+
+def run(files):
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in files.items():
+            path = pathlib.Path(folder, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        result = subprocess.run([sys.executable, str(CHECK), folder], stdout=subprocess.PIPE, text=True, check=False)
+    return result.returncode, result.stdout
+
+
+class CheckIncludes(unittest.TestCase):
+    def expect_complaint(self, files, *words):
+        status, output = run(SOUND | files)
+        self.assertEqual(status, 1, output)
+        self.assertEqual(len(output.splitlines()), 2, output)
+        for word in words:
+            self.assertIn(word, output)
+
+    def test_sound(self):
+        self.assertEqual(run(SOUND)[0], 0, run(SOUND)[1])
+
+    def test_up_between_parts(self):
+        self.expect_complaint({"src/core/up.h": '\n#include "bake/bake.h"\n'}, "src/core/up.h:2", "does not use src/bake")
+
+    def test_command_and_layer(self):
+        self.expect_complaint({"src/cli/up.h": '#include "layer/ground/report.h"\n'}, "does not use src/layer")
+
+    def test_up_between_rooms(self):
+        self.expect_complaint({"src/layer/ground/up.h": '#include "layer/memory/memory.h"\n'},
+                              "up from room ground to room memory")
+
+    def test_up_by_a_relative_path(self):
+        self.expect_complaint({"src/layer/ground/up.h": '  #  include "../memory/memory.h" // why\n'},
+                              "up from room ground to room memory")
+
+    def test_up_to_a_header_of_the_build(self):
+        self.expect_complaint({"src/layer/ground/up.h": '#include "layer/memory/written_by_the_build.h"\n'},
+                              "up from room ground to room memory")
+
+    def test_up_between_rooms_of_shaders(self):
+        self.expect_complaint({"src/shaders/ground/up.glsl": '#include "structures/copy.comp"\n'},
+                              "up from room ground to room structures")
+
+    def test_up_to_the_top(self):
+        self.expect_complaint({"src/cli/base/up.h": '#include "cli/options.h"\n'}, "up from room base to the top")
+
+    def test_no_room(self):
+        self.expect_complaint({"src/layer/lost.cpp": ""}, "src/layer/lost.cpp: in no room")
+        self.expect_complaint({"src/layer/attic/lost.cpp": ""}, "src/layer/attic/lost.cpp: in no room")
+
+    def test_no_part(self):
+        self.expect_complaint({"src/extra/new.cpp": ""}, "src/extra/new.cpp: in no part")
+
+    def test_too_many_files(self):
+        many = {f"tests/unit/number_{i}.cpp": "" for i in range(24)}
+        self.assertEqual(run(SOUND | many)[0], 0)
+        self.expect_complaint(many | {"tests/unit/one_more.cpp": ""}, "tests/unit: 25 source files")
+
+    def test_too_many_lines(self):
+        self.assertEqual(run(SOUND | {"src/core/long.cpp": "\n" * 599})[0], 0)
+        self.expect_complaint({"src/core/long.cpp": "\n" * 600}, "src/core/long.cpp: 600 lines")
+
+
+if __name__ == "__main__":
+    unittest.main()
