@@ -68,8 +68,8 @@ struct BakeOptions {
     // What a GPU may do differently from the mathematics. A micro-triangle is opaque if every point of it, and every
     // point in the box of what the last three allow around it, filters to at least cutoff + valueTolerance; it is
     // transparent if all of them filter to less than cutoff - valueTolerance. With all four at 0 (exactly()) every
-    // micro-triangle for which that is so gets its state. With others, one in a million may be unknown instead, where
-    // the rounding of double precision hides it.
+    // micro-triangle for which that is so gets its state. With others, it may be unknown instead where the rounding
+    // of double precision hides it.
     //
     // How far a filtered value may be from the exact one. The default covers filters that interpolate 8-bit texels
     // with 8-bit weights and round twice, as lavapipe's do.
