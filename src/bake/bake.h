@@ -14,7 +14,7 @@
 #include <stdexcept>
 #include <stop_token>
 
-#include "bake/texture.h"
+#include "bake/texture/texture.h"
 #include "core/micromap.h"
 
 namespace vellum

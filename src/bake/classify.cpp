@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "bake/exact.h"
-#include "bake/float4.h"
+#include "bake/numbers/float4.h"
 #include "bake/piece.h"
 #include "bake/placement.h"
 

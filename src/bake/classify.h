@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "bake/bake.h"
-#include "bake/cell_map.h"
 #include "bake/piece.h"
+#include "bake/texture/cell_map.h"
 
 namespace vellum
 {

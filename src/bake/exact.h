@@ -5,8 +5,8 @@
 #include <array>
 
 #include "bake/bake.h"
-#include "bake/big_int.h"
-#include "bake/cell_map.h"
+#include "bake/numbers/big_int.h"
+#include "bake/texture/cell_map.h"
 
 namespace vellum
 {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "bake/bake.h"
-#include "bake/texture.h"
+#include "bake/texture/texture.h"
 
 namespace vellum
 {

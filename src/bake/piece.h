@@ -3,9 +3,9 @@
 
 #include <array>
 
-#include "bake/cell_map.h"
-#include "bake/float4.h"
+#include "bake/numbers/float4.h"
 #include "bake/placement.h"
+#include "bake/texture/cell_map.h"
 
 namespace vellum
 {

@@ -10,7 +10,7 @@
 #include <cstdint>
 
 #include "bake/bake.h"
-#include "bake/cell_map.h"
+#include "bake/texture/cell_map.h"
 
 namespace vellum
 {

@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "bake/texture.h"
+#include "bake/texture/texture.h"
 
 namespace vellum::test
 {

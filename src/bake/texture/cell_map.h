@@ -9,8 +9,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "bake/axis.h"
-#include "bake/texture.h"
+#include "bake/texture/axis.h"
+#include "bake/texture/texture.h"
 
 namespace vellum
 {

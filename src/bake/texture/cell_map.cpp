@@ -1,4 +1,4 @@
-#include "bake/cell_map.h"
+#include "bake/texture/cell_map.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,4 +1,4 @@
-#include "bake/big_int.h"
+#include "bake/numbers/big_int.h"
 
 #include <algorithm>
 #include <cmath>

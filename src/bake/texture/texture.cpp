@@ -1,4 +1,4 @@
-#include "bake/texture.h"
+#include "bake/texture/texture.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "bake/axis.h"
+#include "bake/texture/axis.h"
 
 #include <algorithm>
 

@@ -7,7 +7,7 @@
 
 #include <cstdint>
 
-#include "bake/texture.h"
+#include "bake/texture/texture.h"
 
 namespace vellum
 {
