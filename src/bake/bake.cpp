@@ -1,16 +1,16 @@
 #include "bake/bake.h"
 
 #include <algorithm>
-#include <atomic>
 #include <bit>
 #include <cmath>
-#include <map>
-#include <mutex>
+#include <memory>
 #include <string>
-#include <thread>
-#include <unordered_map>
 
+#include "bake/assembly.h"
+#include "bake/budget.h"
 #include "bake/classify.h"
+#include "bake/packed.h"
+#include "bake/work.h"
 #include "core/curve.h"
 
 namespace vellum
@@ -18,183 +18,370 @@ namespace vellum
 namespace
 {
 
-void check(const AlphaTexture &texture, const BakeOptions &options)
+// Bytes of a micromap triangle's record, VkMicromapTriangleEXT.
+constexpr std::uint32_t kRecordBytes = 8;
+
+void check(const AlphaTexture &texture)
 {
     if (texture.width == 0 || texture.height == 0)
         throw BakeError("the alpha texture is empty");
+    constexpr std::uint32_t kMostTexels = 1u << 24;
+    if (texture.width > kMostTexels || texture.height > kMostTexels)
+        throw BakeError("the alpha texture has more than 2^24 texels along a side");
     if (texture.alpha.size() != std::size_t{texture.width} * texture.height)
         throw BakeError("the alpha texture has " + std::to_string(texture.alpha.size()) + " values for " +
                         std::to_string(texture.width) + " x " + std::to_string(texture.height) + " texels");
-    const std::uint32_t highest = options.level.value_or(options.maxLevel);
-    if (highest > shared::kMaxSubdivisionLevel)
-        throw BakeError("subdivision level " + std::to_string(highest) + " is above 12");
-    if (options.format != Format::TwoState && options.format != Format::FourState)
+}
+
+void checkLevel(std::uint32_t level)
+{
+    if (level > shared::kMaxSubdivisionLevel)
+        throw BakeError("subdivision level " + std::to_string(level) + " is above 12");
+}
+
+void checkFormat(Format format)
+{
+    if (format != Format::TwoState && format != Format::FourState)
         throw BakeError("the micromap format is neither 2-state nor 4-state");
-    const double numbers[] = {options.valueTolerance, options.subtexelTolerance, options.barycentricTolerance,
-                              options.texelsPerEdge};
+}
+
+void check(const BakeOptions &options)
+{
+    checkLevel(options.level.value_or(options.maxLevel));
+    checkFormat(options.format);
+    const double numbers[] = {options.valueTolerance,         options.subtexelTolerance, options.barycentricTolerance,
+                              options.interpolationTolerance, options.texelsPerEdge,     options.worthwhile};
     for (const double number : numbers)
         if (!(number >= 0) || std::isinf(number))
             throw BakeError("a tolerance of the baker is negative or not finite");
-    if (std::isnan(options.cutoff))
-        throw BakeError("the alpha cutoff is not a number");
     if (options.maxDataBytes > 0xffffffffu)
         throw BakeError("micromap data cannot be larger than 4 GiB");
 }
 
-// Texture coordinates as bits, so that NaNs and zeros of either sign have an order.
-using UvKey = std::array<std::uint32_t, 6>;
-
-UvKey keyOf(const TriangleUvs &uvs)
+void check(const BakeInput &input, const BakeOptions &options)
 {
-    UvKey key{};
-    for (std::size_t i = 0; i < 3; ++i) {
-        key[2 * i] = std::bit_cast<std::uint32_t>(uvs[i].u);
-        key[2 * i + 1] = std::bit_cast<std::uint32_t>(uvs[i].v);
-    }
-    return key;
+    if (input.textures.empty())
+        throw BakeError("there is no alpha texture");
+    for (const AlphaTexture &texture : input.textures)
+        check(texture);
+    if (std::isnan(input.cutoff.value_or(options.cutoff)))
+        throw BakeError("the alpha cutoff is not a number");
+    if (!input.levels.empty() && input.levels.size() != input.triangles.size())
+        throw BakeError("there are " + std::to_string(input.levels.size()) + " levels for " +
+                        std::to_string(input.triangles.size()) + " triangles");
+    if (!input.formats.empty() && input.formats.size() != input.triangles.size())
+        throw BakeError("there are " + std::to_string(input.formats.size()) + " formats for " +
+                        std::to_string(input.triangles.size()) + " triangles");
+    for (const std::uint8_t level : input.levels)
+        checkLevel(level);
+    for (const Format format : input.formats)
+        checkFormat(format);
 }
 
-struct Distinct {
-    std::vector<std::size_t> first; // a triangle with these texture coordinates
-    std::vector<std::uint64_t> count;
-    std::vector<std::size_t> of; // for each triangle
-};
-
-Distinct findDistinct(std::span<const TriangleUvs> triangles)
+// One mip chain with a cutoff.
+class Material
 {
-    Distinct distinct;
-    std::map<UvKey, std::size_t> known;
-    for (std::size_t i = 0; i < triangles.size(); ++i) {
-        const auto [entry, added] = known.emplace(keyOf(triangles[i]), distinct.first.size());
-        if (added) {
-            distinct.first.push_back(i);
-            distinct.count.push_back(0);
-        }
-        ++distinct.count[entry->second];
-        distinct.of.push_back(entry->second);
-    }
-    return distinct;
-}
-
-// One distinct triangle, in the format of the result.
-struct Packed {
-    std::uint32_t level = 0;
-    std::optional<State> uniform;   // one state all over, and no data
-    std::vector<std::uint8_t> data; // packed states
-    std::array<std::uint64_t, 4> states{};
-};
-
-Packed pack(TriangleStates &&triangle, Format format)
-{
-    Packed packed;
-    packed.level = triangle.level;
-    const std::uint32_t count = microTriangleCount(triangle.level);
-    if (format == Format::FourState) {
-        packed.data = std::move(triangle.packed);
-        for (std::uint32_t i = 0; i < count; ++i)
-            ++packed.states[static_cast<std::size_t>(readState(packed.data.data(), i, format))];
-    } else {
-        packed.data.assign(packedBytes(triangle.level, format), 0);
-        for (std::uint32_t i = 0; i < count; ++i) {
-            writeState(packed.data.data(), i, format, readState(triangle.packed.data(), i, Format::FourState));
-            ++packed.states[static_cast<std::size_t>(readState(packed.data.data(), i, format))];
-        }
-    }
-    for (std::size_t s = 0; s < packed.states.size(); ++s)
-        if (packed.states[s] == count)
-            packed.uniform = static_cast<State>(s);
-    if (packed.uniform) {
-        packed.data.clear();
-        packed.data.shrink_to_fit();
-    }
-    return packed;
-}
-
-std::string tooLarge(const BakeOptions &options)
-{
-    return "the micromap would be larger than " + std::to_string(options.maxDataBytes) +
-           " bytes; choose a lower subdivision level";
-}
-
-// Classifies the distinct triangles on all threads. Each has a place of its own in the result, which makes the result
-// independent of who did what.
-std::vector<Packed> classifyAll(const AlphaTexture &texture, std::span<const TriangleUvs> triangles,
-                                const Distinct &distinct, const BakeOptions &options)
-{
-    const Classifier classifier(texture, options);
-    const std::size_t total = distinct.first.size();
-    std::vector<Packed> results(total);
-    std::atomic<std::size_t> next{0};
-    std::atomic<std::uint64_t> bytes{0};
-    std::mutex reporting;
-    std::size_t done = 0;
-    std::exception_ptr failure;
-
-    const auto work = [&] {
-        for (std::size_t i = next++; i < total; i = next++) {
-            try {
-                results[i] = pack(classifier.classify(triangles[distinct.first[i]]), options.format);
-                // Before deduplication, so a little early; but what was counted is held in memory.
-                if ((bytes += results[i].data.size()) > options.maxDataBytes)
-                    throw BakeError(tooLarge(options));
-                const std::lock_guard lock(reporting);
-                ++done;
-                if (options.progress)
-                    options.progress(done, total);
-            } catch (...) {
-                const std::lock_guard lock(reporting);
-                failure = std::current_exception();
-                next = total;
+public:
+    Material(std::span<const AlphaTexture> textures, double cutoff, const BakeOptions &options)
+        : m_source(textures), m_cutoff(cutoff), m_options(options),
+          m_swapped(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
+    {
+        // alpha < cutoff is the contrary of alpha >= cutoff, and alpha <= cutoff is -alpha >= -cutoff.
+        m_options.cutoff = cutoff;
+        if (options.test == AlphaTest::LessOrEqual || options.test == AlphaTest::Greater) {
+            m_options.cutoff = -cutoff;
+            m_negated.assign(textures.begin(), textures.end());
+            for (AlphaTexture &texture : m_negated) {
+                texture.border = -texture.border;
+                for (float &alpha : texture.alpha)
+                    alpha = -alpha;
             }
+            textures = m_negated;
         }
+        for (const AlphaTexture &texture : textures)
+            m_levels.push_back(std::make_unique<Classifier>(texture, m_options));
+    }
+
+    [[nodiscard]] bool is(std::span<const AlphaTexture> textures, double cutoff) const
+    {
+        return textures.data() == m_source.data() && textures.size() == m_source.size() && cutoff == m_cutoff;
+    }
+    [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const { return m_levels.front()->levelFor(uvs); }
+
+    struct Scratch {
+        ClassifierScratch classifier;
+        std::vector<std::uint8_t> packed;
     };
-    const unsigned wanted = options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
-    std::vector<std::jthread> threads;
-    for (std::size_t i = 1; i < std::min<std::size_t>(wanted, total); ++i)
-        threads.emplace_back(work);
-    work();
-    threads.clear(); // joins
-    if (failure)
-        std::rethrow_exception(failure);
-    return results;
+    // As Classifier::classify, for all mip levels.
+    void classify(const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed, Scratch &scratch) const
+    {
+        m_levels.front()->classify(uvs, level, packed, scratch.classifier);
+        for (std::size_t i = 1; i < m_levels.size(); ++i) {
+            scratch.packed.assign(packedBytes(level, Format::FourState), 0);
+            m_levels[i]->classify(uvs, level, scratch.packed.data(), scratch.classifier);
+            keepCommon(packed, scratch.packed.data(), level);
+        }
+        if (m_swapped)
+            swapOutcomes(packed, level);
+    }
+
+private:
+    std::span<const AlphaTexture> m_source;
+    double m_cutoff;
+    BakeOptions m_options;
+    bool m_swapped;
+    std::vector<AlphaTexture> m_negated;
+    std::vector<std::unique_ptr<Classifier>> m_levels;
+};
+
+// A triangle that is different from all before it.
+struct Distinct {
+    const Material *material;
+    const TriangleUvs *uvs;
+    std::uint32_t level;
+    std::uint32_t folds; // levels that a budget takes from what is classified, `level + folds`
+    Format format;
+    std::uint64_t uses;
+
+    [[nodiscard]] std::uint32_t classifiedBytes() const { return packedBytes(level + folds, Format::FourState); }
+};
+
+// Everything that decides the data of a triangle.
+struct Key {
+    std::uint32_t material;
+    std::uint32_t request;            // level, or none, and format
+    std::array<std::uint32_t, 6> uvs; // as bits, so that NaNs are equal to themselves
+    bool operator==(const Key &) const = default;
+};
+
+class DistinctTriangles
+{
+public:
+    DistinctTriangles(std::span<const BakeInput> inputs, const BakeOptions &options)
+    {
+        std::size_t total = 0;
+        for (const BakeInput &input : inputs)
+            total += input.triangles.size();
+        of.reserve(total);
+        m_slots.assign(std::bit_ceil(total * 2 + 2), 0);
+        for (const BakeInput &input : inputs)
+            add(input, options);
+        m_slots = {};
+        m_keys = {};
+    }
+
+    std::vector<Distinct> triangles;
+    std::vector<std::uint32_t> of; // for each triangle of all inputs
+
+private:
+    std::uint32_t materialOf(const BakeInput &input, const BakeOptions &options)
+    {
+        const double cutoff = input.cutoff.value_or(options.cutoff);
+        for (std::size_t i = 0; i < m_materials.size(); ++i)
+            if (m_materials[i]->is(input.textures, cutoff))
+                return static_cast<std::uint32_t>(i);
+        m_materials.push_back(std::make_unique<Material>(input.textures, cutoff, options));
+        return static_cast<std::uint32_t>(m_materials.size() - 1);
+    }
+
+    void add(const BakeInput &input, const BakeOptions &options)
+    {
+        const std::uint32_t which = materialOf(input, options);
+        const Material &material = *m_materials[which];
+        for (std::size_t i = 0; i < input.triangles.size(); ++i) {
+            const TriangleUvs &uvs = input.triangles[i];
+            const Format format = input.formats.empty() ? options.format : input.formats[i];
+            constexpr std::uint32_t kNoLevel = 255;
+            const std::uint32_t level = input.levels.empty() ? kNoLevel : input.levels[i];
+            Key key{which, level << 8 | static_cast<std::uint32_t>(format), {}};
+            for (std::size_t k = 0; k < 3; ++k) {
+                key.uvs[2 * k] = std::bit_cast<std::uint32_t>(uvs[k].u);
+                key.uvs[2 * k + 1] = std::bit_cast<std::uint32_t>(uvs[k].v);
+            }
+            const std::uint64_t hash = hashBytes(reinterpret_cast<const std::uint8_t *>(&key), sizeof key, 0);
+            std::size_t slot = hash & (m_slots.size() - 1);
+            while (m_slots[slot] != 0 && m_keys[m_slots[slot] - 1] != key)
+                slot = (slot + 1) & (m_slots.size() - 1);
+            if (m_slots[slot] == 0) {
+                m_keys.push_back(key);
+                triangles.push_back(
+                    {&material, &uvs, level == kNoLevel ? material.levelFor(uvs) : level, 0, format, 0});
+                m_slots[slot] = static_cast<std::uint32_t>(triangles.size());
+            }
+            ++triangles[m_slots[slot] - 1].uses;
+            of.push_back(m_slots[slot] - 1);
+        }
+    }
+
+    std::vector<std::unique_ptr<Material>> m_materials;
+    std::vector<Key> m_keys;            // of each distinct triangle
+    std::vector<std::uint32_t> m_slots; // by hash: one more than a distinct triangle, or 0
+};
+
+// The states of a distinct triangle, packed.
+struct Packed {
+    std::uint8_t *data;
+    std::optional<State> uniform;
+    StateCounts counts{};
+    std::uint64_t hash = 0;
+};
+
+void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, Material::Scratch &scratch)
+{
+    std::fill_n(packed.data, triangle.classifiedBytes(), std::uint8_t{0});
+    triangle.material->classify(*triangle.uvs, triangle.level + triangle.folds, packed.data, scratch);
+    for (std::uint32_t fold = triangle.folds; fold > 0; --fold)
+        foldOnce(packed.data, triangle.level + fold);
+    packed.counts = countStates(packed.data, triangle.level);
+    auto &[transparent, opaque, unknownTransparent, unknownOpaque] = packed.counts;
+    const std::uint64_t unknown = unknownTransparent + unknownOpaque;
+    if (triangle.format == Format::TwoState) {
+        toTwoState(packed.data, triangle.level, options.twoStateRule);
+        const bool toOpaque = options.twoStateRule == TwoStateRule::UnknownIsOpaque;
+        const bool nearest = options.twoStateRule == TwoStateRule::Nearest;
+        const std::uint64_t more = toOpaque ? unknown : nearest ? unknownOpaque : 0;
+        opaque += more;
+        transparent += unknown - more;
+        unknownTransparent = unknownOpaque = 0;
+    } else if (unknown != 0 &&
+               static_cast<double>(transparent + opaque) < options.worthwhile * microTriangleCount(triangle.level)) {
+        const bool mostlyOpaque = 2 * (opaque + unknownOpaque) >= microTriangleCount(triangle.level);
+        packed.counts = {};
+        packed.counts[static_cast<std::size_t>(mostlyOpaque ? State::UnknownOpaque : State::UnknownTransparent)] =
+            microTriangleCount(triangle.level);
+    }
+    packed.uniform = uniformState(packed.counts);
+    if (!packed.uniform)
+        packed.hash = hashBytes(packed.data, packedBytes(triangle.level, triangle.format), triangle.level);
+}
+
+// Levels that keep the result within the budget, by what each triangle would be at each of them.
+void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsigned threads, Progress &progress)
+{
+    std::vector<LevelChoice> choices(distinct.triangles.size());
+    struct Scratch {
+        Material::Scratch classifier;
+        std::vector<std::uint8_t> packed;
+    };
+    inParallel<Scratch>(threads, choices.size(), options.cancel, [&](std::size_t i, Scratch &scratch) {
+        const Distinct &triangle = distinct.triangles[i];
+        LevelChoice &choice = choices[i];
+        choice.uses = triangle.uses;
+        choice.level = triangle.level;
+        scratch.packed.assign(packedBytes(triangle.level, Format::FourState), 0);
+        triangle.material->classify(*triangle.uvs, triangle.level, scratch.packed.data(), scratch.classifier);
+        for (std::uint32_t level = triangle.level + 1; level-- > 0;) {
+            if (level < triangle.level)
+                foldOnce(scratch.packed.data(), level + 1);
+            const StateCounts counts = countStates(scratch.packed.data(), level);
+            const auto known = static_cast<float>(counts[0] + counts[1]);
+            choice.known[level] = known / static_cast<float>(microTriangleCount(level));
+            choice.bytes[level] = uniformState(counts) ? 0 : packedBytes(level, triangle.format) + kRecordBytes;
+        }
+        progress.done(triangle.uses);
+    });
+    // What separateSpecialIndices() may add.
+    const std::uint64_t more = options.disallowMixedSpecialIndices ? 4 * (kRecordBytes + 1) : 0;
+    fitBudget(choices, *options.budget - std::min(*options.budget, more));
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+        Distinct &triangle = distinct.triangles[i];
+        triangle.folds = triangle.level - choices[i].level;
+        triangle.level = choices[i].level;
+    }
+}
+
+// Where an input has both, its special indices become micromap triangles of level 0.
+void separateSpecialIndices(std::span<const BakeInput> inputs, const BakeOptions &options, MicromapAssembly &assembly)
+{
+    std::size_t first = 0;
+    for (const BakeInput &input : inputs) {
+        const auto begin = assembly.micromap.indices.begin() + static_cast<std::ptrdiff_t>(first);
+        const auto end = begin + static_cast<std::ptrdiff_t>(input.triangles.size());
+        first += input.triangles.size();
+        if (std::none_of(begin, end, [](std::int32_t index) { return index >= 0; }))
+            continue;
+        for (auto index = begin; index != end; ++index) {
+            const std::optional<State> state = specialState(*index);
+            if (!state)
+                continue;
+            const bool known = *state == State::Opaque || *state == State::Transparent;
+            const Format format = known && options.format == Format::TwoState ? Format::TwoState : Format::FourState;
+            const auto data = static_cast<std::uint8_t>(*state);
+            *index = assembly.add(&data, 0, format, hashBytes(&data, 1, 0), options.maxDataBytes);
+        }
+    }
 }
 
 } // namespace
 
-BakeResult bake(const AlphaTexture &texture, std::span<const TriangleUvs> triangles, const BakeOptions &options)
+BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
 {
-    check(texture, options);
-    const Distinct distinct = findDistinct(triangles);
-    std::vector<Packed> packed = classifyAll(texture, triangles, distinct, options);
+    check(options);
+    for (const BakeInput &input : inputs)
+        check(input, options);
+    const unsigned threads = options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+
+    DistinctTriangles distinct(inputs, options);
+    const std::size_t total = distinct.of.size();
+    Progress progress(options.progress, options.budget ? 2 * total : total);
+    if (options.budget)
+        applyBudget(distinct, options, threads, progress);
 
     BakeResult result;
-    result.statistics.distinct = distinct.first.size();
-    Micromap &micromap = result.micromap;
-    std::vector<std::int32_t> indexOf(packed.size());
-    // Different texture coordinates can give the same data: cards that use the same part of a repeated texture.
-    std::map<std::pair<std::uint32_t, std::vector<std::uint8_t>>, std::int32_t> known;
-    for (std::size_t i = 0; i < packed.size(); ++i) {
-        Packed &p = packed[i];
-        for (std::size_t s = 0; s < 4; ++s)
-            result.statistics.states[s] += p.states[s] * distinct.count[i];
-        if (p.uniform) {
-            indexOf[i] = specialIndex(*p.uniform);
-            result.statistics.special[static_cast<std::size_t>(*p.uniform)] += distinct.count[i];
-            continue;
+    result.statistics.distinct = distinct.triangles.size();
+    std::uint64_t most = 0;
+    for (const Distinct &triangle : distinct.triangles)
+        most += packedBytes(triangle.level, Format::FourState);
+    MicromapAssembly assembly(std::min(most, options.maxDataBytes));
+    std::vector<std::int32_t> indexOf(distinct.triangles.size());
+
+    // In batches: threads pack the triangles of one into a buffer, in any order; then they become part of the micromap
+    // in their own. The buffer is a part of what the result may become, but not too small to share work.
+    const std::uint64_t room = std::clamp<std::uint64_t>(most / 8, 1u << 18, 1u << 26);
+    std::vector<std::uint8_t> buffer;
+    std::vector<Packed> batch;
+    for (std::size_t begin = 0; begin < indexOf.size(); begin += batch.size()) {
+        std::size_t bytes = 0;
+        batch.clear();
+        std::vector<std::size_t> offsets;
+        for (std::size_t i = begin; i < indexOf.size() && (bytes < room || batch.empty()); ++i) {
+            offsets.push_back(bytes);
+            bytes += distinct.triangles[i].classifiedBytes();
+            batch.push_back({nullptr, {}, {}, 0});
         }
-        const auto next = static_cast<std::int32_t>(micromap.triangles.size());
-        const auto [entry, added] = known.emplace(std::pair{p.level, std::move(p.data)}, next);
-        indexOf[i] = entry->second;
-        if (!added)
-            continue;
-        const auto offset = static_cast<std::uint32_t>(micromap.data.size());
-        micromap.triangles.push_back({offset, static_cast<std::uint16_t>(p.level), options.format});
-        micromap.data.insert(micromap.data.end(), entry->first.second.begin(), entry->first.second.end());
+        if (buffer.size() < bytes)
+            buffer.resize(bytes);
+        inParallel<Material::Scratch>(threads, batch.size(), options.cancel,
+                                      [&](std::size_t i, Material::Scratch &scratch) {
+                                          batch[i].data = buffer.data() + offsets[i];
+                                          pack(distinct.triangles[begin + i], options, batch[i], scratch);
+                                          progress.done(distinct.triangles[begin + i].uses);
+                                      });
+        for (std::size_t i = 0; i < batch.size(); ++i) {
+            const Packed &packed = batch[i];
+            const Distinct &triangle = distinct.triangles[begin + i];
+            for (std::size_t s = 0; s < 4; ++s)
+                result.statistics.states[s] += packed.counts[s] * triangle.uses;
+            if (packed.uniform)
+                result.statistics.special[static_cast<std::size_t>(*packed.uniform)] += triangle.uses;
+            indexOf[begin + i] = packed.uniform ? specialIndex(*packed.uniform)
+                                                : assembly.add(packed.data, triangle.level, triangle.format,
+                                                               packed.hash, options.maxDataBytes);
+        }
     }
-    micromap.indices.reserve(triangles.size());
-    for (const std::size_t which : distinct.of)
-        micromap.indices.push_back(indexOf[which]);
+    assembly.micromap.indices.reserve(total);
+    for (const std::uint32_t which : distinct.of)
+        assembly.micromap.indices.push_back(indexOf[which]);
+    if (options.disallowMixedSpecialIndices)
+        separateSpecialIndices(inputs, options, assembly);
+    result.micromap = std::move(assembly.micromap);
     return result;
+}
+
+BakeResult bake(const AlphaTexture &texture, std::span<const TriangleUvs> triangles, const BakeOptions &options)
+{
+    const BakeInput input{std::span(&texture, 1), triangles};
+    return bake(std::span(&input, 1), options);
 }
 
 } // namespace vellum

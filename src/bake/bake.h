@@ -1,9 +1,8 @@
 // The baker: triangles, their texture coordinates and an alpha texture in, a micromap out.
 //
-// A micro-triangle becomes Opaque or Transparent only if that is proven for every point of it: the values that the
-// texture filter can return there are bounded by the texels it can reach, and both those bounds lie on one side of the
-// cutoff. Everything else is unknown, so that a renderer which samples the texture for unknown micro-triangles draws
-// exactly the picture of one that samples it everywhere. docs/baking.md has the whole argument.
+// A micro-triangle becomes Opaque or Transparent only if every point of it is, filtered as the sampler does it.
+// Everything else is unknown, so that a renderer which samples the texture for unknown micro-triangles draws exactly
+// the picture of one that samples it everywhere. docs/baking.md has the whole argument.
 #pragma once
 
 #include <array>
@@ -13,8 +12,9 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <stop_token>
 
-#include "bake/texture.h"
+#include "bake/texture/texture.h"
 #include "core/micromap.h"
 
 namespace vellum
@@ -31,33 +31,88 @@ struct TexCoord {
 // that it is.
 using TriangleUvs = std::array<TexCoord, 3>;
 
+// Which filtered values are opaque.
+enum class AlphaTest : std::uint8_t { GreaterOrEqual, Greater, LessOrEqual, Less };
+
+// What becomes of unknown states in 2-state data.
+enum class TwoStateRule : std::uint8_t {
+    Nearest,              // what most of the micro-triangle is
+    UnknownIsOpaque,      // nothing opaque is lost
+    UnknownIsTransparent, // nothing transparent is hit
+};
+
 struct BakeOptions {
-    // FourState keeps unknown states. TwoState keeps their better guess: smaller, and an approximation.
+    // FourState keeps unknown states. TwoState makes them known by `twoStateRule`: smaller, and an approximation.
     Format format = Format::FourState;
+    TwoStateRule twoStateRule = TwoStateRule::Nearest;
     // Subdivision level of every triangle, 0..12. Without it each triangle gets the level at which the legs of its
     // micro-triangles are about `texelsPerEdge` texels long, at most `maxLevel`.
     std::optional<std::uint32_t> level;
     std::uint32_t maxLevel = 8;
     double texelsPerEdge = 4.0;
+    // Most bytes of the result: data, and 8 for each micromap triangle. Levels are lowered where that turns the least
+    // from known to unknown, down to special indices, which are free. 2-state data is chosen as if it were 4-state.
+    std::optional<std::uint64_t> budget;
+    // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
+    // data.
+    double worthwhile = 0;
+    // Keeps special indices from standing beside others among the triangles of one BakeInput, as
+    // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR demands of a geometry: triangles that
+    // are one state all over get a micromap triangle of level 0 where any other triangle has data.
+    bool disallowMixedSpecialIndices = false;
 
-    // A sample is opaque where alpha >= cutoff (glTF's alphaCutoff, after `scale` of AlphaTexture::fromUnorm8).
+    // A sample is opaque where alpha >= cutoff (glTF's alphaCutoff, after `scale` of AlphaTexture::fromUnorm8), or what
+    // `test` says instead.
     double cutoff = 0.5;
+    AlphaTest test = AlphaTest::GreaterOrEqual;
+    // What a GPU may do differently from the mathematics. A micro-triangle is opaque if every point of it, and every
+    // point in the box of what the last three allow around it, filters to at least cutoff + valueTolerance; it is
+    // transparent if all of them filter to less than cutoff - valueTolerance. With all four at 0 (exactly()) every
+    // micro-triangle for which that is so gets its state. With others, it may be unknown instead where the rounding
+    // of double precision hides it.
+    //
     // How far a filtered value may be from the exact one. The default covers filters that interpolate 8-bit texels
-    // with 8-bit weights and round twice, as lavapipe's do. Needs at least 1e-6 where `scale` is not 1.
+    // with 8-bit weights and round twice, as lavapipe's do.
     double valueTolerance = 2.0 / 255.0;
     // How far, in texels, a sample may be from where it was asked for. Vulkan lets subTexelPrecisionBits be as low as
-    // 4, hence the default. At least 1/256.
+    // 4, hence the default.
     double subtexelTolerance = 1.0 / 16.0;
     // How far, in barycentrics, a hit that traversal assigns to a micro-triangle may lie outside of it: the rounding
     // of the barycentrics and of their sum.
     double barycentricTolerance = 1e-5;
+    // How far interpolation may move a texture coordinate, relative to the largest of the triangle: single precision,
+    // whose products and sums are as large as the coordinates themselves.
+    double interpolationTolerance = 16.0 / (1 << 24);
 
     // Worker threads; 0 takes one per processor. The result does not depend on it.
     unsigned threads = 0;
     // Bytes of micromap data after which to give up with BakeError. At most 2^32 - 1, what dataOffset can address.
     std::uint64_t maxDataBytes = std::uint64_t{1} << 30;
-    // Called now and then with triangles done and in all, from any worker but one at a time.
+    // Called now and then with triangles done and in all, from any worker but one at a time. With a budget, each
+    // triangle counts twice.
     std::function<void(std::size_t done, std::size_t total)> progress;
+    // Makes bake() throw BakeCancelled soon after it is asked to stop.
+    std::stop_token cancel;
+
+    // No tolerances: what is true of the texture in exact arithmetic.
+    BakeOptions &exactly()
+    {
+        valueTolerance = subtexelTolerance = barycentricTolerance = interpolationTolerance = 0;
+        return *this;
+    }
+};
+
+// Triangles with one texture. The spans must outlive the call of bake().
+struct BakeInput {
+    // The mip levels that the shader's sampler may read, in any number: a claim holds on each of them, and so for
+    // whatever mixes two. One for a shader that reads one.
+    std::span<const AlphaTexture> textures;
+    std::span<const TriangleUvs> triangles;
+    // The level and the format of each triangle. Where there are none the options decide.
+    std::span<const std::uint8_t> levels{};
+    std::span<const Format> formats{};
+    // Instead of that of the options.
+    std::optional<double> cutoff{};
 };
 
 struct BakeStatistics {
@@ -67,7 +122,8 @@ struct BakeStatistics {
 };
 
 struct BakeResult {
-    Micromap micromap; // valid; indices has one entry per input triangle, baseTriangle is 0
+    // Valid, with baseTriangle 0. `indices` has one entry per triangle, those of the first input first.
+    Micromap micromap;
     BakeStatistics statistics;
 };
 
@@ -77,9 +133,16 @@ public:
     using std::runtime_error::runtime_error;
 };
 
-// Bakes one micromap for `triangles`. Triangles with the same result share a micromap triangle; those that are one
-// state all over become a special index. Throws BakeError for options or a texture out of range and for a result above
-// maxDataBytes.
+class BakeCancelled : public BakeError
+{
+public:
+    BakeCancelled() : BakeError("the bake was cancelled") {}
+};
+
+// Bakes one micromap for the triangles of all inputs. Triangles with the same result share a micromap triangle,
+// whatever their input; those that are one state all over become a special index. Throws BakeError for options, levels
+// or a texture out of range and for a result above maxDataBytes.
+BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options);
 BakeResult bake(const AlphaTexture &texture, std::span<const TriangleUvs> triangles, const BakeOptions &options);
 
 } // namespace vellum

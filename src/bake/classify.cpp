@@ -1,54 +1,541 @@
 #include "bake/classify.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
+#include <optional>
+
+#include "bake/exact.h"
+#include "bake/numbers/float4.h"
+#include "bake/piece.h"
+#include "bake/placement.h"
 
 namespace vellum
 {
 namespace
 {
 
-// Above this many texels from the origin, single precision no longer tells texels apart.
-constexpr double kMaxTexels = 16777216.0;
+// A sub-triangle with a box of more cells than this is divided before its cells are listed.
+constexpr double kMostCells = 65536;
 
-bool usable(const TriangleUvs &uvs, const AlphaTexture &texture)
-{
-    return std::all_of(uvs.begin(), uvs.end(), [&](const TexCoord &t) {
-        return std::isfinite(t.u) && std::isfinite(t.v) && std::abs(double{t.u}) * texture.width < kMaxTexels &&
-               std::abs(double{t.v}) * texture.height < kMaxTexels;
-    });
-}
-
-void fill(std::vector<std::uint8_t> &packed, std::uint32_t first, std::uint32_t count, State state)
+void fill(std::uint8_t *packed, std::uint32_t first, std::uint32_t count, State state)
 {
     if (count < 4) {
         for (std::uint32_t i = first; i < first + count; ++i)
-            writeState(packed.data(), i, Format::FourState, state);
+            writeState(packed, i, Format::FourState, state);
         return;
     }
     // A sub-triangle's micro-triangles are a run whose start and length are multiples of four states, one byte.
-    const int byte = static_cast<int>(state) * 0x55;
-    std::memset(packed.data() + first / 4, byte, count / 4);
+    std::memset(packed + first / 4, static_cast<int>(state) * 0x55, count / 4);
 }
+
+// The middles of the 16 micro-triangles two levels further down, as weights of the two steps.
+struct Samples {
+    std::array<float, 16> i{};
+    std::array<float, 16> j{};
+};
+constexpr Samples kSamples = [] {
+    Samples samples;
+    std::size_t n = 0;
+    for (unsigned i = 0; i < 4; ++i)
+        for (unsigned j = 0; i + j < 4; ++j)
+            for (unsigned thirds = 1; thirds < (i + j < 3 ? 3u : 2u); ++thirds, ++n) {
+                samples.i[n] = static_cast<float>(3 * i + thirds) / 12;
+                samples.j[n] = static_cast<float>(3 * j + thirds) / 12;
+            }
+    return samples;
+}();
+constexpr const std::array<float, 16> &kSampleI = kSamples.i;
+constexpr const std::array<float, 16> &kSampleJ = kSamples.j;
+
+constexpr std::array<unsigned, 16> kBitsOf = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4};
+
+// Single precision counts cells within a sub-triangle of that many well enough for a guess.
+constexpr std::int64_t kMostColumns = 1 << 15;
 
 } // namespace
 
-struct Classifier::Work {
-    const TriangleUvs &uvs;
-    TriangleStates &result;
-    double marginX; // in cells
-    double marginY;
-
-    [[nodiscard]] std::array<double, 2> at(double u, double v) const
+// One triangle on its way down the tree of sub-triangles, in the order of the curve.
+//
+// A sub-triangle comes with the list of mixed cells that it touches. Divided, it hands each of its four parts those
+// that the part touches. A part with none has one outcome all over, and what it is follows from the part before it on
+// the curve, with which it shares points, or else from any point of it. At the bottom, each cell of the list is looked
+// at closely. The lists are made in single precision with room for its rounding: a cell too many costs time only.
+class Classifier::Walk
+{
+public:
+    Walk(const Classifier &classifier, const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed,
+         ClassifierScratch &scratch)
+        : m_texture(classifier.m_texture), m_cutoff(classifier.m_options.cutoff), m_map(classifier.m_map), m_uvs(uvs),
+          m_level(level), m_packed(packed), m_scratch(scratch),
+          m_place(m_texture, m_map, classifier.m_options, uvs, level),
+          m_piece(m_place, m_texture.filter, classifier.m_thresholds)
     {
-        const double w = 1 - u - v;
-        return {w * uvs[0].u + u * uvs[1].u + v * uvs[2].u, w * uvs[0].v + u * uvs[1].v + v * uvs[2].v};
     }
+
+    void run() { descendWide({{0, 0, 1 << m_level}, 0, false}, 0); }
+
+private:
+    // A sub-triangle of the level `depth`, its place on the curve, and whether the curve runs through it from the
+    // lattice point (i + size, j) instead of (i, j).
+    struct Node {
+        SubTriangle sub;
+        std::uint32_t index;
+        bool swapped;
+    };
+    // The parts of a sub-triangle: at its lattice point, towards vertex 1, towards vertex 2, and in the middle.
+    enum Part : std::size_t { kAtCorner, kTowardsI, kTowardsJ, kMiddle };
+
+    static Node part(const Node &node, std::size_t child)
+    {
+        const auto [i, j, size] = node.sub;
+        const std::int32_t half = size / 2;
+        const std::uint32_t index = node.index * 4 + static_cast<std::uint32_t>(child);
+        switch (partOf(node, child)) {
+        case kAtCorner: return {{i, j, half}, index, node.swapped != (child == 3)};
+        case kTowardsI: return {{i + half, j, half}, index, node.swapped != (child == 3)};
+        case kTowardsJ: return {{i, j + half, half}, index, !node.swapped};
+        default: return {{i + half, j + half, -half}, index, !node.swapped};
+        }
+    }
+    // The curve enters a triangle at one corner, turns in the middle, and leaves it at vertex 2's.
+    static Part partOf(const Node &node, std::size_t child)
+    {
+        switch (child) {
+        case 0: return node.swapped ? kTowardsI : kAtCorner;
+        case 1: return kMiddle;
+        case 2: return node.swapped ? kAtCorner : kTowardsI;
+        default: return kTowardsJ;
+        }
+    }
+
+    // What the lists of a sub-triangle's parts are made with; lengths in cells, from a lattice point near by.
+    struct Frame {
+        std::int32_t i, j;
+        float stepIx, stepIy, stepJx, stepJy;
+        float lowX, lowY, highX, highY; // the box of a sub-triangle of size 1
+        float area;
+        float reachI, reachJ, reachSum; // half a cell in the three functions, margins and rounding
+        float reachX, reachY;           // margins and rounding
+        float valueLow, valueHigh;      // a value is surely transparent below, and opaque above
+        bool bilinear;
+    };
+
+    void descendWide(const Node &node, std::uint32_t depth);
+    void descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list, std::size_t count);
+    void list(const Node &node, Frame &frame);
+    struct Parts;
+    void uniform(const Node &node, std::uint32_t depth);
+    void leaf(const Node &node, std::size_t list, std::size_t count);
+    // The lattice point of a micro-triangle, seen from a cell.
+    [[nodiscard]] Point cornerIn(const SubTriangle &sub, const Cell &cell) const
+    {
+        const Point corner = m_place.at(sub.i, sub.j);
+        return {corner.x - static_cast<double>(cell.x - m_place.baseX),
+                corner.y - static_cast<double>(cell.y - m_place.baseY)};
+    }
+    bool crosses(const SubTriangle &sub, const Cell &cell);
+    int sideOf(const SubTriangle &sub);
+    State guess(const SubTriangle &sub) const;
+    const ExactTriangle &exact();
+
+    const AlphaTexture &m_texture;
+    double m_cutoff;
+    const CellMap &m_map;
+    const TriangleUvs &m_uvs;
+    std::uint32_t m_level;
+    std::uint8_t *m_packed;
+    ClassifierScratch &m_scratch;
+    Placement m_place;
+    PieceTest m_piece;
+    std::optional<ExactTriangle> m_exact;
+    int m_side = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
 };
 
+const ExactTriangle &Classifier::Walk::exact()
+{
+    if (!m_exact)
+        m_exact.emplace(m_texture, m_cutoff, m_uvs, m_level);
+    return *m_exact;
+}
+
+// Lists the mixed cells of a sub-triangle, or divides it until it has few enough.
+void Classifier::Walk::descendWide(const Node &node, std::uint32_t depth)
+{
+    if (!m_map.anyMixed()) {
+        uniform(node, depth);
+        return;
+    }
+    if (m_place.boxCells(node.sub) <= kMostCells) {
+        Frame frame;
+        list(node, frame);
+        const std::size_t count = m_scratch.cells.size();
+        m_scratch.lists.resize(count);
+        for (std::size_t i = 0; i < count; ++i)
+            m_scratch.lists[i] = static_cast<std::uint32_t>(i);
+        if (count == 0)
+            uniform(node, depth);
+        else if (depth == m_level)
+            leaf(node, 0, count);
+        else
+            descend(frame, node, depth, 0, count);
+        return;
+    }
+    if (depth < m_level) {
+        for (std::size_t child = 0; child < 4; ++child)
+            descendWide(part(node, child), depth + 1);
+        return;
+    }
+    const bool mixed = m_place.forMixed(
+        m_map, node.sub, [&](const CellMap::Place &cell) { return crosses(node.sub, m_map.read(cell)); });
+    if (!mixed) {
+        uniform(node, depth);
+        return;
+    }
+    m_side = -1;
+    writeState(m_packed, node.index, Format::FourState, guess(node.sub));
+}
+
+void Classifier::Walk::list(const Node &node, Frame &frame)
+{
+    const Placement &p = m_place;
+    const Point origin = p.at(node.sub.i, node.sub.j);
+    const double steps = std::abs(static_cast<double>(node.sub.size));
+    const auto toFloat = [](double x) { return static_cast<float>(x); };
+    // Every coordinate and function near here is the result of some ten operations that round to 2^-24 of the largest,
+    // and every value of some thirty.
+    constexpr double kRounding = 0x1p-19;
+    constexpr double kValueRounding = 0x1p-18;
+    const double width = (p.high.x - p.low.x) * steps + p.marginX + 4;
+    const double height = (p.high.y - p.low.y) * steps + p.marginY + 4;
+    const auto reach = [&](const Point &gradient) {
+        const double cell = std::abs(gradient.x) * (0.5 + p.marginX) + std::abs(gradient.y) * (0.5 + p.marginY);
+        return toFloat(cell + p.lineSlack + kRounding * (p.area * steps + 4 * cell));
+    };
+    frame = {node.sub.i,
+             node.sub.j,
+             toFloat(p.stepI.x),
+             toFloat(p.stepI.y),
+             toFloat(p.stepJ.x),
+             toFloat(p.stepJ.y),
+             toFloat(p.low.x),
+             toFloat(p.low.y),
+             toFloat(p.high.x),
+             toFloat(p.high.y),
+             toFloat(p.area),
+             reach(p.gradientI),
+             reach(p.gradientJ),
+             reach(p.gradientSum),
+             toFloat(p.marginX + 2 * p.slack + kRounding * width),
+             toFloat(p.marginY + 2 * p.slack + kRounding * height),
+             0,
+             0,
+             m_texture.filter == Filter::Bilinear};
+    const double valueRounding = p.valueSlack + kValueRounding * (m_map.largest() + std::abs(m_cutoff));
+    frame.valueLow = toFloat(m_piece.thresholds().transparent - valueRounding);
+    frame.valueHigh = toFloat(m_piece.thresholds().opaque + valueRounding);
+
+    // Texels are far away: while those of one cell come, the next ones are found.
+    m_scratch.places.clear();
+    p.forMixed(m_map, node.sub, [&](const CellMap::Place &cell) {
+        m_map.prefetch(cell);
+        m_scratch.places.push_back(cell);
+        return false;
+    });
+    const std::size_t count = m_scratch.places.size();
+    m_scratch.cells.resize(count);
+    m_scratch.near.resize(count);
+    for (std::size_t n = 0; n < count; ++n) {
+        const Cell cell = m_map.read(m_scratch.places[n]);
+        const double x = static_cast<double>(cell.x - p.baseX) - origin.x;
+        const double y = static_cast<double>(cell.y - p.baseY) - origin.y;
+        const Point middle{x + 0.5, y + 0.5};
+        NearCell near = m_piece.near(cell);
+        near.x = toFloat(x);
+        near.y = toFloat(y);
+        near.i = toFloat(p.gradientI.x * middle.x + p.gradientI.y * middle.y);
+        near.j = toFloat(p.gradientJ.x * middle.x + p.gradientJ.y * middle.y);
+        m_scratch.cells[n] = cell;
+        m_scratch.near[n] = near;
+    }
+}
+
+// The parts of one sub-triangle, to be tested against many cells; a lane for each Part.
+struct Classifier::Walk::Parts {
+    Parts(const Frame &f, const Node &node)
+        : flip(node.sub.size < 0 ? -1.0f : 1.0f), reachI(f.reachI), reachJ(f.reachJ), reachSum(f.reachSum),
+          valueLow(f.valueLow), valueHigh(f.valueHigh)
+    {
+        const auto half = static_cast<float>(node.sub.size / 2);
+        const auto i = static_cast<float>(node.sub.i - f.i);
+        const auto j = static_cast<float>(node.sub.j - f.j);
+        lineI = (i + half) * f.area;
+        lineJ = (j + half) * f.area;
+        lineSum = (i + j + half) * f.area;
+
+        const Float4 partI(i, i + half, i, i + half);
+        const Float4 partJ(j, j, j + half, j + half);
+        const Float4 x = partI * Float4(f.stepIx) + partJ * Float4(f.stepJx);
+        const Float4 y = partI * Float4(f.stepIy) + partJ * Float4(f.stepJy);
+        const float steps = half * flip;
+        const auto box = [&](Float4 at, float low, float high, float &width, float reach, Float4 &from, Float4 &to) {
+            const float down = (flip > 0 ? low : -high) * steps;
+            const float up = (flip > 0 ? high : -low) * steps;
+            from = at + Float4(down, down, down, -up) - Float4(reach);
+            to = at + Float4(up, up, up, -down) + Float4(reach);
+            width = up - down;
+        };
+        float width = 0;
+        float height = 0;
+        box(x, f.lowX, f.highX, width, f.reachX, left, right);
+        box(y, f.lowY, f.highY, height, f.reachY, top, bottom);
+        small = f.bilinear && width < kSmall && height < kSmall;
+    }
+
+    // Which parts a cell touches and may change the outcome in, as bits by Part.
+    [[nodiscard]] unsigned touched(const NearCell &cell) const
+    {
+        // Three lines divide a triangle into its parts: i, j and their sum half way.
+        const float fromI = flip * (cell.i - lineI);
+        const float fromJ = flip * (cell.j - lineJ);
+        const float fromSum = flip * (cell.i + cell.j - lineSum);
+        const unsigned beforeI = fromI <= reachI ? kAllBut(kTowardsI) : 0;
+        const unsigned beforeJ = fromJ <= reachJ ? kAllBut(kTowardsJ) : 0;
+        const unsigned beforeSum = fromSum <= reachSum ? 1u << kAtCorner : 0;
+        const unsigned behindI = fromI >= -reachI ? 1u << kTowardsI : 0;
+        const unsigned behindJ = fromJ >= -reachJ ? 1u << kTowardsJ : 0;
+        const unsigned behindSum = fromSum >= -reachSum ? kAllBut(kAtCorner) : 0;
+        unsigned parts = (beforeI | behindI) & (beforeJ | behindJ) & (beforeSum | behindSum);
+
+        Float4 x0 = left - Float4(cell.x);
+        Float4 x1 = right - Float4(cell.x);
+        Float4 y0 = top - Float4(cell.y);
+        Float4 y1 = bottom - Float4(cell.y);
+        const Float4 zero(0.0f);
+        const Float4 one(1.0f);
+        parts &= atLeast(x1, zero) & atLeast(one, x0) & atLeast(y1, zero) & atLeast(one, y0);
+        if (!small || parts == 0)
+            return parts;
+        // The extremes over the box of a part are at its corners.
+        x0 = max(x0, zero);
+        y0 = max(y0, zero);
+        x1 = min(x1, one);
+        y1 = min(y1, one);
+        const Float4 f00(cell.f00);
+        const Float4 cx(cell.cx);
+        const Float4 cy(cell.cy);
+        const Float4 cxy(cell.cxy);
+        const Float4 leftF = f00 + cx * x0;
+        const Float4 leftSlope = cy + cxy * x0;
+        const Float4 rightF = f00 + cx * x1;
+        const Float4 rightSlope = cy + cxy * x1;
+        const Float4 a = leftF + leftSlope * y0;
+        const Float4 b = leftF + leftSlope * y1;
+        const Float4 c = rightF + rightSlope * y0;
+        const Float4 d = rightF + rightSlope * y1;
+        const unsigned opaque = atLeast(min(min(a, b), min(c, d)), Float4(valueHigh));
+        const unsigned transparent = below(max(max(a, b), max(c, d)), Float4(valueLow));
+        return parts & ~(opaque | transparent);
+    }
+
+private:
+    // Above this many cells across, the box of a part is not worth a look.
+    static constexpr float kSmall = 2;
+    static constexpr unsigned kAllBut(Part part) { return 15u & ~(1u << part); }
+
+    float flip;
+    float lineI, lineJ, lineSum;
+    float reachI, reachJ, reachSum;
+    float valueLow, valueHigh;
+    Float4 left, right, top, bottom; // boxes of the parts
+    bool small;
+};
+
+void Classifier::Walk::descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list,
+                               std::size_t count)
+{
+    std::vector<std::uint32_t> &lists = m_scratch.lists;
+    const std::size_t start = list + count;
+    // Four lists, and a place behind them for the one that is followed first.
+    if (lists.size() < start + 5 * count)
+        lists.resize(start + 5 * count);
+    const Parts parts(frame, node);
+    std::array<std::size_t, 4> counts{};
+    for (std::size_t n = 0; n < count; ++n) {
+        const std::uint32_t cell = lists[list + n];
+        const unsigned touched = parts.touched(m_scratch.near[cell]);
+        for (std::size_t k = 0; k < 4; ++k) {
+            lists[start + k * count + counts[k]] = cell;
+            counts[k] += touched >> k & 1;
+        }
+    }
+    for (std::size_t child = 0; child < 4; ++child) {
+        const Part k = partOf(node, child);
+        const Node below = part(node, child);
+        const std::size_t from = start + k * count;
+        if (counts[k] == 0) {
+            uniform(below, depth + 1);
+        } else if (depth + 1 == m_level) {
+            leaf(below, from, counts[k]);
+        } else {
+            // Those below need the room behind their list.
+            const std::size_t to = start + 4 * count;
+            std::copy_n(lists.data() + from, counts[k], lists.data() + to);
+            descend(frame, below, depth + 1, to, counts[k]);
+        }
+    }
+}
+
+void Classifier::Walk::uniform(const Node &node, std::uint32_t depth)
+{
+    if (m_side < 0)
+        m_side = sideOf(node.sub);
+    const std::uint32_t below = microTriangleCount(m_level - depth);
+    const State state = m_side < 0 ? State::UnknownOpaque : m_side == 1 ? State::Opaque : State::Transparent;
+    fill(m_packed, node.index * below, below, state);
+}
+
+void Classifier::Walk::leaf(const Node &node, std::size_t list, std::size_t count)
+{
+    for (std::size_t n = 0; n < count; ++n) {
+        const std::uint32_t which = m_scratch.lists[list + n];
+        const Cell &cell = m_scratch.cells[which];
+        Crossing crossing = Crossing::Open;
+        if (m_texture.filter == Filter::Bilinear)
+            crossing = m_piece.quick(cornerIn(node.sub, cell), node.sub.size < 0, m_scratch.near[which]);
+        if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(node.sub, cell))) {
+            m_side = -1;
+            writeState(m_packed, node.index, Format::FourState, guess(node.sub));
+            return;
+        }
+    }
+    uniform(node, m_level);
+}
+
+bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell)
+{
+    const Crossing crossing = m_piece(cornerIn(sub, cell), sub.size < 0, cell);
+    if (crossing != Crossing::Open)
+        return crossing == Crossing::Yes;
+    if (!m_place.exact)
+        return true;
+    Cell unwrapped = cell;
+    unwrapped.x += m_place.unwrappedX - m_place.baseX;
+    unwrapped.y += m_place.unwrappedY - m_place.baseY;
+    return exact().crosses({{{sub.i, sub.j}, {sub.i + sub.size, sub.j}, {sub.i, sub.j + sub.size}}}, unwrapped);
+}
+
+// The outcome in a sub-triangle that has but one: that at its middle, if rounding allows to tell, or at a corner.
+int Classifier::Walk::sideOf(const SubTriangle &sub)
+{
+    const Point corner = m_place.at(sub.i, sub.j);
+    const double third = sub.size / 3.0;
+    const double x = corner.x + third * (m_place.stepI.x + m_place.stepJ.x);
+    const double y = corner.y + third * (m_place.stepI.y + m_place.stepJ.y);
+    const double column = std::floor(x);
+    const double row = std::floor(y);
+    const std::int64_t cellX = m_place.baseX + static_cast<std::int64_t>(column);
+    const std::int64_t cellY = m_place.baseY + static_cast<std::int64_t>(row);
+    // Rounding can name a neighbour of the right cell. Where neither is mixed, they are alike.
+    if (const int side = m_map.side(cellX, cellY); side >= 0)
+        return side;
+    const Cell cell = m_map.cell(cellX, cellY);
+    const double a = x - column;
+    const double b = y - row;
+    if (m_texture.filter == Filter::Bilinear) {
+        const double value = (double{cell.f00} * (1 - a) + double{cell.f10} * a) * (1 - b) +
+                             (double{cell.f01} * (1 - a) + double{cell.f11} * a) * b;
+        if (value >= m_cutoff + m_place.valueSlack)
+            return 1;
+        if (value < m_cutoff - m_place.valueSlack)
+            return 0;
+    } else if (std::abs(a - 0.5) > 2 * m_place.slack && std::abs(b - 0.5) > 2 * m_place.slack) {
+        const float texel = b < 0.5 ? (a < 0.5 ? cell.f00 : cell.f10) : (a < 0.5 ? cell.f01 : cell.f11);
+        if (std::isfinite(texel))
+            return double{texel} >= m_cutoff ? 1 : 0;
+    }
+    return exact().side({sub.i, sub.j}, m_map);
+}
+
+// What most of an unknown micro-triangle is, by sampling.
+State Classifier::Walk::guess(const SubTriangle &sub) const
+{
+    const Placement &p = m_place;
+    Point corner = p.at(sub.i, sub.j);
+    const bool down = sub.size < 0;
+    const Point low{corner.x + (down ? -p.high.x : p.low.x), corner.y + (down ? -p.high.y : p.low.y)};
+    const Point high{corner.x + (down ? -p.low.x : p.high.x), corner.y + (down ? -p.low.y : p.high.y)};
+    const double left = std::floor(low.x - 2 * p.slack);
+    const double top = std::floor(low.y - 2 * p.slack);
+    const std::int64_t x0 = p.baseX + static_cast<std::int64_t>(left);
+    const std::int64_t y0 = p.baseY + static_cast<std::int64_t>(top);
+    const auto columns = static_cast<std::int64_t>(high.x + 2 * p.slack - left);
+    const auto rows = static_cast<std::int64_t>(high.y + 2 * p.slack - top);
+    // Single precision is enough for a guess, but not to stay inside the window: hence the bounds.
+    const auto limit = [](std::int64_t cells) { return Float4(static_cast<float>(cells) + 0.999f); };
+    const Float4 limitX = limit(columns);
+    const Float4 limitY = limit(rows);
+    corner = {corner.x - left, corner.y - top};
+    const auto s = static_cast<float>(sub.size);
+    const auto toFloat = [](double x) { return static_cast<float>(x); };
+    const bool nearest = m_texture.filter == Filter::Nearest;
+    const Float4 zero(0.0f);
+    const Float4 one(1.0f);
+    const float *window =
+        columns < kMostColumns && rows < kMostColumns ? m_map.window(x0, y0, x0 + columns, y0 + rows) : nullptr;
+    unsigned opaque = 0;
+    for (std::size_t n = 0; n < kSampleI.size(); n += 4) {
+        const Float4 i = Float4(kSampleI[n], kSampleI[n + 1], kSampleI[n + 2], kSampleI[n + 3]) * Float4(s);
+        const Float4 j = Float4(kSampleJ[n], kSampleJ[n + 1], kSampleJ[n + 2], kSampleJ[n + 3]) * Float4(s);
+        const auto along = [&](double start, double stepI, double stepJ, Float4 most) {
+            const Float4 at = Float4(toFloat(start)) + i * Float4(toFloat(stepI)) + j * Float4(toFloat(stepJ));
+            return min(max(at, zero), most);
+        };
+        const Float4 x = along(corner.x, p.stepI.x, p.stepJ.x, limitX);
+        const Float4 y = along(corner.y, p.stepI.y, p.stepJ.y, limitY);
+        std::array<float, 4> xs;
+        std::array<float, 4> ys;
+        x.store(xs.data());
+        y.store(ys.data());
+        std::array<std::array<float, 4>, 4> texels; // f00, f10, f01, f11 of four samples
+        for (std::size_t k = 0; k < 4; ++k) {
+            const auto column = static_cast<std::int64_t>(xs[k]);
+            const auto row = static_cast<std::int64_t>(ys[k]);
+            xs[k] -= static_cast<float>(column);
+            ys[k] -= static_cast<float>(row);
+            if (window != nullptr) {
+                const float *texel = window + row * m_map.pitch() + column;
+                texels[0][k] = texel[0];
+                texels[1][k] = texel[1];
+                texels[2][k] = texel[m_map.pitch()];
+                texels[3][k] = texel[m_map.pitch() + 1];
+            } else {
+                const Cell cell = m_map.cell(x0 + column, y0 + row);
+                texels[0][k] = cell.f00;
+                texels[1][k] = cell.f10;
+                texels[2][k] = cell.f01;
+                texels[3][k] = cell.f11;
+            }
+            if (nearest) {
+                xs[k] = xs[k] < 0.5f ? 0.0f : 1.0f;
+                ys[k] = ys[k] < 0.5f ? 0.0f : 1.0f;
+            }
+        }
+        const auto load = [](const std::array<float, 4> &v) { return Float4(v[0], v[1], v[2], v[3]); };
+        const Float4 a = load(xs);
+        const Float4 b = load(ys);
+        const Float4 value = (load(texels[0]) * (one - a) + load(texels[1]) * a) * (one - b) +
+                             (load(texels[2]) * (one - a) + load(texels[3]) * a) * b;
+        opaque += kBitsOf[atLeast(value, Float4(toFloat(m_cutoff)))];
+    }
+    return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;
+}
+
 Classifier::Classifier(const AlphaTexture &texture, const BakeOptions &options)
-    : m_texture(texture), m_options(options), m_grid(texture, options.cutoff, options.valueTolerance)
+    : m_texture(texture), m_options(options), m_thresholds{options.cutoff - options.valueTolerance,
+                                                           options.cutoff + options.valueTolerance},
+      m_map(texture, m_thresholds)
 {
 }
 
@@ -56,6 +543,8 @@ std::uint32_t Classifier::levelFor(const TriangleUvs &uvs) const
 {
     if (m_options.level)
         return *m_options.level;
+    if (!usable(uvs, m_texture))
+        return 0;
     const auto edge = [&](const TexCoord &from, const TexCoord &to) {
         return std::array<double, 2>{(double{to.u} - from.u) * m_texture.width,
                                      (double{to.v} - from.v) * m_texture.height};
@@ -69,68 +558,14 @@ std::uint32_t Classifier::levelFor(const TriangleUvs &uvs) const
     return static_cast<std::uint32_t>(std::min<double>(wanted, m_options.maxLevel));
 }
 
-TriangleStates Classifier::classify(const TriangleUvs &uvs) const
+void Classifier::classify(const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed,
+                          ClassifierScratch &scratch) const
 {
-    TriangleStates result;
     if (!usable(uvs, m_texture)) {
-        result.level = m_options.level.value_or(0);
-        result.packed.assign(packedBytes(result.level, Format::FourState), 0);
-        fill(result.packed, 0, microTriangleCount(result.level), State::UnknownOpaque);
-        return result;
+        fill(packed, 0, microTriangleCount(level), State::UnknownOpaque);
+        return;
     }
-    result.level = levelFor(uvs);
-    result.packed.assign(packedBytes(result.level, Format::FourState), 0);
-
-    // Where a sample can fall around the exact place: sub-texel precision; single-precision interpolation, whose
-    // products and sums are as large as the coordinates themselves; and hits beside the micro-triangle.
-    const auto margin = [&](float TexCoord::*axis, double texels) {
-        const double largest = std::max({std::abs(uvs[0].*axis), std::abs(uvs[1].*axis), std::abs(uvs[2].*axis)});
-        const double slope =
-            std::abs(double{uvs[1].*axis} - uvs[0].*axis) + std::abs(double{uvs[2].*axis} - uvs[0].*axis);
-        constexpr double kInterpolation = 16.0 / (1 << 24);
-        return m_options.subtexelTolerance +
-               texels * (largest * kInterpolation + slope * m_options.barycentricTolerance);
-    };
-    const Work work{uvs, result, margin(&TexCoord::u, m_texture.width), margin(&TexCoord::v, m_texture.height)};
-    descend(work, 0, 0);
-    return result;
-}
-
-// Classifies sub-triangle `index` of level `depth`: all of its micro-triangles at once where that is proven.
-void Classifier::descend(const Work &work, std::uint32_t index, std::uint32_t depth) const
-{
-    Footprint footprint{{}, work.marginX, work.marginY};
-    const auto corners = microTriangleCorners(index, depth);
-    for (std::size_t i = 0; i < 3; ++i) {
-        const auto uv = work.at(corners[i].u, corners[i].v);
-        footprint.corners[i] = m_grid.position(uv[0], uv[1]);
-    }
-    const unsigned possible = m_grid.outcomes(footprint);
-    const std::uint32_t below = microTriangleCount(work.result.level - depth);
-    if (possible != kMayBeEither) {
-        const State proven = possible == kMayBeOpaque ? State::Opaque : State::Transparent;
-        fill(work.result.packed, index * below, below, proven);
-    } else if (depth == work.result.level) {
-        writeState(work.result.packed.data(), index, Format::FourState, guess(work, index, depth));
-    } else {
-        for (std::uint32_t child = 0; child < 4; ++child)
-            descend(work, index * 4 + child, depth + 1);
-    }
-}
-
-// What most of an unknown micro-triangle is, by sampling.
-State Classifier::guess(const Work &work, std::uint32_t index, std::uint32_t depth) const
-{
-    constexpr std::uint32_t kFiner = 2;
-    const std::uint32_t level = std::min(kFiner, 12 - depth);
-    const std::uint32_t count = microTriangleCount(level);
-    std::uint32_t opaque = 0;
-    for (std::uint32_t i = 0; i < count; ++i) {
-        const auto c = microTriangleCorners(index * count + i, depth + level);
-        const auto uv = work.at((double{c[0].u} + c[1].u + c[2].u) / 3, (double{c[0].v} + c[1].v + c[2].v) / 3);
-        opaque += m_texture.sample(uv[0], uv[1]) >= m_options.cutoff ? 1u : 0u;
-    }
-    return 2 * opaque >= count ? State::UnknownOpaque : State::UnknownTransparent;
+    Walk(*this, uvs, level, packed, scratch).run();
 }
 
 } // namespace vellum

@@ -5,14 +5,18 @@
 #include <vector>
 
 #include "bake/bake.h"
-#include "bake/cell_grid.h"
+#include "bake/piece.h"
+#include "bake/texture/cell_map.h"
 
 namespace vellum
 {
 
-struct TriangleStates {
-    std::uint32_t level = 0;
-    std::vector<std::uint8_t> packed; // 4-state data of `level`
+// Lists of mixed cells that a classification needs on its way; to be kept from one triangle to the next.
+struct ClassifierScratch {
+    std::vector<CellMap::Place> places;
+    std::vector<Cell> cells;
+    std::vector<NearCell> near;
+    std::vector<std::uint32_t> lists;
 };
 
 class Classifier
@@ -21,19 +25,18 @@ public:
     // Both must outlive the classifier. The options must have been checked.
     Classifier(const AlphaTexture &texture, const BakeOptions &options);
 
-    // Level and 4-state data of a triangle. Safe to call from several threads.
-    [[nodiscard]] TriangleStates classify(const TriangleUvs &uvs) const;
+    [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const;
+    // Writes the 4-state data of a triangle: packedBytes(level, Format::FourState) bytes, which must be 0. Safe to call
+    // from several threads with a scratch each.
+    void classify(const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed, ClassifierScratch &scratch) const;
 
 private:
-    struct Work;
-
-    [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const;
-    void descend(const Work &work, std::uint32_t index, std::uint32_t depth) const;
-    [[nodiscard]] State guess(const Work &work, std::uint32_t index, std::uint32_t depth) const;
+    class Walk;
 
     const AlphaTexture &m_texture;
     const BakeOptions &m_options;
-    CellGrid m_grid;
+    Thresholds m_thresholds;
+    CellMap m_map;
 };
 
 } // namespace vellum

@@ -26,6 +26,7 @@ ROOMS = {
     "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "address",
               "door"),
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines"),
+    "bake": ("numbers", "texture", ""),
     "cli": ("base", "picture", "scene", "vulkan", "renderer", ""),
 }
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "bake/bake.h"
@@ -132,4 +133,77 @@ TEST(BakeProperty, NoSampleContradictsAProvenState)
     }
     // A baker that proves nothing would pass, too.
     EXPECT_GT(static_cast<double>(proven) / static_cast<double>(all), 0.3);
+}
+
+// Numbers of any bits: nothing to say about the states, but that there are some.
+TEST(BakeProperty, AnyInputIsSafe)
+{
+    test::TestRandom random(9);
+    const auto anyFloat = [&] {
+        const std::uint32_t bits = random();
+        switch (random() % 4) {
+        case 0: return static_cast<float>(random.uniform(-3, 3));
+        case 1: return std::bit_cast<float>(bits);
+        case 2: return std::ldexp(static_cast<float>(random.uniform(-1, 1)), static_cast<int>(bits % 40) - 24);
+        default: return static_cast<float>(bits % 9) / 4 - 1;
+        }
+    };
+    for (unsigned round = 0; round < 150; ++round) {
+        SCOPED_TRACE("round " + std::to_string(round));
+        AlphaTexture t;
+        t.width = 1 + random() % 9;
+        t.height = 1 + random() % 9;
+        t.wrapU = static_cast<Wrap>(random() % 5);
+        t.wrapV = static_cast<Wrap>(random() % 5);
+        t.filter = random() % 2 == 0 ? Filter::Nearest : Filter::Bilinear;
+        t.border = anyFloat();
+        const bool tame = random() % 2 == 0;
+        for (std::uint32_t i = 0; i < t.width * t.height; ++i)
+            t.alpha.push_back(tame ? static_cast<float>(random() % 3) / 2 : anyFloat());
+        std::vector<TriangleUvs> triangles(3);
+        for (TriangleUvs &uvs : triangles)
+            for (TexCoord &uv : uvs)
+                uv = {anyFloat(), anyFloat()};
+        BakeOptions o;
+        o.threads = 1;
+        o.level = random() % 4;
+        if (random() % 2 == 0)
+            o.level.reset();
+        o.maxLevel = 4;
+        o.test = static_cast<AlphaTest>(random() % 4);
+        const float cutoff = anyFloat();
+        o.cutoff = std::isnan(cutoff) || random() % 2 == 0 ? 0.5 : double{cutoff};
+        if (random() % 2 == 0)
+            o.exactly();
+        if (random() % 4 == 0)
+            o.budget = random() % 200;
+        const BakeResult r = bake(t, triangles, o);
+        EXPECT_EQ(r.micromap.validate(), std::nullopt);
+        ASSERT_EQ(r.micromap.indices.size(), 3u);
+        if (o.budget) {
+            EXPECT_LE(r.micromap.data.size() + 8 * r.micromap.triangles.size(), *o.budget);
+        }
+    }
+}
+
+// Triangles of millions of texels over a texture that does not repeat, or has outlines elsewhere: soon done.
+TEST(BakeProperty, FarTrianglesAreSkipped)
+{
+    AlphaTexture t;
+    t.width = 16;
+    t.height = 16;
+    for (int i = 0; i < 256; ++i)
+        t.alpha.push_back(i % 16 < 4 ? 1.0f : 0.0f);
+    BakeOptions o;
+    o.level = 5;
+    o.threads = 1;
+    o.exactly();
+    // Beside the stripe, all the way.
+    const std::vector<TriangleUvs> beside = {{{{0.5f, -900000}, {0.75f, 900000}, {0.6f, 0}}}};
+    EXPECT_EQ(bake(t, beside, o).micromap.indices, std::vector<std::int32_t>{-1});
+    for (const Wrap wrap : {Wrap::Clamp, Wrap::Border, Wrap::MirrorOnce}) {
+        t.wrapU = t.wrapV = wrap;
+        const std::vector<TriangleUvs> outside = {{{{10, -900000}, {900, 900000}, {500, 0}}}};
+        EXPECT_EQ(bake(t, outside, o).micromap.indices, std::vector<std::int32_t>{-1});
+    }
 }

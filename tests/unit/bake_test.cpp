@@ -125,9 +125,15 @@ TEST(Bake, HopelessCoordinatesAreUnknown)
 TEST(Bake, LargeCoordinatesAreSafe)
 {
     // Ten thousand repetitions across: everything is somewhere, so all is unknown, and quickly.
-    const BakeResult r =
-        bake(halfTexture(64, 0.5), std::vector<TriangleUvs>{{{{0, 0}, {10000, 0}, {0, 10000}}}}, atLevel(4));
+    const std::vector<TriangleUvs> triangles = {{{{0, 0}, {10000, 0}, {0, 10000}}}};
+    AlphaTexture t = halfTexture(64, 0.5);
+    t.wrapU = Wrap::Repeat;
+    const BakeResult r = bake(t, triangles, atLevel(4));
     EXPECT_EQ(r.statistics.states[2] + r.statistics.states[3], 256u);
+    // Clamped, it is all outside, but for the micro-triangles at the texture's side.
+    const BakeResult clamped = bake(halfTexture(64, 0.5), triangles, atLevel(4));
+    EXPECT_EQ(clamped.statistics.states[0], 256u - 31);
+    EXPECT_EQ(clamped.statistics.states[2] + clamped.statistics.states[3], 31u);
 }
 
 TEST(Bake, DegenerateTriangles)

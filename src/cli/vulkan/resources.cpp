@@ -32,6 +32,8 @@ VkSamplerAddressMode addressMode(Wrap wrap)
     switch (wrap) {
     case Wrap::Repeat: return VK_SAMPLER_ADDRESS_MODE_REPEAT;
     case Wrap::Mirror: return VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT;
+    case Wrap::Border: return VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_BORDER;
+    case Wrap::MirrorOnce: return VK_SAMPLER_ADDRESS_MODE_MIRROR_CLAMP_TO_EDGE;
     case Wrap::Clamp: break;
     }
     return VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;

@@ -1,6 +1,7 @@
-#include "bake/texture.h"
+#include "bake/texture/texture.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace vellum
@@ -12,9 +13,12 @@ AlphaTexture AlphaTexture::fromUnorm8(std::uint32_t width, std::uint32_t height,
     AlphaTexture texture;
     texture.width = width;
     texture.height = height;
+    std::array<float, 256> values;
+    for (std::size_t i = 0; i < values.size(); ++i)
+        values[i] = static_cast<float>(i) / 255.0f * scale;
     texture.alpha.resize(std::size_t{width} * height);
     for (std::size_t i = 0; i < texture.alpha.size(); ++i)
-        texture.alpha[i] = static_cast<float>(first[i * stride]) / 255.0f * scale;
+        texture.alpha[i] = values[first[i * stride]];
     return texture;
 }
 
@@ -27,6 +31,8 @@ std::int64_t wrapTexel(std::int64_t i, std::int64_t size, Wrap wrap)
         const std::int64_t m = modulo(i, 2 * size);
         return m < size ? m : 2 * size - 1 - m;
     }
+    case Wrap::Border: return i >= 0 && i < size ? i : -1;
+    case Wrap::MirrorOnce: return std::min(i >= 0 ? i : -1 - i, size - 1);
     case Wrap::Clamp: break;
     }
     return std::clamp<std::int64_t>(i, 0, size - 1);
@@ -36,6 +42,8 @@ float AlphaTexture::texel(std::int64_t x, std::int64_t y) const
 {
     const std::int64_t column = wrapTexel(x, width, wrapU);
     const std::int64_t row = wrapTexel(y, height, wrapV);
+    if (column < 0 || row < 0)
+        return border;
     return alpha[static_cast<std::size_t>(row * width + column)];
 }
 

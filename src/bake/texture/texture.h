@@ -8,8 +8,8 @@
 namespace vellum
 {
 
-// VkSamplerAddressMode, of the modes that glTF knows.
-enum class Wrap : std::uint8_t { Repeat, Mirror, Clamp };
+// VkSamplerAddressMode. glTF knows the first three.
+enum class Wrap : std::uint8_t { Repeat, Mirror, Clamp, Border, MirrorOnce };
 
 // VkFilter of mip level 0, the one that alpha tests for ray tracing read.
 enum class Filter : std::uint8_t { Nearest, Bilinear };
@@ -17,10 +17,11 @@ enum class Filter : std::uint8_t { Nearest, Bilinear };
 struct AlphaTexture {
     std::uint32_t width = 0;  // in texels, at least 1
     std::uint32_t height = 0; // in texels, at least 1
-    std::vector<float> alpha; // width * height values, row 0 is at v = 0; NaN is allowed and proves nothing
+    std::vector<float> alpha; // width * height values, row 0 is at v = 0; what is not finite proves nothing
     Wrap wrapU = Wrap::Repeat;
     Wrap wrapV = Wrap::Repeat;
     Filter filter = Filter::Bilinear;
+    float border = 0; // what Wrap::Border reads outside
 
     // Takes every `stride`-th byte as an 8-bit normalised value.
     //   first   the alpha of texel (0, 0): 3 bytes after the pixels of an RGBA image
@@ -29,14 +30,14 @@ struct AlphaTexture {
     static AlphaTexture fromUnorm8(std::uint32_t width, std::uint32_t height, const std::uint8_t *first,
                                    std::size_t stride, float scale = 1.0f);
 
-    // The texel at any integer position, wrapped.
+    // The texel at any integer position, wrapped, or the border.
     [[nodiscard]] float texel(std::int64_t x, std::int64_t y) const;
     // The filtered value at (u, v), in double precision: exactly what Vulkan's "Texel Filtering" defines, with none of
     // a GPU's rounding. u and v must be finite and below 2^31 texels.
     [[nodiscard]] double sample(double u, double v) const;
 };
 
-// The texel that position `i` means on an axis of `size` texels.
+// The texel that position `i` means on an axis of `size` texels; -1 for the border.
 std::int64_t wrapTexel(std::int64_t i, std::int64_t size, Wrap wrap);
 
 } // namespace vellum

@@ -1,0 +1,62 @@
+#include "bake/budget.h"
+
+#include <algorithm>
+#include <queue>
+
+namespace vellum
+{
+namespace
+{
+
+// From a choice's level down to another one. Levels between that would cost more for what they tell are skipped: the
+// steps of a triangle become dearer as it goes down, so that taking the cheapest step of all is right.
+struct Step {
+    double price; // known area lost for each byte saved
+    std::size_t which;
+    std::uint32_t to;
+
+    bool operator>(const Step &other) const { return price != other.price ? price > other.price : which > other.which; }
+};
+
+Step cheapestStep(const LevelChoice &choice, std::size_t which)
+{
+    Step best{0, which, choice.level};
+    for (std::uint32_t to = choice.level; to-- > 0;) {
+        const double lost =
+            static_cast<double>(choice.uses) * (double{choice.known[choice.level]} - double{choice.known[to]});
+        const double saved = static_cast<double>(choice.bytes[choice.level]) - static_cast<double>(choice.bytes[to]);
+        if (saved <= 0)
+            continue;
+        // Of equal prices the longest step: it saves more.
+        if (best.to == choice.level || lost / saved <= best.price)
+            best = {lost / saved, which, to};
+    }
+    return best;
+}
+
+} // namespace
+
+void fitBudget(std::span<LevelChoice> choices, std::uint64_t budget)
+{
+    std::uint64_t bytes = 0;
+    std::priority_queue<Step, std::vector<Step>, std::greater<>> steps;
+    const auto offer = [&](std::size_t which) {
+        const Step step = cheapestStep(choices[which], which);
+        if (step.to != choices[which].level)
+            steps.push(step);
+    };
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+        bytes += choices[i].bytes[choices[i].level];
+        offer(i);
+    }
+    while (bytes > budget && !steps.empty()) {
+        const Step step = steps.top();
+        steps.pop();
+        LevelChoice &choice = choices[step.which];
+        bytes -= choice.bytes[choice.level] - choice.bytes[step.to];
+        choice.level = step.to;
+        offer(step.which);
+    }
+}
+
+} // namespace vellum

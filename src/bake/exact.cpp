@@ -1,0 +1,281 @@
+#include "bake/exact.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vellum
+{
+namespace
+{
+
+// Binary digits after the point.
+int fractionBits(double value)
+{
+    if (value == 0)
+        return 0;
+    int exponent = 0;
+    auto mantissa = static_cast<std::int64_t>(std::ldexp(std::frexp(value, &exponent), 53));
+    for (exponent -= 53; mantissa % 2 == 0; ++exponent)
+        mantissa /= 2;
+    return std::max(0, -exponent);
+}
+
+BigInt cross(const BigInt &ax, const BigInt &ay, const BigInt &bx, const BigInt &by)
+{
+    return ax * by - ay * bx;
+}
+
+} // namespace
+
+struct ExactTriangle::Rational {
+    BigInt numerator;
+    BigInt denominator; // positive
+
+    [[nodiscard]] bool operator<(const Rational &other) const
+    {
+        return compare(numerator * other.denominator, other.numerator * denominator) < 0;
+    }
+};
+
+// A part of a segment, from 0 at its start to 1 at its end.
+struct ExactTriangle::Range {
+    Rational from{BigInt(0), BigInt(1)};
+    Rational to{BigInt(1), BigInt(1)};
+    bool empty = false;
+
+    // Keeps where low <= start + s * delta <= high.
+    void clip(const BigInt &start, const BigInt &delta, const BigInt &low, const BigInt &high)
+    {
+        if (delta.sign() == 0) {
+            empty = empty || compare(start, low) < 0 || compare(start, high) > 0;
+            return;
+        }
+        const bool rising = delta.sign() > 0;
+        const BigInt length = rising ? delta : -delta;
+        const Rational entry{rising ? low - start : start - high, length};
+        const Rational exit{rising ? high - start : start - low, length};
+        if (from < entry)
+            from = entry;
+        if (exit < to)
+            to = exit;
+        empty = empty || to < from;
+    }
+};
+
+struct ExactTriangle::Box {
+    BigInt left, top, right, bottom;
+
+    [[nodiscard]] Range clip(const Point &start, const Point &delta) const
+    {
+        Range range;
+        range.clip(start.x, delta.x, left, right);
+        if (!range.empty)
+            range.clip(start.y, delta.y, top, bottom);
+        return range;
+    }
+};
+
+// What a cell filters to, minus the cutoff: c + cx * x + cy * y + cxy * x * y, where x and y are in texels.
+struct ExactTriangle::Patch {
+    BigInt c, cx, cy, cxy;
+};
+
+ExactTriangle::ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, std::uint32_t level)
+    : m_filter(texture.filter),
+      // No texel is as large as that, and the digits stay within bounds.
+      m_cutoff(std::clamp(cutoff, -0x1p129, 0x1p129)), m_level(level)
+{
+    int bitsX = 0;
+    int bitsY = 0;
+    for (const TexCoord &uv : uvs) {
+        bitsX = std::max(bitsX, fractionBits(double{uv.u}));
+        bitsY = std::max(bitsY, fractionBits(double{uv.v}));
+    }
+    // Lattice points divide by 2^level, and centres of texels by 2.
+    m_shiftX = static_cast<unsigned>(bitsX) + level + 1;
+    m_shiftY = static_cast<unsigned>(bitsY) + level + 1;
+    for (std::size_t i = 0; i < 3; ++i) {
+        m_vertices[i].x = BigInt::scaled(double{uvs[i].u}, bitsX) * BigInt(texture.width);
+        m_vertices[i].y = BigInt::scaled(double{uvs[i].v}, bitsY) * BigInt(texture.height);
+    }
+    for (std::size_t i = 1; i < 3; ++i) {
+        m_vertices[i].x = m_vertices[i].x - m_vertices[0].x;
+        m_vertices[i].y = m_vertices[i].y - m_vertices[0].y;
+    }
+}
+
+ExactTriangle::Point ExactTriangle::place(LatticePoint point) const
+{
+    const auto along = [&](const BigInt &base, const BigInt &first, const BigInt &second, unsigned shift) {
+        const BigInt sum = (base << m_level) + first * BigInt(point.i) + second * BigInt(point.j);
+        return (sum << 1) - (BigInt(1) << (shift - 1)); // cells begin at centres of texels
+    };
+    return {along(m_vertices[0].x, m_vertices[1].x, m_vertices[2].x, m_shiftX),
+            along(m_vertices[0].y, m_vertices[1].y, m_vertices[2].y, m_shiftY)};
+}
+
+ExactTriangle::Patch ExactTriangle::patch(const Cell &cell) const
+{
+    int bits = fractionBits(m_cutoff);
+    for (const float f : {cell.f00, cell.f10, cell.f01, cell.f11})
+        bits = std::max(bits, fractionBits(double{f}));
+    const auto scaled = [bits](float f) { return BigInt::scaled(double{f}, bits); };
+    const BigInt f00 = scaled(cell.f00);
+    const BigInt f10 = scaled(cell.f10);
+    const BigInt f01 = scaled(cell.f01);
+    return {f00 - BigInt::scaled(m_cutoff, bits), f10 - f00, f01 - f00, scaled(cell.f11) - f10 - f01 + f00};
+}
+
+namespace
+{
+
+bool allFinite(const Cell &cell)
+{
+    return std::isfinite(cell.f00) && std::isfinite(cell.f10) && std::isfinite(cell.f01) && std::isfinite(cell.f11);
+}
+
+} // namespace
+
+// Whether the closed triangle touches the box, less its right or bottom side where those are open.
+bool ExactTriangle::touches(const std::array<Point, 3> &corners, const Box &box, bool openRight, bool openBottom) const
+{
+    // The two meet in a convex set. If some point of it is left of the right side, and some is above the bottom, then
+    // the middle between those is both.
+    bool left = !openRight;
+    bool above = !openBottom;
+    bool any = false;
+    for (std::size_t i = 0; i < 3; ++i) {
+        const Point &start = corners[i];
+        const Point delta{corners[(i + 1) % 3].x - start.x, corners[(i + 1) % 3].y - start.y};
+        const Range range = box.clip(start, delta);
+        if (range.empty)
+            continue;
+        any = true;
+        for (const Rational &s : {range.from, range.to}) {
+            left = left || compare(start.x * s.denominator + delta.x * s.numerator, box.right * s.denominator) < 0;
+            above = above || compare(start.y * s.denominator + delta.y * s.numerator, box.bottom * s.denominator) < 0;
+        }
+    }
+    const auto turn = [&](std::size_t i, const BigInt &x, const BigInt &y) {
+        const Point &a = corners[i];
+        const Point &b = corners[(i + 1) % 3];
+        return cross(b.x - a.x, b.y - a.y, x - a.x, y - a.y).sign();
+    };
+    const int area = turn(0, corners[2].x, corners[2].y);
+    for (int corner = 0; corner < 4 && area != 0; ++corner) {
+        const bool atRight = corner % 2 != 0;
+        const bool atBottom = corner / 2 != 0;
+        const BigInt &x = atRight ? box.right : box.left;
+        const BigInt &y = atBottom ? box.bottom : box.top;
+        if (turn(0, x, y) * area < 0 || turn(1, x, y) * area < 0 || turn(2, x, y) * area < 0)
+            continue;
+        any = true;
+        left = left || !atRight;
+        above = above || !atBottom;
+    }
+    return any && left && above;
+}
+
+bool ExactTriangle::crossesNearest(const std::array<Point, 3> &corners, const Cell &cell) const
+{
+    const BigInt middleX = BigInt(1) << (m_shiftX - 1);
+    const BigInt middleY = BigInt(1) << (m_shiftY - 1);
+    bool opaque = false;
+    bool transparent = false;
+    const float texels[] = {cell.f00, cell.f10, cell.f01, cell.f11};
+    for (unsigned quarter = 0; quarter < 4; ++quarter) {
+        const float texel = texels[quarter];
+        const bool newOpaque = !std::isfinite(texel) || double{texel} >= m_cutoff;
+        const bool newTransparent = !std::isfinite(texel) || double{texel} < m_cutoff;
+        if ((!newOpaque || opaque) && (!newTransparent || transparent))
+            continue;
+        // A position half way between two centres reads the texel behind it.
+        const bool right = quarter % 2 != 0;
+        const bool bottom = quarter / 2 != 0;
+        const Box box{right ? middleX : BigInt(0), bottom ? middleY : BigInt(0), right ? middleX << 1 : middleX,
+                      bottom ? middleY << 1 : middleY};
+        if (touches(corners, box, !right, !bottom)) {
+            opaque = opaque || newOpaque;
+            transparent = transparent || newTransparent;
+        }
+    }
+    return opaque && transparent;
+}
+
+bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const
+{
+    const BigInt unitX = BigInt(1) << m_shiftX;
+    const BigInt unitY = BigInt(1) << m_shiftY;
+    std::array<Point, 3> corners;
+    for (std::size_t i = 0; i < 3; ++i) {
+        corners[i] = place(lattice[i]);
+        corners[i].x = corners[i].x - (BigInt(cell.x) << m_shiftX);
+        corners[i].y = corners[i].y - (BigInt(cell.y) << m_shiftY);
+    }
+    if (m_filter == Filter::Nearest)
+        return crossesNearest(corners, cell);
+    const Box box{BigInt(0), BigInt(0), unitX, unitY};
+    if (!allFinite(cell))
+        return touches(corners, box, false, false);
+
+    bool opaque = false;
+    bool transparent = false;
+    const auto add = [&](int sign) { (sign < 0 ? transparent : opaque) = true; };
+    const Patch f = patch(cell);
+    // A bilinear function has no extreme inside: its Hessian is indefinite. What is left are the corners of the part,
+    // and the places on its slanted edges where the function stops to rise or to fall. Every corner of the part is the
+    // end of a clipped edge or a corner of the cell.
+    for (std::size_t i = 0; i < 3; ++i) {
+        const Point &a = corners[i];
+        const Point d{corners[(i + 1) % 3].x - a.x, corners[(i + 1) % 3].y - a.y};
+        const Range range = box.clip(a, d);
+        if (range.empty)
+            continue;
+        // On the edge, times unitX * unitY: q2 s^2 + q1 s + q0.
+        const BigInt q2 = f.cxy * d.x * d.y;
+        const BigInt q1 = ((f.cx * d.x) << m_shiftY) + ((f.cy * d.y) << m_shiftX) + f.cxy * (a.x * d.y + a.y * d.x);
+        const BigInt q0 = ((f.c << m_shiftY) << m_shiftX) + ((f.cx * a.x) << m_shiftY) + ((f.cy * a.y) << m_shiftX) +
+                          f.cxy * a.x * a.y;
+        for (const Rational &s : {range.from, range.to})
+            add(((q2 * s.numerator + q1 * s.denominator) * s.numerator + q0 * s.denominator * s.denominator).sign());
+        if (q2.sign() == 0)
+            continue;
+        const bool positive = q2.sign() > 0;
+        const Rational turn{positive ? -q1 : q1, positive ? q2 << 1 : (-q2) << 1};
+        if (range.from < turn && turn < range.to)
+            add((((q2 * q0) << 2) - q1 * q1).sign() * q2.sign());
+    }
+    const float texels[] = {cell.f00, cell.f10, cell.f01, cell.f11};
+    for (unsigned corner = 0; corner < 4 && !(opaque && transparent); ++corner) {
+        const bool isOpaque = double{texels[corner]} >= m_cutoff;
+        if (isOpaque ? opaque : transparent)
+            continue;
+        const Box point{corner % 2 != 0 ? unitX : BigInt(0), corner / 2 != 0 ? unitY : BigInt(0),
+                        corner % 2 != 0 ? unitX : BigInt(0), corner / 2 != 0 ? unitY : BigInt(0)};
+        if (touches(corners, point, false, false))
+            add(isOpaque ? 1 : -1);
+    }
+    return opaque && transparent;
+}
+
+int ExactTriangle::side(LatticePoint point, const CellMap &map) const
+{
+    const Point place = this->place(point);
+    const Cell cell = map.cell(place.x.floorShift(m_shiftX), place.y.floorShift(m_shiftY));
+    const BigInt x = place.x - (BigInt(cell.x) << m_shiftX);
+    const BigInt y = place.y - (BigInt(cell.y) << m_shiftY);
+    if (m_filter == Filter::Nearest) {
+        const bool right = compare(x, BigInt(1) << (m_shiftX - 1)) >= 0;
+        const bool bottom = compare(y, BigInt(1) << (m_shiftY - 1)) >= 0;
+        const float texel = bottom ? (right ? cell.f11 : cell.f01) : (right ? cell.f10 : cell.f00);
+        return !std::isfinite(texel) ? -1 : double{texel} >= m_cutoff ? 1 : 0;
+    }
+    if (!allFinite(cell))
+        return -1;
+    const Patch f = patch(cell);
+    const BigInt value =
+        ((f.c << m_shiftY) << m_shiftX) + ((f.cx * x) << m_shiftY) + ((f.cy * y) << m_shiftX) + f.cxy * x * y;
+    return value.sign() >= 0 ? 1 : 0;
+}
+
+} // namespace vellum

@@ -1,0 +1,57 @@
+// The decisions of the classifier in exact arithmetic, for where rounding could get them wrong: a corner that lies just
+// on an outline, an edge along it. They are rare but in textures and coordinates that are laid out on a grid.
+#pragma once
+
+#include <array>
+
+#include "bake/bake.h"
+#include "bake/numbers/big_int.h"
+#include "bake/texture/cell_map.h"
+
+namespace vellum
+{
+
+// A point of the lattice that the corners of a triangle's micro-triangles form: vertex 0 is (0, 0), vertex 1 is
+// (2^level, 0), vertex 2 is (0, 2^level).
+struct LatticePoint {
+    std::int32_t i;
+    std::int32_t j;
+};
+
+class ExactTriangle
+{
+public:
+    // The texture must outlive this. `uvs` are finite.
+    ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, std::uint32_t level);
+
+    // Whether the alpha test has both outcomes in the part of a micro-triangle that lies in a cell; both are closed.
+    // `cell` is in unwrapped positions. A texel of its that is not finite makes any part of it have both.
+    [[nodiscard]] bool crosses(const std::array<LatticePoint, 3> &corners, const Cell &cell) const;
+    // The outcome at a point: 1 opaque, 0 transparent, -1 where a texel is not finite.
+    [[nodiscard]] int side(LatticePoint point, const CellMap &map) const;
+
+private:
+    struct Point {
+        BigInt x;
+        BigInt y;
+    };
+    struct Rational;
+    struct Range;
+    struct Box;
+    struct Patch;
+
+    [[nodiscard]] Point place(LatticePoint point) const;
+    [[nodiscard]] Patch patch(const Cell &cell) const;
+    [[nodiscard]] bool crossesNearest(const std::array<Point, 3> &corners, const Cell &cell) const;
+    [[nodiscard]] bool touches(const std::array<Point, 3> &corners, const Box &box, bool openRight,
+                               bool openBottom) const;
+
+    Filter m_filter;
+    double m_cutoff;
+    std::uint32_t m_level;
+    unsigned m_shiftX; // a texel is 2^m_shiftX units of x
+    unsigned m_shiftY;
+    std::array<Point, 3> m_vertices; // vertex 0, and the other two from there
+};
+
+} // namespace vellum

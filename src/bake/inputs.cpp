@@ -1,0 +1,162 @@
+#include "bake/inputs.h"
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+namespace vellum
+{
+namespace
+{
+
+template <typename T>
+T load(const std::byte *from)
+{
+    T value;
+    std::memcpy(&value, from, sizeof value);
+    return value;
+}
+
+std::size_t sizeOf(AlphaFormat format)
+{
+    switch (format) {
+    case AlphaFormat::Unorm8: return 1;
+    case AlphaFormat::Unorm16:
+    case AlphaFormat::Float16: return 2;
+    case AlphaFormat::Float32: return 4;
+    }
+    throw BakeError("unknown format of alpha values");
+}
+
+float alphaAt(const std::byte *from, AlphaFormat format)
+{
+    switch (format) {
+    case AlphaFormat::Unorm8: return static_cast<float>(load<std::uint8_t>(from)) / 255.0f;
+    case AlphaFormat::Unorm16: return static_cast<float>(load<std::uint16_t>(from)) / 65535.0f;
+    case AlphaFormat::Float16: return halfToFloat(load<std::uint16_t>(from));
+    case AlphaFormat::Float32: break;
+    }
+    return load<float>(from);
+}
+
+std::size_t componentSize(UvFormat format)
+{
+    switch (format) {
+    case UvFormat::Float32: return 4;
+    case UvFormat::Float16:
+    case UvFormat::Unorm16: return 2;
+    }
+    throw BakeError("unknown format of texture coordinates");
+}
+
+float coordinateAt(const std::byte *from, UvFormat format)
+{
+    switch (format) {
+    case UvFormat::Float16: return halfToFloat(load<std::uint16_t>(from));
+    case UvFormat::Unorm16: return static_cast<float>(load<std::uint16_t>(from)) / 65535.0f;
+    case UvFormat::Float32: break;
+    }
+    return load<float>(from);
+}
+
+std::size_t indexSize(IndexFormat format)
+{
+    switch (format) {
+    case IndexFormat::None: return 0;
+    case IndexFormat::Uint8: return 1;
+    case IndexFormat::Uint16: return 2;
+    case IndexFormat::Uint32: return 4;
+    }
+    throw BakeError("unknown format of indices");
+}
+
+std::size_t indexAt(const UvVertices &vertices, std::size_t i)
+{
+    const std::byte *from = vertices.indices.data() + i * indexSize(vertices.indexFormat);
+    switch (vertices.indexFormat) {
+    case IndexFormat::None: break;
+    case IndexFormat::Uint8: return load<std::uint8_t>(from);
+    case IndexFormat::Uint16: return load<std::uint16_t>(from);
+    case IndexFormat::Uint32: return load<std::uint32_t>(from);
+    }
+    return i;
+}
+
+// How many elements of `size` bytes, `stride` apart, lie within `bytes`.
+std::size_t countWithin(std::size_t bytes, std::size_t size, std::size_t stride)
+{
+    return bytes < size ? 0 : (bytes - size) / stride + 1;
+}
+
+} // namespace
+
+float halfToFloat(std::uint16_t bits)
+{
+    const int exponent = bits >> 10 & 31;
+    const int mantissa = bits & 1023;
+    float value = 0;
+    if (exponent == 31)
+        value = mantissa != 0 ? std::numeric_limits<float>::quiet_NaN() : std::numeric_limits<float>::infinity();
+    else if (exponent == 0)
+        value = std::ldexp(static_cast<float>(mantissa), -24);
+    else
+        value = std::ldexp(static_cast<float>(mantissa + 1024), exponent - 25);
+    return (bits & 0x8000) != 0 ? -value : value;
+}
+
+AlphaTexture readAlpha(const AlphaPixels &pixels)
+{
+    const std::size_t size = sizeOf(pixels.format);
+    const std::size_t rowStride = pixels.rowStride != 0 ? pixels.rowStride : pixels.width * pixels.pixelStride;
+    AlphaTexture texture;
+    texture.width = pixels.width;
+    texture.height = pixels.height;
+    if (pixels.width == 0 || pixels.height == 0)
+        return texture;
+    // Products of two 32-bit sizes and a stride could leave 64 bits: what remains is compared step by step.
+    const auto within = [](std::size_t remaining, std::size_t steps, std::size_t stride) {
+        return steps == 0 || stride <= remaining / steps;
+    };
+    const std::size_t total = pixels.bytes.size();
+    const std::size_t inRow = pixels.width - std::size_t{1};
+    const std::size_t inColumn = pixels.height - std::size_t{1};
+    if (pixels.offset > total || size > total - pixels.offset ||
+        !within(total - pixels.offset - size, inRow, pixels.pixelStride) ||
+        !within(total - pixels.offset - size - inRow * pixels.pixelStride, inColumn, rowStride))
+        throw BakeError("the alpha values of " + std::to_string(pixels.width) + " x " + std::to_string(pixels.height) +
+                        " texels do not lie within " + std::to_string(total) + " bytes");
+    texture.alpha.resize(std::size_t{pixels.width} * pixels.height);
+    for (std::size_t y = 0; y < pixels.height; ++y) {
+        const std::byte *row = pixels.bytes.data() + pixels.offset + y * rowStride;
+        float *to = texture.alpha.data() + y * pixels.width;
+        for (std::size_t x = 0; x < pixels.width; ++x)
+            to[x] = alphaAt(row + x * pixels.pixelStride, pixels.format) * pixels.scale;
+    }
+    return texture;
+}
+
+std::vector<TriangleUvs> readUvs(const UvVertices &vertices)
+{
+    const std::size_t component = componentSize(vertices.format);
+    const std::size_t stride = vertices.stride != 0 ? vertices.stride : 2 * component;
+    const std::size_t vertexCount = countWithin(vertices.bytes.size(), 2 * component, stride);
+    const std::size_t size = indexSize(vertices.indexFormat);
+    const std::size_t count = size != 0 ? vertices.indices.size() / size : vertexCount;
+    const auto &m = vertices.transform;
+    std::vector<TriangleUvs> triangles(count / 3);
+    for (std::size_t i = 0; i < triangles.size() * 3; ++i) {
+        const std::size_t index = indexAt(vertices, i);
+        if (index >= vertexCount)
+            throw BakeError("index " + std::to_string(i) + " is " + std::to_string(index) + ", of " +
+                            std::to_string(vertexCount) + " vertices");
+        const std::byte *from = vertices.bytes.data() + index * stride;
+        const float u = coordinateAt(from, vertices.format);
+        const float v = coordinateAt(from + component, vertices.format);
+        triangles[i / 3][i % 3] = {m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]};
+    }
+    return triangles;
+}
+
+} // namespace vellum

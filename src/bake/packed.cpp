@@ -1,0 +1,152 @@
+#include "bake/packed.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace vellum
+{
+namespace
+{
+
+constexpr std::uint64_t kLowBits = 0x5555555555555555;
+
+// Sums of the even bits of some words: up to 63 words fit.
+class BitSum
+{
+public:
+    void add(std::uint64_t evenBits)
+    {
+        const std::uint64_t pairs = (evenBits & 0x3333333333333333) + (evenBits >> 2 & 0x3333333333333333);
+        m_bytes += (pairs + (pairs >> 4)) & 0x0f0f0f0f0f0f0f0f;
+    }
+    [[nodiscard]] std::uint64_t sum() const
+    {
+        // Bytes are at most 4 * 63; their sum needs more than a byte.
+        const std::uint64_t words = (m_bytes & 0x00ff00ff00ff00ff) + (m_bytes >> 8 & 0x00ff00ff00ff00ff);
+        return words * 0x0001000100010001 >> 48;
+    }
+
+private:
+    std::uint64_t m_bytes = 0;
+};
+
+// Even bits of a byte, side by side.
+constexpr std::uint8_t squeeze(unsigned byte)
+{
+    return static_cast<std::uint8_t>((byte & 1) | (byte >> 1 & 2) | (byte >> 2 & 4) | (byte >> 3 & 8));
+}
+
+// The state of a sub-triangle by those of its four parts, a byte of 4-state data.
+constexpr std::array<std::uint8_t, 256> kFolded = [] {
+    std::array<std::uint8_t, 256> folded{};
+    for (unsigned byte = 0; byte < 256; ++byte) {
+        const unsigned opaque = (byte & 1) + (byte >> 2 & 1) + (byte >> 4 & 1) + (byte >> 6 & 1);
+        const auto unknown = static_cast<std::uint8_t>(opaque >= 2 ? State::UnknownOpaque : State::UnknownTransparent);
+        folded[byte] = byte == 0x00   ? static_cast<std::uint8_t>(State::Transparent)
+                       : byte == 0x55 ? static_cast<std::uint8_t>(State::Opaque)
+                                      : unknown;
+    }
+    return folded;
+}();
+
+} // namespace
+
+StateCounts countStates(const std::uint8_t *data, std::uint32_t level)
+{
+    const std::size_t bytes = packedBytes(level, Format::FourState);
+    std::uint64_t unknown = 0;
+    std::uint64_t low = 0;
+    std::uint64_t both = 0;
+    constexpr std::size_t kWords = 63;
+    for (std::size_t at = 0; at < bytes;) {
+        BitSum unknownSum;
+        BitSum lowSum;
+        BitSum bothSum;
+        for (std::size_t n = 0; n < kWords && at < bytes; ++n, at += 8) {
+            std::uint64_t word = 0;
+            std::memcpy(&word, data + at, std::min<std::size_t>(8, bytes - at));
+            const std::uint64_t high = word >> 1 & kLowBits;
+            unknownSum.add(high);
+            lowSum.add(word & kLowBits);
+            bothSum.add(word & high);
+        }
+        unknown += unknownSum.sum();
+        low += lowSum.sum();
+        both += bothSum.sum();
+    }
+    const std::uint64_t count = microTriangleCount(level);
+    return {count - unknown - low + both, low - both, unknown - both, both};
+}
+
+std::optional<State> uniformState(const StateCounts &counts)
+{
+    for (std::size_t s = 0; s < counts.size(); ++s)
+        if (counts[s] != 0)
+            return counts[s] == counts[0] + counts[1] + counts[2] + counts[3] ? std::optional(static_cast<State>(s))
+                                                                              : std::nullopt;
+    return std::nullopt;
+}
+
+void toTwoState(std::uint8_t *data, std::uint32_t level, TwoStateRule rule)
+{
+    const std::size_t bytes = packedBytes(level, Format::FourState);
+    const auto half = [&](std::size_t at) -> unsigned {
+        if (at >= bytes)
+            return 0;
+        const unsigned low = data[at];
+        const unsigned high = low >> 1;
+        switch (rule) {
+        case TwoStateRule::UnknownIsOpaque: return squeeze(low | high);
+        case TwoStateRule::UnknownIsTransparent: return squeeze(low & ~high);
+        case TwoStateRule::Nearest: break;
+        }
+        return squeeze(low);
+    };
+    for (std::size_t at = 0; at < bytes; at += 2)
+        data[at / 2] = static_cast<std::uint8_t>(half(at) | half(at + 1) << 4);
+}
+
+void swapOutcomes(std::uint8_t *data, std::uint32_t level)
+{
+    const std::uint8_t used = level == 0 ? 0x01 : 0x55;
+    const std::size_t bytes = packedBytes(level, Format::FourState);
+    for (std::size_t i = 0; i < bytes; ++i)
+        data[i] = static_cast<std::uint8_t>(data[i] ^ used);
+}
+
+void keepCommon(std::uint8_t *data, const std::uint8_t *other, std::uint32_t level)
+{
+    const std::size_t bytes = packedBytes(level, Format::FourState);
+    for (std::size_t i = 0; i < bytes; ++i) {
+        const unsigned either = data[i] | other[i];
+        const unsigned differ = data[i] ^ other[i];
+        const unsigned unknown = (either & 0xaa) | (differ << 1 & 0xaa);
+        data[i] = static_cast<std::uint8_t>((data[i] & 0x55) | unknown);
+    }
+}
+
+void foldOnce(std::uint8_t *data, std::uint32_t level)
+{
+    const std::size_t count = microTriangleCount(level - 1);
+    for (std::size_t i = 0; i < count; i += 4) {
+        unsigned byte = 0;
+        for (std::size_t k = 0; k < 4 && i + k < count; ++k)
+            byte |= unsigned{kFolded[data[i + k]]} << (2 * k);
+        data[i / 4] = static_cast<std::uint8_t>(byte);
+    }
+}
+
+std::uint64_t hashBytes(const std::uint8_t *data, std::size_t bytes, std::uint64_t seed)
+{
+    constexpr std::uint64_t kOdd = 0x9e3779b97f4a7c15;
+    std::uint64_t hash = seed + bytes * kOdd;
+    for (std::size_t at = 0; at < bytes; at += 8) {
+        std::uint64_t word = 0;
+        std::memcpy(&word, data + at, std::min<std::size_t>(8, bytes - at));
+        hash = (hash ^ word) * kOdd;
+        hash ^= hash >> 32;
+    }
+    return hash;
+}
+
+} // namespace vellum

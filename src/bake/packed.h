@@ -1,0 +1,41 @@
+// Packed states in bulk: counting, halving and folding them.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "bake/bake.h"
+#include "core/micromap.h"
+
+namespace vellum
+{
+
+// Micro-triangles by State.
+using StateCounts = std::array<std::uint64_t, 4>;
+
+// Counts the states of 4-state data of a level.
+StateCounts countStates(const std::uint8_t *data, std::uint32_t level);
+
+// The state that all of them are.
+std::optional<State> uniformState(const StateCounts &counts);
+
+// Turns 4-state data into 2-state data, in place; what is left over behind it is undefined.
+void toTwoState(std::uint8_t *data, std::uint32_t level, TwoStateRule rule);
+
+// Makes opaque what is transparent and the other way round, known or not, in 4-state data.
+void swapOutcomes(std::uint8_t *data, std::uint32_t level);
+
+// Keeps the states of `data` that `other` has, too, and makes the others unknown: 4-state data that holds for two
+// textures.
+void keepCommon(std::uint8_t *data, const std::uint8_t *other, std::uint32_t level);
+
+// Turns 4-state data of a level, above 0, into that of the level below, in place: a state is known if those of its four
+// parts are and agree.
+void foldOnce(std::uint8_t *data, std::uint32_t level);
+
+// Of 64 bits; equal data has equal hashes.
+std::uint64_t hashBytes(const std::uint8_t *data, std::size_t bytes, std::uint64_t seed);
+
+} // namespace vellum

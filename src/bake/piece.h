@@ -1,0 +1,96 @@
+// Whether the alpha test has both outcomes in the part of a micro-triangle that lies in one cell, in double precision.
+#pragma once
+
+#include <array>
+
+#include "bake/numbers/float4.h"
+#include "bake/placement.h"
+#include "bake/texture/cell_map.h"
+
+namespace vellum
+{
+
+enum class Crossing {
+    No,   // one outcome, or the two do not touch
+    Yes,  // both
+    Open, // rounding hides it
+};
+
+// A mixed cell in single precision: enough to say what is far from doubtful.
+struct NearCell {
+    float x, y;             // of texel f00, from a point near by
+    float i, j;             // the lattice functions of Placement at the middle
+    float f00, cx, cy, cxy; // the filtered value is f00 + cx * x + cy * y + cxy * x * y; not a number if a texel is
+                            // not finite
+};
+
+class PieceTest
+{
+public:
+    PieceTest(const Placement &placement, Filter filter, const Thresholds &thresholds);
+
+    // `corner` is the lattice point of a micro-triangle, seen from the cell's texel f00; it has size 1, or -1 if
+    // `inverted`. Margins around the micro-triangle belong to it.
+    [[nodiscard]] Crossing operator()(Point corner, bool inverted, const Cell &cell) const
+    {
+        return m_filter == Filter::Bilinear ? bilinear(corner, m_shapes[inverted ? 1 : 0], cell)
+                                            : nearest(corner, m_shapes[inverted ? 1 : 0], cell);
+    }
+
+    // The values of a cell in single precision; its place is left to be set.
+    [[nodiscard]] NearCell near(const Cell &cell) const;
+    // The same for bilinear filtering, four times as fast and Open more often. The place of the cell does not matter.
+    [[nodiscard]] Crossing quick(Point corner, bool inverted, const NearCell &cell) const;
+    [[nodiscard]] const Thresholds &thresholds() const { return m_thresholds; }
+
+private:
+    // An edge of a micro-triangle, moved outwards by the margins.
+    struct Edge {
+        Point start; // from the lattice point
+        Point delta;
+        Point inverse; // of delta; 0 where delta is
+    };
+    // A function that is not negative on the inner side of an edge: w.x * gradient.x + w.y * gradient.y + constant, for
+    // w from the lattice point.
+    struct Line {
+        Point gradient;
+        double constant;
+    };
+    // The edges and lines of a shape, a lane for each; the last edge is there twice.
+    struct QuickShape {
+        Float4 startX, startY, deltaX, deltaY, inverseX, inverseY;
+        std::array<float, 3> lineX, lineY, lineConstant;
+        float lowX, lowY, highX, highY;
+    };
+    struct Shape {
+        std::array<Edge, 3> edges;
+        std::array<Line, 3> lines;
+        Point low; // the box around it, from the lattice point
+        Point high;
+    };
+
+    void makeQuick(const Placement &placement);
+    [[nodiscard]] Crossing bilinear(Point corner, const Shape &shape, const Cell &cell) const;
+    [[nodiscard]] Crossing nearest(Point corner, const Shape &shape, const Cell &cell) const;
+
+    Filter m_filter;
+    bool m_margins;
+    double m_clip; // how far beyond its sides a cell is clipped
+    double m_lineSlack;
+    double m_opaqueSurely; // values from here on are opaque, whatever rounding did
+    double m_opaquePerhaps;
+    double m_transparentSurely;
+    double m_transparentPerhaps;
+    Thresholds m_thresholds;
+    std::array<Shape, 2> m_shapes;
+    std::array<QuickShape, 2> m_quick;
+    bool m_tame; // values are neither too large nor too small for products of them in single precision
+    float m_quickClip;
+    float m_quickLineSlack;
+    float m_quickOpaqueSurely;
+    float m_quickOpaquePerhaps;
+    float m_quickTransparentSurely;
+    float m_quickTransparentPerhaps;
+};
+
+} // namespace vellum

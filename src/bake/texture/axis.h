@@ -1,0 +1,55 @@
+// How positions along one axis of a texture lead to texels: a sampler's address mode.
+//
+// Cell i is the interval between the centres of texels i and i + 1, for any integer i. An address mode folds all of
+// them onto a few stored cells. Beside each other, the stored cells read the texels of a padded row: stored cell s
+// reads padded texels s and s + 1.
+#pragma once
+
+#include <cstdint>
+
+#include "bake/texture/texture.h"
+
+namespace vellum
+{
+
+class Axis
+{
+public:
+    Axis(std::uint32_t size, Wrap wrap);
+
+    // How many cells are stored; padded rows have one texel more.
+    [[nodiscard]] std::int64_t cells() const { return m_cells; }
+    // The texel of a padded row, -1 for the border.
+    [[nodiscard]] std::int64_t padded(std::int64_t index) const;
+    // Padded texels in front of texel 0.
+    [[nodiscard]] std::int64_t lead() const { return m_lead; }
+
+    // Neighbouring cells of one direction: cell `i + n` is stored cell `first + n * step`, for n below `count`. A step
+    // of -1 reads its texels mirrored; with step 0 all of them are one.
+    struct Run {
+        std::int64_t first;
+        std::int64_t step;
+        std::int64_t count;
+    };
+    // The longest run from cell `i` on that ends at `last` or before.
+    [[nodiscard]] Run run(std::int64_t i, std::int64_t last) const
+    {
+        // In front of the border, every mode is as simple as that.
+        if (i >= -m_lead && last < m_cells - m_lead)
+            return {i + m_lead, 1, last - i + 1};
+        return foldedRun(i, last);
+    }
+    // A cell from which on the axis looks the same as from `i` on, as near to 0 as the mode allows.
+    [[nodiscard]] std::int64_t reduced(std::int64_t i) const;
+
+private:
+    [[nodiscard]] Run foldedRun(std::int64_t i, std::int64_t last) const;
+
+    std::int64_t m_size;
+    Wrap m_wrap;
+    std::int64_t m_cells;
+    std::int64_t m_lead;
+    std::int64_t m_period; // 0 where the mode has none
+};
+
+} // namespace vellum

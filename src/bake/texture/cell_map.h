@@ -1,0 +1,169 @@
+// Where in a texture the alpha test can change: one bit for each cell, the square between four texel centres.
+//
+// In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only
+// the other cells, the mixed ones, need a look inside, and they are few: the outlines of leaves.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "bake/texture/axis.h"
+#include "bake/texture/texture.h"
+
+namespace vellum
+{
+
+// A filtered value is surely opaque from `opaque` on, and surely transparent below `transparent`. They are equal but
+// for the tolerance of values.
+struct Thresholds {
+    double transparent;
+    double opaque;
+};
+
+// A cell and the texels at its corners, named by their place in the cell: f<x><y>. Cells are counted in unwrapped
+// positions, from an origin that whoever asks has chosen.
+struct Cell {
+    std::int64_t x;
+    std::int64_t y;
+    float f00, f10, f01, f11;
+};
+
+class CellMap
+{
+public:
+    CellMap(const AlphaTexture &texture, const Thresholds &thresholds);
+
+    [[nodiscard]] const Axis &axisX() const { return m_axisX; }
+    [[nodiscard]] const Axis &axisY() const { return m_axisY; }
+    [[nodiscard]] bool anyMixed() const { return m_anyMixed; }
+    // No finite texel is further from 0 than this.
+    [[nodiscard]] double largest() const { return m_largest; }
+
+    // The texels of a cell.
+    [[nodiscard]] Cell cell(std::int64_t x, std::int64_t y) const;
+    // 1: all of the cell is opaque, 0: transparent, -1: mixed.
+    [[nodiscard]] int side(std::int64_t x, std::int64_t y) const;
+    // The texels of the cells from (x0, y0) to (x1, y1) where they lie in the texture as they do in the plane: the one
+    // at the upper left corner of the first cell, with rows `pitch()` apart. Null where they do not.
+    [[nodiscard]] const float *window(std::int64_t x0, std::int64_t y0, std::int64_t x1, std::int64_t y1) const
+    {
+        const bool inside = x0 >= 0 && y0 >= 0 && x1 + 1 < m_texture.width && y1 + 1 < m_texture.height;
+        return inside ? m_texture.alpha.data() + y0 * pitch() + x0 : nullptr;
+    }
+    [[nodiscard]] std::int64_t pitch() const { return m_texture.width; }
+    // Where the texels of a cell are: rows and columns, -1 for the border.
+    struct Place {
+        std::int64_t x, y;
+        std::int64_t left, right, upper, lower;
+    };
+    [[nodiscard]] Cell read(const Place &place) const
+    {
+        return {place.x,
+                place.y,
+                texel(place.left, place.upper),
+                texel(place.right, place.upper),
+                texel(place.left, place.lower),
+                texel(place.right, place.lower)};
+    }
+    // Has the processor load the texels of a cell meanwhile.
+    void prefetch(const Place &place) const
+    {
+        const std::int64_t left = std::max<std::int64_t>(place.left, 0);
+        __builtin_prefetch(m_texture.alpha.data() + std::max<std::int64_t>(place.upper, 0) * pitch() + left);
+        __builtin_prefetch(m_texture.alpha.data() + std::max<std::int64_t>(place.lower, 0) * pitch() + left);
+    }
+    // Calls `sink` with the place of each mixed cell of row `y` from `first` to `last` until it returns true; returns
+    // whether it did.
+    template <typename Sink>
+    bool forMixed(std::int64_t y, std::int64_t first, std::int64_t last, Sink &&sink) const
+    {
+        const Axis::Run row = m_axisY.run(y, y);
+        const Rows rows = rowsOf(row);
+        return scan(static_cast<std::size_t>(row.first), first, last,
+                    [&](std::int64_t x, std::int64_t stored, bool mirrored) {
+                        return sink(place(x, y, stored, mirrored, rows));
+                    });
+    }
+    // Whether any cell of the columns from `first` to `last` is mixed.
+    [[nodiscard]] bool anyMixedIn(std::int64_t first, std::int64_t last) const
+    {
+        return scan(static_cast<std::size_t>(m_axisY.cells()), first, last,
+                    [](std::int64_t, std::int64_t, bool) { return true; });
+    }
+
+private:
+    struct Rows {
+        std::int64_t upper; // texels' rows, -1 for the border
+        std::int64_t lower;
+    };
+    [[nodiscard]] Rows rowsOf(const Axis::Run &run) const;
+    [[nodiscard]] float texel(std::int64_t column, std::int64_t row) const
+    {
+        return row < 0 || column < 0
+                   ? m_texture.border
+                   : m_texture
+                         .alpha[static_cast<std::size_t>(row * static_cast<std::int64_t>(m_texture.width) + column)];
+    }
+    [[nodiscard]] Place place(std::int64_t x, std::int64_t y, std::int64_t stored, bool mirrored,
+                              const Rows &rows) const
+    {
+        const auto at = static_cast<std::size_t>(stored);
+        return {x, y, m_columns[mirrored ? at + 1 : at], m_columns[mirrored ? at : at + 1], rows.upper, rows.lower};
+    }
+    void fill(const Thresholds &thresholds);
+    // Calls `sink` with the position of each mixed cell of a stored row, with its stored column, and whether it is
+    // mirrored, until it returns true.
+    template <typename Sink>
+    bool scan(std::size_t row, std::int64_t first, std::int64_t last, Sink &&sink) const;
+
+    const AlphaTexture &m_texture;
+    Axis m_axisX;
+    Axis m_axisY;
+    bool m_anyMixed = false;
+    double m_largest = 0;
+    std::size_t m_words;                 // of one row of bits
+    std::vector<std::uint64_t> m_mixed;  // one bit for each stored cell; behind the last row, one for all of its column
+    std::vector<std::uint64_t> m_opaque; // likewise
+    std::vector<std::int32_t> m_columns; // texels of padded rows
+    std::vector<std::int32_t> m_rows;
+};
+
+template <typename Sink>
+bool CellMap::scan(std::size_t row, std::int64_t first, std::int64_t last, Sink &&sink) const
+{
+    const std::uint64_t *bits = &m_mixed[row * m_words];
+    for (std::int64_t x = first; x <= last;) {
+        const Axis::Run run = m_axisX.run(x, last);
+        if (run.step == 0) {
+            const auto at = static_cast<std::size_t>(run.first);
+            if ((bits[at / 64] >> (at % 64) & 1) != 0)
+                for (std::int64_t i = 0; i < run.count; ++i)
+                    if (sink(x + i, run.first, false))
+                        return true;
+            x += run.count;
+            continue;
+        }
+        const std::int64_t low = run.step > 0 ? run.first : run.first - run.count + 1;
+        const std::int64_t high = low + run.count - 1;
+        for (std::int64_t word = low / 64; word <= high / 64; ++word) {
+            std::uint64_t set = bits[word];
+            if (word == low / 64)
+                set &= ~std::uint64_t{0} << (low % 64);
+            if (word == high / 64)
+                set &= ~std::uint64_t{0} >> (63 - high % 64);
+            for (; set != 0; set &= set - 1) {
+                const std::int64_t stored = word * 64 + std::countr_zero(set);
+                const bool mirrored = run.step < 0;
+                const std::int64_t at = x + (mirrored ? run.first - stored : stored - run.first);
+                if (sink(at, stored, mirrored))
+                    return true;
+            }
+        }
+        x += run.count;
+    }
+    return false;
+}
+
+} // namespace vellum

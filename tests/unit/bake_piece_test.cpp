@@ -1,0 +1,146 @@
+// The quick tests of the classifier against its exact one: they may be undecided, but never wrong.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "bake/exact.h"
+#include "bake/piece.h"
+#include "bake/placement.h"
+#include "test_random.h"
+
+using namespace vellum;
+
+namespace
+{
+
+struct Tally {
+    std::size_t all = 0;
+    std::size_t quickOpen = 0;
+    std::size_t open = 0;
+    std::size_t wrong = 0;
+};
+
+class Case
+{
+public:
+    // Coordinates on a grid, where alpha equals the cutoff and sides run along borders of cells, or anywhere; values
+    // and coordinates of any magnitude.
+    explicit Case(unsigned seed) : m_random(seed)
+    {
+        constexpr std::uint32_t kSizes[] = {1, 2, 3, 5, 8, 13};
+        texture.width = kSizes[m_random() % std::size(kSizes)];
+        texture.height = kSizes[m_random() % std::size(kSizes)];
+        texture.wrapU = static_cast<Wrap>(m_random() % 5);
+        texture.wrapV = static_cast<Wrap>(m_random() % 5);
+        texture.filter = m_random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
+        const int exponent = m_random() % 2 == 0 ? 0 : static_cast<int>(m_random() % 250) - 140;
+        const unsigned values = m_random() % 2 == 0 ? 5 : 1000;
+        for (std::uint32_t i = 0; i < texture.width * texture.height; ++i)
+            texture.alpha.push_back(
+                std::ldexp(static_cast<float>(m_random() % values) / static_cast<float>(values - 1), exponent));
+        if (m_random() % 8 == 0)
+            texture.alpha[m_random() % texture.alpha.size()] = m_random() % 2 == 0 ? NAN : INFINITY;
+        options.exactly();
+        options.cutoff = std::ldexp(m_random() % 2 == 0 ? 0.5 : m_random.uniform(0, 1), exponent);
+        const bool grid = m_random() % 2 == 0;
+        const double far = m_random() % 4 == 0 ? 1000 : 2;
+        const double size = std::ldexp(1, m_random() % 3 == 0 ? -static_cast<int>(m_random() % 40) : 0);
+        const double u = std::floor(m_random.uniform(-far, far));
+        const double v = std::floor(m_random.uniform(-far, far));
+        for (TexCoord &uv : uvs) {
+            const auto coordinate = [&](double start) {
+                const double x = m_random.uniform(0, 2);
+                return static_cast<float>(start + size * (grid ? std::round(x * 16) / 16 : x));
+            };
+            uv = {coordinate(u), coordinate(v)};
+        }
+        if (m_random() % 6 == 0)
+            uvs[2] = m_random() % 2 == 0 ? uvs[1] : TexCoord{uvs[0].u, std::nextafter(uvs[0].v, 2000.0f)};
+        level = m_random() % 4;
+    }
+
+    void compare(Tally &tally)
+    {
+        const Thresholds thresholds{options.cutoff, options.cutoff};
+        const CellMap map(texture, thresholds);
+        const Placement place(texture, map, options, uvs, level);
+        const PieceTest piece(place, texture.filter, thresholds);
+        const ExactTriangle exact(texture, options.cutoff, uvs, level);
+        std::vector<Cell> cells;
+        const std::int32_t steps = 1 << level;
+        place.forMixed(map, {0, 0, steps}, [&](const CellMap::Place &cell) {
+            cells.push_back(map.read(cell));
+            return false;
+        });
+        for (std::int32_t i = 0; i <= steps; ++i) {
+            for (std::int32_t j = 0; i + j <= steps; ++j) {
+                if (i + j < steps)
+                    compare({i, j, 1}, cells, place, piece, exact, tally);
+                if (i > 0 && j > 0)
+                    compare({i, j, -1}, cells, place, piece, exact, tally);
+            }
+        }
+    }
+
+    AlphaTexture texture;
+    BakeOptions options;
+    TriangleUvs uvs;
+    std::uint32_t level;
+
+private:
+    void compare(const SubTriangle &sub, const std::vector<Cell> &cells, const Placement &place, const PieceTest &piece,
+                 const ExactTriangle &exact, Tally &tally)
+    {
+        const auto truth = [&](Cell cell) {
+            cell.x += place.unwrappedX - place.baseX;
+            cell.y += place.unwrappedY - place.baseY;
+            return exact.crosses({{{sub.i, sub.j}, {sub.i + sub.size, sub.j}, {sub.i, sub.j + sub.size}}}, cell);
+        };
+        bool anywhere = false;
+        std::vector<bool> crosses;
+        for (const Cell &cell : cells) {
+            crosses.push_back(truth(cell));
+            anywhere = anywhere || crosses.back();
+        }
+        for (std::size_t n = 0; n < cells.size(); ++n) {
+            const Cell &cell = cells[n];
+            Point corner = place.at(sub.i, sub.j);
+            corner.x -= static_cast<double>(cell.x - place.baseX);
+            corner.y -= static_cast<double>(cell.y - place.baseY);
+            const Crossing slow = piece(corner, sub.size < 0, cell);
+            const Crossing quick = texture.filter == Filter::Nearest
+                                       ? Crossing::Open
+                                       : piece.quick(corner, sub.size < 0, piece.near(cell));
+            ++tally.all;
+            tally.open += slow == Crossing::Open ? 1u : 0u;
+            tally.quickOpen += quick == Crossing::Open ? 1u : 0u;
+            for (const Crossing crossing : {slow, quick}) {
+                // What they find to cross may do so just beside the cell.
+                const bool wrong = (crossing == Crossing::No && crosses[n]) || (crossing == Crossing::Yes && !anywhere);
+                tally.wrong += wrong ? 1u : 0u;
+            }
+        }
+    }
+
+    test::TestRandom m_random;
+};
+
+} // namespace
+
+TEST(BakePiece, QuickTestsNeverContradictTheExactOne)
+{
+    Tally tally;
+    for (unsigned seed = 0; seed < 3000 && tally.wrong == 0; ++seed) {
+        Case c(seed);
+        if (!usable(c.uvs, c.texture))
+            continue;
+        c.compare(tally);
+        EXPECT_EQ(tally.wrong, 0u) << "seed " << seed;
+    }
+    // Tests that decide nothing would pass, too.
+    EXPECT_LT(tally.open, tally.all / 2);
+    EXPECT_GT(tally.open, tally.all / 100);
+    RecordProperty("pieces", std::to_string(tally.all));
+    RecordProperty("open", std::to_string(tally.open));
+    RecordProperty("quickOpen", std::to_string(tally.quickOpen));
+}
