@@ -186,6 +186,24 @@ VkResult queuePresent(DeviceCommands &device, VkQueue queue, const VkPresentInfo
     return device.driver.next.QueuePresentKHR(queue, info);
 }
 
+void queueBeginDebugUtilsLabel(DeviceCommands &device, VkQueue queue, const VkDebugUtilsLabelEXT *label)
+{
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    device.driver.next.QueueBeginDebugUtilsLabelEXT(queue, label);
+}
+
+void queueEndDebugUtilsLabel(DeviceCommands &device, VkQueue queue)
+{
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    device.driver.next.QueueEndDebugUtilsLabelEXT(queue);
+}
+
+void queueInsertDebugUtilsLabel(DeviceCommands &device, VkQueue queue, const VkDebugUtilsLabelEXT *label)
+{
+    const TrialQueue::Lock lock = device.trials.lock(queue);
+    device.driver.next.QueueInsertDebugUtilsLabelEXT(queue, label);
+}
+
 VkResult createRenderPass2(DeviceCommands &device, VkDevice handle, const VkRenderPassCreateInfo2 *info,
                            const VkAllocationCallbacks *allocator, VkRenderPass *renderPass)
 {

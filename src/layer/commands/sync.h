@@ -18,6 +18,9 @@ void cmdWriteBufferMarker2(DeviceCommands &, VkCommandBuffer, VkPipelineStageFla
 VkResult queueSubmit2(DeviceCommands &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
 // The layer may want the same queue (commands/trials.h).
 VkResult queueBindSparse(DeviceCommands &, VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);
+void queueBeginDebugUtilsLabel(DeviceCommands &, VkQueue, const VkDebugUtilsLabelEXT *);
+void queueEndDebugUtilsLabel(DeviceCommands &, VkQueue);
+void queueInsertDebugUtilsLabel(DeviceCommands &, VkQueue, const VkDebugUtilsLabelEXT *);
 VkResult queuePresent(DeviceCommands &, VkQueue, const VkPresentInfoKHR *);
 VkResult createRenderPass2(DeviceCommands &, VkDevice, const VkRenderPassCreateInfo2 *, const VkAllocationCallbacks *,
                            VkRenderPass *);

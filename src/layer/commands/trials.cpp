@@ -1,6 +1,6 @@
 #include "layer/commands/trials.h"
 
-#include <chrono>
+#include <string>
 
 namespace vellum::layer
 {
@@ -9,6 +9,7 @@ namespace
 
 // Longer than any frame. Whoever waits so long is most likely waited for.
 constexpr std::chrono::seconds kPatience{10};
+constexpr std::chrono::seconds kPatienceWithCpu{60};
 
 } // namespace
 
@@ -19,8 +20,12 @@ public:
     Attempt(const GpuContext &context, std::unique_ptr<Trial> trial) : context_(context), trial_(std::move(trial)) {}
     ~Attempt()
     {
-        if (submitted_) // at once, but for one that was given up: then the device is being destroyed, and is idle soon
-            wait(UINT64_MAX);
+        // Carried out, but for one that was given up: then the device is being destroyed, and idle, as it must be. Of
+        // one that is not, what the GPU may still use is left to it.
+        if (submitted_ && wait(kPatience) == VK_TIMEOUT) {
+            static_cast<void>(trial_.release());
+            return;
+        }
         trial_.reset();
         if (fence_)
             next_.DestroyFence(context_.device, fence_, nullptr);
@@ -64,9 +69,9 @@ public:
         return submitted_;
     }
 
-    VkResult wait(uint64_t nanoseconds) const
+    VkResult wait(std::chrono::nanoseconds time) const
     {
-        return next_.WaitForFences(context_.device, 1, &fence_, VK_TRUE, nanoseconds);
+        return next_.WaitForFences(context_.device, 1, &fence_, VK_TRUE, static_cast<uint64_t>(time.count()));
     }
 
     void read() { trial_->read(); }
@@ -84,12 +89,13 @@ private:
 TrialQueue::TrialQueue() = default;
 TrialQueue::~TrialQueue() = default;
 
-void TrialQueue::choose(const GpuContext &context, Reporter &report,
+void TrialQueue::choose(const GpuContext &context, Reporter &report, bool slow,
                         const std::vector<VkQueueFamilyProperties> &families, const VkDeviceCreateInfo &info,
                         PFN_vkSetDeviceLoaderData setLoaderData)
 {
     context_ = context;
     report_ = &report;
+    patience_ = slow ? kPatienceWithCpu : kPatience;
     setLoaderData_ = setLoaderData;
     if (!setLoaderData)
         return;
@@ -116,15 +122,16 @@ bool TrialQueue::run(std::unique_ptr<Trial> trial)
     if (!attempt->record(family_, setLoaderData_))
         return false;
     VkResult result = VK_TIMEOUT;
-    if (const Lock lock(mutex_, kPatience); lock)
+    if (const Lock lock(mutex_, patience_); lock)
         result = attempt->submit(queue_) ? VK_SUCCESS : VK_ERROR_UNKNOWN;
     if (result == VK_SUCCESS)
-        result = attempt->wait(std::chrono::nanoseconds(kPatience).count());
+        result = attempt->wait(patience_);
     if (result == VK_SUCCESS)
         attempt->read();
     if (result != VK_TIMEOUT)
         return result == VK_SUCCESS;
-    report_->warning("VELLUM-busy-queue", "the driver could not be tried: the queue has been busy for 10 seconds");
+    report_->warning("VELLUM-busy-queue", "the driver could not be tried: the queue has been busy for " +
+                                              std::to_string(patience_.count()) + " seconds");
     std::lock_guard lock(unfinishedMutex_);
     unfinished_.push_back(std::move(attempt));
     return false;

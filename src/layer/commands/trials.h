@@ -7,6 +7,7 @@
 // asked.
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -41,8 +42,10 @@ public:
 
     // Chooses one that can run compute shaders, while the device is being made. `info` as the application passed it to
     // vkCreateDevice.
-    void choose(const GpuContext &context, Reporter &report, const std::vector<VkQueueFamilyProperties> &families,
-                const VkDeviceCreateInfo &info, PFN_vkSetDeviceLoaderData setLoaderData);
+    // `slow`: the device is a CPU, whose work may take long.
+    void choose(const GpuContext &context, Reporter &report, bool slow,
+                const std::vector<VkQueueFamilyProperties> &families, const VkDeviceCreateInfo &info,
+                PFN_vkSetDeviceLoaderData setLoaderData);
     // False where the application asked for no such queue.
     [[nodiscard]] bool exists() const { return queue_ != VK_NULL_HANDLE; }
 
@@ -61,6 +64,7 @@ private:
     GpuContext context_;
     Reporter *report_ = nullptr;
     PFN_vkSetDeviceLoaderData setLoaderData_ = nullptr;
+    std::chrono::seconds patience_{};
     uint32_t family_ = 0;
     VkQueue queue_ = VK_NULL_HANDLE;
     std::timed_mutex mutex_; // the queue's

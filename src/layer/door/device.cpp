@@ -1,6 +1,7 @@
 #include "layer/door/device.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <cstring>
 #include <shared_mutex>
@@ -263,7 +264,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (result != VK_SUCCESS)
         return result;
 
+    static std::atomic<uint64_t> numbers{0};
     device->driver.handle = *handle;
+    device->driver.number = ++numbers;
     device->driver.physicalDevice = physicalDevice;
     device->instance = &instance;
     device->driver.instance = &instance.next;
@@ -297,8 +300,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             return result;
         }
         device->driver.queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-        device->commands.trials.choose(device->buffers.gpu, instance.report, queueFamiliesOf(instance, physicalDevice),
-                                       *info, loaderDataCallback(*info));
+        device->commands.trials.choose(device->buffers.gpu, instance.report, device->driver.threads != 0,
+                                       queueFamiliesOf(instance, physicalDevice), *info, loaderDataCallback(*info));
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);

@@ -87,9 +87,8 @@ bool contains(const std::vector<VkExtensionProperties> &list, const char *name)
 // What the layer's way of having micromaps takes.
 bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<VkExtensionProperties> &list)
 {
-    // An instance of Vulkan 1.0 without VK_KHR_get_physical_device_properties2 has no devices that trace rays, either:
-    // VK_KHR_acceleration_structure depends on Vulkan 1.1.
-    if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.hasProperties2 ||
+    // VK_KHR_acceleration_structure depends on Vulkan 1.1, of which not all commands are there on an instance of 1.0.
+    if (!contains(list, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME) || !instance.isVulkan11 ||
         !instance.next.GetPhysicalDeviceFeatures2)
         return false;
     // VK_EXT_opacity_micromap depends on VK_KHR_synchronization2 or Vulkan 1.3.
@@ -109,15 +108,6 @@ bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<V
 bool isVulkan11(const VkInstanceCreateInfo &info)
 {
     return info.pApplicationInfo && info.pApplicationInfo->apiVersion >= VK_API_VERSION_1_1;
-}
-
-bool allowsProperties2(const VkInstanceCreateInfo &info)
-{
-    return isVulkan11(info) ||
-           std::any_of(info.ppEnabledExtensionNames, info.ppEnabledExtensionNames + info.enabledExtensionCount,
-                       [](const char *name) {
-                           return std::strcmp(name, VK_KHR_GET_PHYSICAL_DEVICE_PROPERTIES_2_EXTENSION_NAME) == 0;
-                       });
 }
 
 Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
@@ -217,8 +207,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     if (result != VK_SUCCESS)
         return result;
     instance->handle = *handle;
-    instance->hasProperties2 = allowsProperties2(*info);
-    instance->next.load(*handle, nextGet, isVulkan11(*info));
+    instance->isVulkan11 = isVulkan11(*info);
+    instance->next.load(*handle, nextGet, instance->isVulkan11);
     std::unique_lock lock(instancesMutex);
     instances[dispatchKey(*handle)] = std::move(instance);
     return VK_SUCCESS;

@@ -24,8 +24,7 @@ void *dispatchKey(DispatchableHandle handle)
 struct Instance {
     VkInstance handle = VK_NULL_HANDLE;
     InstanceTable next;
-    // The application's version or extensions allow vkGetPhysicalDeviceFeatures2 and its like to be called.
-    bool hasProperties2 = false;
+    bool isVulkan11 = false; // or later, by the application's version
     Settings settings;
     Reporter report;
     std::mutex habitsMutex;

@@ -130,6 +130,9 @@ namespace vellum::layer
     X(CmdWriteTimestamp2, CmdWriteTimestamp2KHR)                                                                       \
     X(CmdWriteBufferMarker2AMD, CmdWriteBufferMarker2AMD)                                                              \
     X(QueueSubmit2, QueueSubmit2KHR)                                                                                   \
+    X(QueueBeginDebugUtilsLabelEXT, QueueBeginDebugUtilsLabelEXT)                                                      \
+    X(QueueEndDebugUtilsLabelEXT, QueueEndDebugUtilsLabelEXT)                                                          \
+    X(QueueInsertDebugUtilsLabelEXT, QueueInsertDebugUtilsLabelEXT)                                                    \
     X(SetDebugUtilsObjectNameEXT, SetDebugUtilsObjectNameEXT)                                                          \
     X(SetDebugUtilsObjectTagEXT, SetDebugUtilsObjectTagEXT)                                                            \
     X(DebugMarkerSetObjectNameEXT, DebugMarkerSetObjectNameEXT)                                                        \
@@ -139,8 +142,8 @@ struct InstanceTable {
 #define VELLUM_MEMBER(name, alias) PFN_vk##name name = nullptr;
     VELLUM_INSTANCE_COMMANDS(VELLUM_MEMBER)
     PFN_vkGetInstanceProcAddr GetInstanceProcAddr = nullptr;
-    // `core`: the instance is one of Vulkan 1.1 or later. In others, commands that 1.1 has taken over are those of their
-    // extensions.
+    // `core`: the instance is one of Vulkan 1.1 or later. In others, commands that 1.1 has taken over are those of
+    // their extensions.
     void load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core);
 };
 

@@ -44,6 +44,7 @@ struct DriverHabits {
 // A device as the next layer or the driver made it.
 struct Driver {
     VkDevice handle = VK_NULL_HANDLE;
+    uint64_t number = 0; // of all devices of this process: unlike handles, numbers are not used again
     VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
     const InstanceTable *instance = nullptr;
     const Settings *settings = nullptr;
@@ -57,8 +58,8 @@ struct Driver {
     bool nullIndexBuffer = false;      // VK_NULL_HANDLE may be bound as index buffer
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
     std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
-    // Lavapipe before Mesa 26: the rays of a pipeline that consists of libraries only see the push constants of the last
-    // dispatch, not those that are set. They are to be the application's.
+    // Lavapipe before Mesa 26: the rays of a pipeline that consists of libraries only see the push constants of the
+    // last dispatch, not those that are set. They are to be the application's.
     bool keepsOldPushConstants = false;
     uint32_t threads = 0; // of a device that is a CPU; 0: it is none
 

@@ -88,7 +88,8 @@ void HostMemory::unmappedByDriver(VkDeviceMemory handle)
     memory.users = 0;
 }
 
-HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes) : device_(device)
+HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes, For use)
+    : device_(device)
 {
     HostMemory &host = device.host;
     std::lock_guard lock(host.mutex_);
@@ -109,6 +110,8 @@ HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, 
         device.driver.instance->GetPhysicalDeviceProperties(device.driver.physicalDevice, &properties);
         atoms_ = atomsOf(memory_, memory.bytes, begin, bytes, properties.limits.nonCoherentAtomSize);
         device.driver.next.InvalidateMappedMemoryRanges(device.driver.handle, 1, &atoms_);
+        if (use == For::Reading)
+            atoms_.size = 0;
     }
 }
 

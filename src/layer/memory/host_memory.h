@@ -69,7 +69,8 @@ private:
 class HostView
 {
 public:
-    HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes);
+    enum class For { Reading, Writing };
+    HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes, For use);
     ~HostView();
     HostView(const HostView &) = delete;
     HostView &operator=(const HostView &) = delete;
@@ -79,7 +80,7 @@ public:
 private:
     DeviceBuffers &device_;
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
-    VkMappedMemoryRange atoms_{}; // to be flushed at the end; none of coherent memory
+    VkMappedMemoryRange atoms_{}; // to be flushed at the end; none of coherent memory, or where nothing is written
     uint8_t *bytes_ = nullptr;
 };
 

@@ -43,29 +43,24 @@ void complainAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT m
     complain(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
 }
 
+constexpr uint64_t kHeaderBytes = kMicromapHeaderWords * 4;
+
 // A micromap's memory as the host sees it; of it the first `most` bytes, since a handle may be far larger than what is
-// written, and what lies behind that is not to be flushed.
+// in it, and what lies behind that is not to be touched.
 class View
 {
 public:
-    View(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t most = UINT64_MAX)
+    View(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t most, HostView::For use)
         : size_(handle ? std::min(micromapOf(handle)->size, most) : 0),
           view_(device.buffers, handle ? micromapOf(handle)->buffer : VK_NULL_HANDLE,
-                handle ? micromapOf(handle)->offset : 0, size_)
+                handle ? micromapOf(handle)->offset : 0, size_, use)
     {
     }
     [[nodiscard]] uint8_t *bytes() const { return view_.bytes(); }
-    [[nodiscard]] uint64_t size() const { return size_; }
-    // Bytes in use, 0 where no micromap was constructed there.
-    [[nodiscard]] uint64_t used() const
-    {
-        const uint64_t used = size_ < kMicromapHeaderWords * 4 ? 0 : micromapMemoryInUse(bytes());
-        return used <= size_ ? used : 0;
-    }
     // A micromap that is smaller than its header is none, whatever it holds.
     void invalidate() const
     {
-        if (size_ >= kMicromapHeaderWords * 4)
+        if (size_ >= kHeaderBytes)
             std::memset(bytes() + kMicromapHeaderMagic * 4, 0, 4);
     }
 
@@ -73,6 +68,22 @@ private:
     uint64_t size_;
     HostView view_;
 };
+
+// Bytes in use, 0 where no micromap was constructed there.
+uint64_t usedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
+{
+    if (!handle || micromapOf(handle)->size < kHeaderBytes)
+        return 0;
+    const View header(device, handle, kHeaderBytes, HostView::For::Reading);
+    const uint64_t used = header.bytes() ? micromapMemoryInUse(header.bytes()) : 0;
+    return used <= micromapOf(handle)->size ? used : 0;
+}
+
+// What is in use, or the header's place where nothing is.
+View viewOf(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t used)
+{
+    return {device, handle, std::max(used, kHeaderBytes), HostView::For::Reading};
+}
 
 void build(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, uint8_t *out)
 {
@@ -110,7 +121,7 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
             result = refuse(device, offence->id, where + offence->text, infos[i].dstMicromap);
             continue;
         }
-        const View view(device, infos[i].dstMicromap, extentOf(infos[i]).bytes());
+        const View view(device, infos[i].dstMicromap, extentOf(infos[i]).bytes(), HostView::For::Writing);
         if (!view.bytes())
             result = refuse(device, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
                             where + "dstMicromap is not bound to host-visible memory", infos[i].dstMicromap);
@@ -132,20 +143,24 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
     if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
         return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
                       "vkCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
-    const View source(device, info->src);
-    const uint64_t used = source.bytes() ? source.used() : 0;
+    const uint64_t used = usedBytes(device, info->src);
     const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
-    const View target(device, info->dst, std::max<uint64_t>(used, kMicromapHeaderWords * 4));
+    const View source = viewOf(device, info->src, used);
+    const View target(device, info->dst, std::max(used, kHeaderBytes), HostView::For::Writing);
     if (!source.bytes() || !target.bytes())
         return refuse(device,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapEXT-buffer-07559"
                                      : "VELLUM-VUID-vkCopyMicromapEXT-buffer-07558",
                       "vkCopyMicromapEXT: src or dst is not bound to host-visible memory", info->dst);
-    if (used == 0 || used > room) {
+    // As the device does it (shaders/micromaps/micromap_move.comp).
+    const uint64_t written = std::min(used, room);
+    if (target.bytes() < source.bytes() + written && source.bytes() < target.bytes() + written) {
+        complainAbout(device, kComplaintOverlap, info->dst);
+    } else if (used == 0 || used > room) {
         target.invalidate();
         complainAbout(device, used == 0 ? kComplaintNotBuilt : kComplaintTooLarge, info->dst);
     } else {
-        std::memmove(target.bytes(), source.bytes(), used);
+        std::memcpy(target.bytes(), source.bytes(), used);
     }
     return done(operation);
 }
@@ -158,13 +173,13 @@ VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOpera
     if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
         return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542",
                       "vkCopyMicromapToMemoryEXT: mode is not SERIALIZE", info->src);
-    const View source(device, info->src);
+    const uint64_t used = usedBytes(device, info->src);
+    const View source = viewOf(device, info->src, used);
     if (!source.bytes() || !info->dst.hostAddress)
         return refuse(device,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapToMemoryEXT-pInfo-07569"
                                      : "VELLUM-VUID-vkCopyMicromapToMemoryEXT-buffer-07568",
                       "vkCopyMicromapToMemoryEXT: src is not bound to host-visible memory, or dst is null", info->src);
-    const uint64_t used = source.used();
     if (used == 0) {
         complainAbout(device, kComplaintNotBuilt, info->src);
         return done(operation);
@@ -184,20 +199,23 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
     if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
         return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548",
                       "vkCopyMemoryToMicromapEXT: mode is not DESERIALIZE", info->dst);
-    const View target(device, info->dst);
     const auto *in = static_cast<const uint8_t *>(info->src.hostAddress);
+    SerializedMicromapHeader header{};
+    if (in)
+        std::memcpy(&header, in, sizeof header);
+    const SerializedMicromapHeader own = serializedHeader(device.driver.driverUuid, header.micromapBytes);
+    const bool known = in && header.layoutUuid == own.layoutUuid && header.bytes == own.bytes &&
+                       header.bytes >= sizeof header + kHeaderBytes &&
+                       micromapMemoryInUse(in + sizeof header) == header.micromapBytes;
+    const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
+    const View target(device, info->dst, known && header.micromapBytes <= room ? header.micromapBytes : kHeaderBytes,
+                      HostView::For::Writing);
     if (!target.bytes() || !in)
         return refuse(device,
                       target.bytes() ? "VELLUM-VUID-vkCopyMemoryToMicromapEXT-pInfo-07563"
                                      : "VELLUM-VUID-vkCopyMemoryToMicromapEXT-buffer-07565",
                       "vkCopyMemoryToMicromapEXT: dst is not bound to host-visible memory, or src is null", info->dst);
-    SerializedMicromapHeader header;
-    std::memcpy(&header, in, sizeof header);
-    const SerializedMicromapHeader own = serializedHeader(device.driver.driverUuid, header.micromapBytes);
-    const bool known = header.layoutUuid == own.layoutUuid && header.bytes == own.bytes &&
-                       header.bytes >= sizeof header + kMicromapHeaderWords * 4 &&
-                       micromapMemoryInUse(in + sizeof header) == header.micromapBytes;
-    if (!known || header.micromapBytes > target.size()) {
+    if (!known || header.micromapBytes > room) {
         target.invalidate();
         complainAbout(device, known ? kComplaintTooLarge : kComplaintSerialized, info->dst);
         return done(operation);
@@ -220,12 +238,12 @@ VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t co
         if (i * stride + sizeof(VkDeviceSize) > size)
             return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576",
                           "vkWriteMicromapsPropertiesEXT: dataSize is too small", micromaps[i]);
-        const View view(device, micromaps[i]);
-        if (!view.bytes())
+        const uint64_t used = usedBytes(device, micromaps[i]);
+        if (!viewOf(device, micromaps[i], used).bytes())
             return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-buffer-07577",
                           "vkWriteMicromapsPropertiesEXT: a micromap is not bound to host-visible memory",
                           micromaps[i]);
-        VkDeviceSize value = std::max<uint64_t>(view.used(), kMicromapHeaderWords * 4);
+        VkDeviceSize value = std::max(used, kHeaderBytes);
         if (serialized)
             value += sizeof(SerializedMicromapHeader);
         std::memcpy(static_cast<uint8_t *>(data) + i * stride, &value, sizeof value);

@@ -93,10 +93,10 @@ bool RayFlagBits::carried(Way way)
     std::optional<bool> &answer = answers_[static_cast<size_t>(way)];
     if (!answer)
         answer = tryOut(way);
-    return *answer;
+    return answer.value_or(false);
 }
 
-bool RayFlagBits::tryOut(Way way)
+std::optional<bool> RayFlagBits::tryOut(Way way)
 {
     const bool query = way == Way::Query;
     if (!(query ? device_.driver.asked.rayQueries : device_.driver.asked.rayTracingPipelines) ||
@@ -112,7 +112,7 @@ bool RayFlagBits::tryOut(Way way)
         else
             device_.commands.trials.run(std::make_unique<PipelineTrial>(device_, known));
     }
-    return known.value_or(false);
+    return known;
 }
 
 } // namespace vellum::layer

@@ -12,7 +12,8 @@ namespace vellum::layer
 struct DevicePipelines;
 
 // The answers are true where the bits come back and change no hit; also where the application did not enable that way
-// of tracing, or has no queue that could trace, so that nothing depends on it. Any thread may ask.
+// of tracing, or has no queue that could trace, so that nothing depends on it. Where the driver could not be tried, the
+// answer is false, and the next one who asks tries again. Any thread may ask.
 class RayFlagBits
 {
 public:
@@ -23,7 +24,7 @@ public:
 private:
     enum class Way { Query, Pipeline };
     bool carried(Way way);
-    bool tryOut(Way way);
+    std::optional<bool> tryOut(Way way);
 
     DevicePipelines &device_;
     std::mutex mutex_; // held while a ray is traced: nobody who asks can go on before

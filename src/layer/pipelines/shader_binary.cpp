@@ -22,7 +22,7 @@ const std::array<uint8_t, VK_UUID_SIZE> &processUuid()
 
 ShaderBinaryHeader shaderBinaryHeader(const DevicePipelines &device)
 {
-    return {processUuid(), device.objects.root.address(), reinterpret_cast<uint64_t>(device.driver.handle)};
+    return {processUuid(), device.objects.root.address(), device.driver.number};
 }
 
 VkResult getShaderBinaryData(DevicePipelines &device, VkDevice handle, newer::ShaderEXT shader, size_t *size,

@@ -19,7 +19,7 @@ const std::array<uint8_t, VK_UUID_SIZE> &processUuid();
 struct ShaderBinaryHeader {
     std::array<uint8_t, VK_UUID_SIZE> process;
     VkDeviceAddress root;
-    uint64_t device; // the handle
+    uint64_t device; // Driver::number
     bool operator==(const ShaderBinaryHeader &) const = default;
 };
 static_assert(sizeof(ShaderBinaryHeader) == 32); // keeps the 16-byte alignment that VUID-...-pCode-08492 asks for

@@ -69,11 +69,13 @@ private:
 
 const BlankStructure &blankStructure(DeviceStructures &device)
 {
-    std::call_once(device.blank.tried, [&device] {
-        if (device.driver.asked.structures)
-            device.commands.trials.run(std::make_unique<SerializationTrial>(device));
-    });
-    return device.blank;
+    BlankStructure &blank = device.blank;
+    std::lock_guard lock(blank.mutex);
+    // After a trial that was not carried out, the next one who asks tries again.
+    if (!blank.tried)
+        blank.tried = !device.driver.asked.structures || !device.commands.trials.exists() ||
+                      device.commands.trials.run(std::make_unique<SerializationTrial>(device));
+    return blank;
 }
 
 } // namespace vellum::layer

@@ -15,7 +15,8 @@ struct DeviceStructures;
 
 // It begins with the driver's UUIDs, and stands in for serialized data that the driver must not see.
 struct BlankStructure {
-    std::once_flag tried;
+    std::mutex mutex;   // held while it is made: nobody who asks can go on before
+    bool tried = false; // the driver was tried out, whatever came of it
     GpuBuffer memory;
     uint32_t units = 0;              // of 16 bytes; 0: there is none
     VkDeviceSize structureBytes = 0; // of the structure that it is deserialized to

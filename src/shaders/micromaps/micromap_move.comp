@@ -119,13 +119,12 @@ uint problemOfTarget(uvec2 bytes)
     if (mode == kMoveSerialize)
         return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)) ? kComplaintTooLarge
                                                                                                    : 0u;
-    if (less(push.micromapBytes, bytes))
-        return kComplaintTooLarge;
-    // VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
+    // Before the size is looked at: a target that is too small is written to, and must not be part of the source. VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
+    const bool tooSmall = less(push.micromapBytes, bytes);
     if (mode == kMoveCopy && (less(addressMinus(push.micromap, push.serialized), bytes) ||
-                              less(addressMinus(push.serialized, push.micromap), bytes)))
+                              less(addressMinus(push.serialized, push.micromap), tooSmall ? push.micromapBytes : bytes)))
         return kComplaintOverlap;
-    return 0u;
+    return tooSmall ? kComplaintTooLarge : 0u;
 }
 
 void main()

@@ -83,7 +83,7 @@ TEST_P(OldInstance, NothingNewerIsCalled)
     const bool micromaps = std::any_of(offered.begin(), offered.end(), [](const VkExtensionProperties &e) {
         return std::strcmp(e.extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0;
     });
-    EXPECT_EQ(micromaps, GetParam()); // whether a device can have them, takes asking
+    EXPECT_FALSE(micromaps); // acceleration structures take Vulkan 1.1
     const float priority = 1;
     VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
     queue.queueCount = 1;

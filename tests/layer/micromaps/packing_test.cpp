@@ -44,10 +44,11 @@ protected:
         }
         return input;
     }
-    MicromapHandle place(VkDeviceSize offset)
+    MicromapHandle place(VkDeviceSize offset) { return place(offset, kArenaBytes - offset); }
+    MicromapHandle place(VkDeviceSize offset, VkDeviceSize size)
     {
-        handles_.push_back(createMicromap(gpu(), arena_.buffer(), arena_.address() - arena_.offset(),
-                                          arena_.offset() + offset, kArenaBytes - offset));
+        handles_.push_back(
+            createMicromap(gpu(), arena_.buffer(), arena_.address() - arena_.offset(), arena_.offset() + offset, size));
         return handles_.back();
     }
     void copy(const MicromapHandle &from, const MicromapHandle &to,
@@ -115,8 +116,9 @@ TEST_F(Packing, WhatIsInUseMayNotOverlap)
 {
     const MicromapHandle first = place(256);
     copy(source_.handle(), first);
-    for (const VkDeviceSize offset : {VkDeviceSize{0}, VkDeviceSize{512}}) {
-        copy(first, place(offset));
+    // The last one is also too small, and part of the source.
+    for (const MicromapHandle &target : {place(0), place(512), place(512, 256)}) {
+        copy(first, target);
         gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is told with the next commands
         const auto messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u);
