@@ -95,20 +95,12 @@ TEST_F(Packing, SizesAreOfWhatIsInUse)
     if (gpu().khr())
         types.push_back(VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR);
     for (const VkQueryType type : types) {
-        VkQueryPoolCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-        info.queryType = type;
-        info.queryCount = 1;
-        VkQueryPool pool = VK_NULL_HANDLE;
-        VT_CHECK(vkCreateQueryPool(gpu().device(), &info, nullptr, &pool));
+        const QueryPool pool(gpu(), type);
         gpu().submit([&](VkCommandBuffer commands) {
             vkCmdResetQueryPool(commands, pool, 0, 1);
             recordMicromapProperties(gpu(), commands, std::span(&handle, 1), type, pool, 0);
         });
-        VkDeviceSize size = 0;
-        VT_CHECK(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &size, 8, VK_QUERY_RESULT_64_BIT));
-        vkDestroyQueryPool(gpu().device(), pool, nullptr);
-        EXPECT_EQ(size, toldSize(gpu(), used_)) << type;
+        EXPECT_EQ(pool.value(), toldSize(gpu(), used_)) << type;
     }
 }
 
