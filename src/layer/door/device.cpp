@@ -1,6 +1,7 @@
 #include "layer/door/device.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstdio>
 #include <cstring>
@@ -19,8 +20,29 @@ namespace vellum::layer
 namespace
 {
 
+// Every intercepted command looks its device up, on all threads at once: a lock that they share, even one for readers,
+// would be written by each of them. So the first devices, which are all that most processes have, lie in places that
+// are read without one. A place changes only while its device is made or destroyed, when no command may name it; what
+// others read there meanwhile is another key than theirs.
+struct DevicePlace {
+    std::atomic<void *> key = nullptr;
+    std::atomic<Device *> device = nullptr;
+};
+std::array<DevicePlace, 16> devicePlaces;
+
 std::shared_mutex devicesMutex;
 std::unordered_map<void *, std::unique_ptr<Device>> devices;
+
+void setPlace(void *oldKey, void *key, Device *device)
+{
+    for (DevicePlace &place : devicePlaces) {
+        if (place.key.load(std::memory_order_relaxed) != oldKey)
+            continue;
+        place.device.store(device, std::memory_order_relaxed);
+        place.key.store(key, std::memory_order_release);
+        return;
+    }
+}
 
 bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
 {
@@ -220,6 +242,10 @@ VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
 
 Device *deviceOfKey(void *key)
 {
+    for (const DevicePlace &place : devicePlaces) {
+        if (place.key.load(std::memory_order_acquire) == key)
+            return place.device.load(std::memory_order_relaxed);
+    }
     std::shared_lock lock(devicesMutex);
     const auto it = devices.find(key);
     return it == devices.end() ? nullptr : it->second.get();
@@ -305,6 +331,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);
+    setPlace(nullptr, dispatchKey(*handle), device.get());
     devices[dispatchKey(*handle)] = std::move(device);
     return VK_SUCCESS;
 }
@@ -321,6 +348,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
             return;
         device = std::move(it->second);
         devices.erase(it);
+        setPlace(dispatchKey(handle), nullptr, nullptr);
     }
     reportNotices(device->objects);
     device->commands.complaints.drain(device->driver.report());

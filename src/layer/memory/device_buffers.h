@@ -9,6 +9,7 @@
 #include "layer/memory/address_map.h"
 #include "layer/memory/gpu_memory.h"
 #include "layer/memory/host_memory.h"
+#include "layer/memory/scratch_memory.h"
 
 namespace vellum::layer
 {
@@ -24,6 +25,7 @@ struct DeviceBuffers {
     HandleMap<VkBuffer, BufferInfo> infos{};
     AddressMap addresses{};
     HostMemory host{};
+    ScratchPool scratch{gpu}; // of command buffers
     // Called when a buffer has got memory, or its address is asked for.
     std::function<void(VkBuffer)> onAddress{};
 };

@@ -54,7 +54,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
 {
     const VkDeviceSize stagingBytes = source.size + kDriverOverhead;
     state.scratch.restart();
-    const VkDeviceAddress staging = state.scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes);
+    const VkDeviceAddress staging = state.scratch.allocate(kPlanBytes + stagingBytes);
     if (!staging) {
         refuse(device, "VELLUM-out-of-memory", "vkCmdCopyAccelerationStructureToMemoryKHR",
                "no memory for the driver's serialized data", info.src);
@@ -99,7 +99,7 @@ struct Restore {
     VkCommandBuffer commandBuffer;
     const VkCopyMemoryToAccelerationStructureInfoKHR &info;
     std::shared_ptr<AccelerationStructure> target;
-    std::shared_ptr<CommandState> state;
+    CommandState *state;
 
     [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(info.src.deviceAddress); }
 
@@ -151,7 +151,7 @@ struct Restore {
         if (state)
             state->scratch.restart();
         const VkDeviceAddress staging =
-            state && cell.address ? state->scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes) : 0;
+            state && cell.address ? state->scratch.allocate(kPlanBytes + stagingBytes) : 0;
         if (!staging) {
             refused("VELLUM-out-of-memory", "no memory for the serialized data");
             return;
