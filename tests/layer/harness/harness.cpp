@@ -434,8 +434,7 @@ void Gpu::createDevice()
             chain(newer[i], kNewerExtensions[i].features);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
-    if (!options_.addressReplay)
-        vulkan12.bufferDeviceAddressCaptureReplay = VK_FALSE;
+    vulkan12.bufferDeviceAddressCaptureReplay &= VkBool32{options_.addressReplay};
     if (!options_.micromapFeature)
         micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
