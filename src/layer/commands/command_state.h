@@ -27,7 +27,7 @@ struct CommandState {
         uint32_t offset;
         std::vector<std::byte> bytes;
     };
-    explicit CommandState(ScratchPool &scratchPool) : scratch(scratchPool) {}
+    explicit CommandState(MemoryPool &scratchPool) : scratch(scratchPool) {}
 
     VkCommandPool pool = VK_NULL_HANDLE;
     bool secondary = false;

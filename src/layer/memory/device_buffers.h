@@ -25,7 +25,7 @@ struct DeviceBuffers {
     HandleMap<VkBuffer, BufferInfo> infos{};
     AddressMap addresses{};
     HostMemory host{};
-    ScratchPool scratch{gpu}; // of command buffers
+    MemoryPool scratch{gpu, kScratchAlignment, scratchUsage}; // of command buffers
     // Called when a buffer has got memory, or its address is asked for.
     std::function<void(VkBuffer)> onAddress{};
 };
