@@ -150,7 +150,8 @@ void run(const BenchOptions &options)
         add("layer, ext", on, cli::MicromapApi::Ext);
     if (on.has(cli::MicromapApi::Khr))
         add("layer, khr", on, cli::MicromapApi::Khr);
-    fmt::print("{}, {}\n{} repetitions of {} calls, {} thread(s), {} command buffers and buffers besides. Nanoseconds "
+    fmt::print("{}, {}\n{} repetitions of {} calls, {} thread(s), {} command buffers, buffers and structures besides. "
+               "Nanoseconds "
                "of CPU for a call: of the driver, and what the others take more: median (worst repetition)\n\n",
                on.name, on.implementation, options.repetitions, options.calls, options.threads, options.objects);
     fmt::print("| command |");
@@ -184,9 +185,10 @@ int main(int argc, char **argv)
     app.add_option("-n,--calls", options.calls, "Calls in a repetition")
         ->capture_default_str()
         ->check(CLI::Range(1, 100000));
-    app.add_option("-o,--objects", options.objects, "Command buffers and buffers that are there besides")
+    app.add_option("-o,--objects", options.objects,
+                   "Command buffers, buffers and acceleration structures that are there besides")
         ->capture_default_str()
-        ->check(CLI::Range(0, 100000));
+        ->check(CLI::Range(0, 12000));
     app.add_option("-t,--threads", options.threads, "Threads that call the same at the same time")
         ->capture_default_str()
         ->check(CLI::Range(1, 64));

@@ -216,6 +216,30 @@ void addObjects(std::vector<CommandCase> &cases)
                      })});
 }
 
+// What an engine might record in a frame, a thousand commands.
+void addFrame(std::vector<CommandCase> &cases)
+{
+    cases.push_back(
+        {"a frame of 1,000 commands", times([](Side side, Commands commands, Count) {
+             const std::uint32_t values[32] = {};
+             const std::vector<VkMemoryBarrier2> memory(1, memoryBarrier());
+             const std::vector<VkBufferMemoryBarrier2> buffers(4, bufferBarrier(side));
+             const VkDependencyInfo info = dependency(memory, buffers);
+             side.vk.EndCommandBuffer(commands);
+             side.begin(commands);
+             for (Count i = 0; i < 111; ++i) {
+                 side.vk.CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, side.compute);
+                 for (Count d = 0; d < 3; ++d) {
+                     side.vk.CmdPushConstants(commands, side.layout, VK_SHADER_STAGE_ALL, 0, sizeof values, values);
+                     side.vk.CmdDispatch(commands, 1, 1, 1);
+                 }
+                 side.vk.CmdWriteTimestamp2(commands, VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, side.timestamps, i % 64);
+                 side.vk.CmdPipelineBarrier2(commands, &info);
+             }
+         }),
+         true});
+}
+
 // By addresses with the layer, by buffers without.
 void addAddressCommands(std::vector<CommandCase> &cases)
 {
@@ -287,6 +311,7 @@ std::vector<CommandCase> commandCases()
     addCommandBuffers(cases);
     addObjects(cases);
     addAddressCommands(cases);
+    addFrame(cases);
     addCreations(cases);
     return cases;
 }

@@ -167,7 +167,19 @@ void CommandSide::createObjects(std::uint32_t objects)
     secondary = allocate(secondaryPool, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
     begin(secondary, VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT);
     check(vk.EndCommandBuffer(secondary), "recording");
+    constexpr VkDeviceSize kSmall = 256;
+    m_manyStorage =
+        makeBuffer((VkDeviceSize{objects} + 1) * kSmall,
+                   VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    structureInfo.buffer = m_manyStorage.buffer;
+    structureInfo.size = kSmall;
     for (std::uint32_t i = 0; i < objects; ++i) {
+        structureInfo.offset = i * kSmall;
+        check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &m_structures.emplace_back()),
+              "creating an acceleration structure");
+        const VkAccelerationStructureDeviceAddressInfoKHR query{
+            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, m_structures.back()};
+        (void)vk.GetAccelerationStructureDeviceAddressKHR(device, &query);
         if (i % 256 == 0)
             m_pools.push_back(makePool());
         (void)allocate(m_pools.back(), VK_COMMAND_BUFFER_LEVEL_PRIMARY);
@@ -188,7 +200,9 @@ CommandSide::~CommandSide()
     vk.DestroyEvent(device, event, nullptr);
     vk.DestroyQueryPool(device, timestamps, nullptr);
     vk.DestroyAccelerationStructureKHR(device, structure, nullptr);
-    for (const BenchBuffer &b : {buffer, other, storage})
+    for (const VkAccelerationStructureKHR s : m_structures)
+        vk.DestroyAccelerationStructureKHR(device, s, nullptr);
+    for (const BenchBuffer &b : {buffer, other, storage, m_manyStorage})
         destroy(b);
     for (const VkPipeline p : {compute, graphics, rayTracing})
         vk.DestroyPipeline(device, p, nullptr);

@@ -106,7 +106,7 @@ struct BenchBuffer {
 class CommandSide
 {
 public:
-    // `objects`: so many buffers and command buffers are there besides those that are used.
+    // `objects`: so many buffers, command buffers and acceleration structures are there besides those that are used.
     CommandSide(std::string name, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> api,
                 std::uint32_t objects);
     ~CommandSide();
@@ -150,6 +150,8 @@ private:
     VkPhysicalDevice m_physical = VK_NULL_HANDLE;
     std::vector<VkCommandPool> m_pools;
     std::vector<BenchBuffer> m_buffers;
+    BenchBuffer m_manyStorage; // of the structures
+    std::vector<VkAccelerationStructureKHR> m_structures;
 };
 
 } // namespace vellum::bench
