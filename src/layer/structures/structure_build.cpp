@@ -89,6 +89,8 @@ private:
         uint32_t i; // of pInfos
         DriverBuildInfo build;
         std::shared_ptr<AccelerationStructure> target;
+        std::shared_ptr<AccelerationStructure> source; // of an update; null: it is none
+        VkDeviceAddress sourceCell = 0;
         VkDeviceAddress tail = 0; // where the records go; 0: there are none
         VkDeviceSize tailBytes = 0;
         CellPlace cell;
@@ -144,9 +146,11 @@ private:
     bool sourceIsWrong(Part &part)
     {
         const VkAccelerationStructureKHR handle = infos_[part.i].srcAccelerationStructure;
-        const auto source = device_.objects.accelerationStructures.get(handle);
-        if (source && source->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        part.source = device_.objects.accelerationStructures.get(handle);
+        if (part.source && part.source->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+            part.sourceCell = cellOf(device_.objects, *part.source, handle).address;
             return false;
+        }
         refuse(part,
                handle ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629"
                       : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630",
@@ -189,10 +193,7 @@ private:
             return;
         const uint32_t i = part.i;
         AccelerationStructure &target = *part.target;
-        {
-            std::lock_guard lock(target.mutex);
-            target.content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-        }
+        becomes(target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
         std::vector<uint32_t> primitives(part.build.geometryCount());
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
             primitives[g] = ranges_[i].primitives(g);
@@ -208,7 +209,8 @@ private:
             refuseSmall(part);
             return;
         }
-        // An update in place of a compacted structure: the records come last in it.
+        // An update of a compacted structure: the records lie where it has them, which the device knows; if it has
+        // none, last.
         if (offset + part.tailBytes > target.size)
             offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
         part.tail = beginOf(device_.driver, target) + offset;
@@ -234,11 +236,7 @@ private:
                        "memory for the layer's tables");
                 continue;
             }
-            {
-                std::lock_guard lock(part.target->mutex);
-                part.target->content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-                part.target->mostInstances = std::max(part.target->mostInstances, count);
-            }
+            becomesTopLevel(*part.target, count);
             VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
             TlasInstancesPush &push = part.instances;
             push.source = instances.data.deviceAddress;
@@ -375,22 +373,25 @@ private:
     void writeRecords(InjectedWork &work, const Part &part, const Ranges &ranges)
     {
         const uint32_t geometries = part.build.geometryCount();
-        VkDeviceAddress triangles = part.tail + geometries * (kGeometryRecordBytes + kMicromapNameWords * 4);
+        VkDeviceSize triangles = geometries * (kGeometryRecordBytes + kMicromapNameWords * 4); // offset in the tail
         for (uint32_t g = 0; g < geometries; ++g) {
             BlasRecordsPush push{};
-            push.geometryRecord = part.tail + g * kGeometryRecordBytes;
-            push.firstGeometryRecord = part.tail;
+            push.tail = part.tail;
             push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell.address : 0;
             push.geometryCount = geometries;
             push.geometry = g;
             push.tailUnits = unitsOf(part.tailBytes);
+            if (part.source) {
+                push.source = part.sourceCell;
+                push.sourceBegin = beginOf(device_.driver, *part.source);
+                push.begin = beginOf(device_.driver, *part.target);
+                push.commonUnits = unitsOf(std::min(part.source->size, part.target->size));
+            }
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges.primitives(g);
                 push.range = ranges.address(g);
-                push.triangleRecords = triangles;
-                push.geometryWord |= static_cast<uint32_t>((triangles - part.tail) / kTriangleRecordBytes)
-                                     << kGeometryTrianglesShift;
+                push.geometryWord |= static_cast<uint32_t>(triangles / kTriangleRecordBytes) << kGeometryTrianglesShift;
                 const VkMicromapEXT handle =
                     micromap->structure ? micromapOf(device_.objects, micromap->structure) : micromap->micromap;
                 push.micromap = micromapAddress(device_.driver, handle);

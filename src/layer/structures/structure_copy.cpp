@@ -17,7 +17,8 @@ namespace
 using namespace shared;
 
 // What a source without any recorded build may hold can only be told from its size; one of which more is known, and
-// that is much larger than its instances need, holds at most so many times the instances that were recorded.
+// that is much larger than its instances need, holds at most so many times the instances that were recorded. Of GENERIC
+// structures the size says nothing: they hold what was recorded last, and so many instances.
 constexpr uint32_t kMostGrowth = 4;
 constexpr uint32_t kFewInstances = 4096;
 
@@ -60,21 +61,25 @@ struct Copy {
     // Top or bottom level; GENERIC: nothing tells.
     [[nodiscard]] VkAccelerationStructureTypeKHR type() const
     {
-        std::lock_guard lock(source->mutex);
-        if (source->content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-            return source->content;
-        return target->type;
+        const VkAccelerationStructureTypeKHR content = contentOf(*source);
+        return content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? content : target->type;
     }
 
     [[nodiscard]] uint32_t mostInstances() const
     {
         const uint32_t fits =
             std::min(topLevelCapacity(device.driver, source->size), topLevelCapacity(device.driver, target->size));
-        std::lock_guard lock(source->mutex);
-        if (source->mostInstances == 0)
-            return fits;
-        const uint64_t likely = std::max(uint64_t{source->mostInstances} * kMostGrowth, uint64_t{kFewInstances});
-        return static_cast<uint32_t>(std::min<uint64_t>(fits, likely));
+        const uint32_t fitsRoom = std::min(fits, topLevelCapacity(device.driver, roomOf(device.objects, *target)));
+        std::lock_guard lock(source->place->mutex);
+        const StructurePlace &place = *source->place;
+        if (place.mostInstances == 0)
+            return fitsRoom;
+        if (source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
+            target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+            return std::min(fits, place.lastInstances);
+        const uint64_t likely = std::max(uint64_t{place.mostInstances} * kMostGrowth, uint64_t{kFewInstances});
+        return std::max(static_cast<uint32_t>(std::min<uint64_t>(fitsRoom, likely)),
+                        std::min(fits, place.lastInstances));
     }
 
     void record() const
@@ -105,10 +110,7 @@ struct Copy {
                                sourceCell.address, mostInstances(), InstancesFrom::Structure);
             return;
         }
-        {
-            std::lock_guard lock(target->mutex);
-            target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-        }
+        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
         device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
         work.barrier();
         StructureCopyPush push{};
@@ -156,11 +158,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
         state ? state->scratch.allocate(device.buffers.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
     if (!slots || !scratch)
         return refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
-    {
-        std::lock_guard lock(structure->mutex);
-        structure->content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-        structure->mostInstances = std::max(structure->mostInstances, most);
-    }
+    becomesTopLevel(*structure, most);
     TlasInstancesPush push{};
     push.source = source;
     push.target = scratch + scratchBytes;

@@ -188,10 +188,7 @@ struct Restore {
 
     void restoreBottomLevel(InjectedWork &work, StructureRestorePush &push) const
     {
-        {
-            std::lock_guard lock(target->mutex);
-            target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-        }
+        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
         VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
         driverInfo.src.deviceAddress = push.staging + kPlanBytes;
         device.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
@@ -234,11 +231,7 @@ void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuf
                kCommand, "dst is a null address or not aligned to 256 bytes", info->src);
         return;
     }
-    VkAccelerationStructureTypeKHR content;
-    {
-        std::lock_guard lock(source->mutex);
-        content = source->content;
-    }
+    const VkAccelerationStructureTypeKHR content = contentOf(*source);
     const CellPlace cell = cellOf(device.objects, *source, info->src);
     if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || blankStructure(device).units == 0) {
         device.driver.report().notAvailable(
