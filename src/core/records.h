@@ -167,7 +167,7 @@ VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- cell: what is at an acceleration structure's address; written by the GPU when a build or a copy executes ---
-// word 0, 1: address of the tail
+// word 0, 1: address of the tail; of a BLAS without records, where the driver's part ends, if that is known
 // word 2: kCell*
 // word 3: 16-byte units of the tail
 // word 4: number of geometry records or of instances

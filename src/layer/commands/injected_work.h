@@ -86,7 +86,7 @@ struct TlasInstancesPush {
 };
 struct StructureCopyPush {
     VkDeviceAddress sourceCell, targetCell, sourceBegin, targetBegin, root;
-    uint32_t sourceUnits, targetUnits, compact;
+    uint32_t sourceUnits, targetUnits, compact, whole;
 };
 struct StructureSavePush {
     VkDeviceAddress cell, begin, staging, blob, root;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -32,6 +33,11 @@ struct AccelerationStructure {
 
     std::mutex mutex;                // guards what is below
     VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
+    struct Fitted {
+        VkDeviceSize bytes = 0;
+        VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+    };
+    std::vector<Fitted> fitted; // handles of the driver's at the same place, structures/fitted_handle.h
 };
 
 // Finds the place of a structure that was made in `buffer`, and lets go of it.

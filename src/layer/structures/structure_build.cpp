@@ -1,6 +1,7 @@
 #include "layer/structures/structure_build.h"
 
 #include <algorithm>
+#include <cstring>
 #include <string>
 #include <unordered_set>
 
@@ -9,6 +10,7 @@
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -93,6 +95,7 @@ private:
         VkDeviceAddress sourceCell = 0;
         VkDeviceAddress tail = 0; // where the records go; 0: there are none
         VkDeviceSize tailBytes = 0;
+        VkDeviceSize driverBytes = 0; // that the driver needs; of a build without records, where that matters only
         CellPlace cell;
         RangeInfo instanceRange{}; // of the patched instances
         TlasInstancesPush instances{};
@@ -198,12 +201,17 @@ private:
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
             primitives[g] = ranges_[i].primitives(g);
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
-        if (part.tailBytes == 0)
+        if (part.tailBytes == 0 && !device_.driver.clearsWholeHandles)
             return;
-        VkDeviceSize offset = alignUp(
+        const VkDeviceSize driverBytes =
             driverSizes(device_.driver, part.build, primitives.data(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
-                .accelerationStructureSize,
-            kPartAlignment);
+                .accelerationStructureSize;
+        if (part.tailBytes == 0) {
+            part.driverBytes = std::min(alignUp(driverBytes, 16), target.size);
+            return fit(part, part.driverBytes);
+        }
+        VkDeviceSize offset = alignUp(driverBytes, kPartAlignment);
+        fit(part, offset + part.tailBytes);
         if (part.tailBytes > target.size || (offset + part.tailBytes > target.size &&
                                              infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
             refuseSmall(part);
@@ -214,6 +222,12 @@ private:
         if (offset + part.tailBytes > target.size)
             offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
         part.tail = beginOf(device_.driver, target) + offset;
+    }
+
+    // No more than the build needs is the driver's to write.
+    void fit(Part &part, VkDeviceSize bytes)
+    {
+        part.build.setTarget(fittedHandle(device_, *part.target, infos_[part.i].dstAccelerationStructure, bytes));
     }
 
     void patchInstances(InjectedWork &work)
@@ -237,6 +251,7 @@ private:
                 continue;
             }
             becomesTopLevel(*part.target, count);
+            fit(part, topLevelBytes(device_.driver, flags, count));
             VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
             TlasInstancesPush &push = part.instances;
             push.source = instances.data.deviceAddress;
@@ -337,6 +352,10 @@ private:
             uint32_t words[kCellWords]{};
             words[2] = kCellPlain;
             setBoxes(words, part.build);
+            if (part.driverBytes > 0) {
+                const VkDeviceAddress end = beginOf(device_.driver, *part.target) + part.driverBytes;
+                std::memcpy(words, &end, sizeof end);
+            }
             device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words,
                                                 words);
             any = true;

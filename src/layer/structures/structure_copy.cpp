@@ -7,6 +7,7 @@
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -111,9 +112,12 @@ struct Copy {
             return;
         }
         becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
-        device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
-        work.barrier();
         StructureCopyPush push{};
+        push.whole = device.driver.clearsWholeHandles;
+        if (!push.whole) {
+            device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
+            work.barrier();
+        }
         push.sourceCell = sourceCell.address;
         push.targetCell = targetCell.address;
         push.sourceBegin = beginOf(device.driver, *source);
@@ -172,7 +176,8 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
         return false;
     work.barrier();
     TopLevelBuild build(0, push.target);
-    build.info.dstAccelerationStructure = target;
+    build.info.dstAccelerationStructure =
+        fittedHandle(device, *structure, target, topLevelBytes(device.driver, 0, most));
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{most, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;

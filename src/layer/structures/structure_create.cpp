@@ -4,6 +4,7 @@
 
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -77,8 +78,10 @@ void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkA
                                   const VkAllocationCallbacks *allocator)
 {
     const auto known = device.objects.accelerationStructures.take(structure);
-    if (known)
+    if (known) {
         leavePlace(device.objects, *known);
+        destroyFittedHandles(device, *known);
+    }
     if (known && known->micromapKey)
         device.objects.root.releaseCell(known->micromapKey);
     if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
@@ -126,6 +129,9 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice handl
         sizes->updateScratchSize = sizes->buildScratchSize; // an update is a build
     } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, maxPrimitives)) {
         sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kPartAlignment) + tail;
+    } else if (device.driver.clearsWholeHandles) {
+        // The layer's copies count in units.
+        sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, 16);
     }
 }
 
