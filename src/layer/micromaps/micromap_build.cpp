@@ -33,7 +33,7 @@ std::optional<Offence> deviceOffenceOf(const DeviceMicromaps &device, const VkMi
                        "data or triangleArray is a null address"};
     if (info.scratchData.deviceAddress == 0)
         return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address"};
-    if (info.scratchData.deviceAddress % 16 != 0)
+    if (info.scratchData.deviceAddress % kLeastScratchAlignment != 0)
         return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned"};
     const uint64_t scratch = device.buffers.addresses.bytesFrom(info.scratchData.deviceAddress);
     if (scratch < extent.scratchBytes())
@@ -67,7 +67,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT 
     push.micromap = micromapAddress(device.driver, info.dstMicromap);
     push.triangleArray = info.triangleArray.deviceAddress;
     push.data = info.data.deviceAddress;
-    push.scratch = info.scratchData.deviceAddress;
+    push.scratch = (info.scratchData.deviceAddress + kScratchAlignment - 1) / kScratchAlignment * kScratchAlignment;
     push.log = device.commands.complaints.address();
     push.object = complaintObject(info.dstMicromap);
     push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);

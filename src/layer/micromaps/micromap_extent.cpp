@@ -51,8 +51,9 @@ uint64_t MicromapExtent::coarsenedBytes() const
 
 uint64_t MicromapExtent::scratchBytes() const
 {
-    return lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
-                 : coarsenedOffset();
+    return kScratchAlignment +
+           (lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
+                  : coarsenedOffset());
 }
 
 MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)

@@ -174,7 +174,7 @@ std::optional<Offence> structureOffenceOf(const DeviceMicromaps &device, const B
         return Offence{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552",
                        "data or triangleArray is not a multiple of 128"};
     const VkDeviceAddress scratch = info.scratchData.deviceAddress;
-    if (scratch == 0 || scratch % 16 != 0)
+    if (scratch == 0 || scratch % kLeastScratchAlignment != 0)
         return Offence{scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
                                     : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710",
                        "scratchData is a null address or not aligned"};

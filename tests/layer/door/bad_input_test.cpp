@@ -239,7 +239,7 @@ TEST_F(BadInputExt, AddressesAndScratchMemory)
     refused("vkCmdBuildMicromapsEXT-pInfos-10896", [](auto &info) { info.data.deviceAddress = 0; });
     refused("vkCmdBuildMicromapsEXT-pInfos-10897", [](auto &info) { info.triangleArray.deviceAddress = 0; });
     refused("vkCmdBuildMicromapsEXT-pInfos-07512", [](auto &info) { info.scratchData.deviceAddress = 0; });
-    refused("vkCmdBuildMicromapsEXT-pInfos-07514", [](auto &info) { info.scratchData.deviceAddress += 4; });
+    refused("vkCmdBuildMicromapsEXT-pInfos-07514", [](auto &info) { info.scratchData.deviceAddress += 2; });
     const Buffer little(gpu(), 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     refused("vkCmdBuildMicromapsEXT-pInfos-07509",
             [&](auto &info) { info.scratchData.deviceAddress = little.address(); });

@@ -104,7 +104,7 @@ TEST_F(MicromapStructureRefused, BuildsAndTheirMemory)
     refused(command + "micromap-11552", [](StructureBuild &b) { b.data.data += 64; });
     refused(command + "micromap-11552", [](StructureBuild &b) { b.data.triangleArray += 64; });
     refused(command + "pInfos-12261", [](StructureBuild &b) { b.info.scratchData.deviceAddress = 0; });
-    refused(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 4; });
+    refused(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 2; });
     const Buffer little(gpu(), 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     refused(command + "pInfos-12258", [&](StructureBuild &b) { b.info.scratchData.deviceAddress = little.address(); });
     refused("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
