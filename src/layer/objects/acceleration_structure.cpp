@@ -88,17 +88,26 @@ VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure)
     return structure.place->content;
 }
 
-void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type)
+void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
 {
-    std::lock_guard lock(structure.place->mutex);
-    structure.place->content = type;
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    place.content = type;
+    place.lastBytes = bytes;
 }
 
-void becomesTopLevel(AccelerationStructure &structure, uint32_t instances)
+VkDeviceSize lastBytes(const AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.place->mutex);
+    return structure.place->lastBytes;
+}
+
+void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes)
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
     place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    place.lastBytes = bytes;
     place.lastInstances = instances;
     place.mostInstances = std::max(place.mostInstances, instances);
 }
@@ -202,7 +211,7 @@ void bufferHasAddress(DeviceObjects &device, VkBuffer buffer)
 void becomeMicromap(DeviceObjects &device, AccelerationStructure &structure)
 {
     letMicromapBeNamed(device, structure);
-    becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, 0);
 }
 
 bool DeviceObjects::own(VkObjectType type, uint64_t handle) const

@@ -50,10 +50,12 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
 // What is in a structure by what was recorded last into it or into another one at its place: its type, unless it is
 // GENERIC. GENERIC: nothing tells.
 VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure);
-// Something of that type is recorded into a structure.
-void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type);
+// Something of that type, and of so many bytes, is recorded into a structure. 0 bytes: only the device knows.
+void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes);
 // A top-level build for up to so many instances.
-void becomesTopLevel(AccelerationStructure &structure, uint32_t instances);
+void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
+// The bytes of what was recorded last, 0: only the device knows.
+VkDeviceSize lastBytes(const AccelerationStructure &structure);
 
 // Bytes that a structure may take without touching another one that begins behind it in the same buffer.
 VkDeviceSize roomOf(const DeviceObjects &device, const AccelerationStructure &structure);

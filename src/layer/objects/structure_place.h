@@ -30,6 +30,7 @@ struct StructurePlace {
     CellPlace cell;
     // Of what was recorded last; GENERIC: nothing was, or data of which only the device knows what it holds.
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    VkDeviceSize lastBytes = 0; // of what was recorded last: what is written of a handle, however large it is; 0: unknown
     bool deserialized = false;  // the latter: the cell tells it, once the copy was executed
     uint32_t lastInstances = 0; // of the top-level build recorded last
     uint32_t mostInstances = 0; // of all builds recorded

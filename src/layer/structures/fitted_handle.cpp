@@ -45,6 +45,14 @@ VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationSt
     return fitted;
 }
 
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, VkAccelerationStructureKHR handle)
+{
+    const auto structure =
+        device.driver.clearsWholeHandles ? device.objects.accelerationStructures.get(handle) : nullptr;
+    const VkDeviceSize bytes = structure ? lastBytes(*structure) : 0;
+    return bytes > 0 ? fittedHandle(device, *structure, handle, bytes) : handle;
+}
+
 void destroyFittedHandles(DeviceStructures &device, AccelerationStructure &structure)
 {
     for (const AccelerationStructure::Fitted &fitted : structure.fitted)

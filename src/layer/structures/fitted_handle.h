@@ -14,6 +14,9 @@ struct DeviceStructures;
 // the driver would write all of it, one at the same place of just that size, which lives as long as the structure.
 VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure,
                                         VkAccelerationStructureKHR handle, VkDeviceSize bytes);
+// The handle that was built or copied to last at a structure's place, as far as the host knows: for what the driver is to
+// read of it.
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, VkAccelerationStructureKHR handle);
 void destroyFittedHandles(DeviceStructures &device, AccelerationStructure &structure);
 
 } // namespace vellum::layer

@@ -196,22 +196,21 @@ private:
             return;
         const uint32_t i = part.i;
         AccelerationStructure &target = *part.target;
-        becomes(target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
         std::vector<uint32_t> primitives(part.build.geometryCount());
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
             primitives[g] = ranges_[i].primitives(g);
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
         if (part.tailBytes == 0 && !device_.driver.clearsWholeHandles)
-            return;
+            return becomes(target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
         const VkDeviceSize driverBytes =
             driverSizes(device_.driver, part.build, primitives.data(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
                 .accelerationStructureSize;
         if (part.tailBytes == 0) {
             part.driverBytes = std::min(alignUp(driverBytes, 16), target.size);
-            return fit(part, part.driverBytes);
+            return fitBottomLevel(part, part.driverBytes);
         }
         VkDeviceSize offset = alignUp(driverBytes, kPartAlignment);
-        fit(part, offset + part.tailBytes);
+        const VkDeviceSize bytes = offset + part.tailBytes;
         if (part.tailBytes > target.size || (offset + part.tailBytes > target.size &&
                                              infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
             refuseSmall(part);
@@ -222,9 +221,15 @@ private:
         if (offset + part.tailBytes > target.size)
             offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
         part.tail = beginOf(device_.driver, target) + offset;
+        fitBottomLevel(part, bytes);
     }
 
     // No more than the build needs is the driver's to write.
+    void fitBottomLevel(Part &part, VkDeviceSize bytes)
+    {
+        becomes(*part.target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, bytes);
+        fit(part, bytes);
+    }
     void fit(Part &part, VkDeviceSize bytes)
     {
         part.build.setTarget(fittedHandle(device_, *part.target, infos_[part.i].dstAccelerationStructure, bytes));
@@ -239,7 +244,8 @@ private:
             const uint32_t i = part.i;
             const uint32_t count = ranges_[i].primitives(0);
             const VkBuildAccelerationStructureFlagsKHR flags = infos_[i].flags;
-            if (topLevelBytes(device_.driver, flags, count) > part.target->size) {
+            const VkDeviceSize bytes = topLevelBytes(device_.driver, flags, count);
+            if (bytes > part.target->size) {
                 refuseSmall(part);
                 continue;
             }
@@ -250,8 +256,8 @@ private:
                        "memory for the layer's tables");
                 continue;
             }
-            becomesTopLevel(*part.target, count);
-            fit(part, topLevelBytes(device_.driver, flags, count));
+            becomesTopLevel(*part.target, count, bytes);
+            fit(part, bytes);
             VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
             TlasInstancesPush &push = part.instances;
             push.source = instances.data.deviceAddress;

@@ -83,6 +83,19 @@ struct Copy {
                         std::min(fits, place.lastInstances));
     }
 
+    // A copy may be built for more instances than there are.
+    void keepCount() const
+    {
+        uint32_t instances;
+        {
+            std::lock_guard lock(source->place->mutex);
+            instances = source->place->lastInstances;
+        }
+        std::lock_guard lock(target->place->mutex);
+        if (instances > 0)
+            target->place->lastInstances = std::min(target->place->lastInstances, instances);
+    }
+
     void record() const
     {
         const VkAccelerationStructureTypeKHR level = type();
@@ -109,13 +122,19 @@ struct Copy {
         if (level == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
             recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyAccelerationStructureKHR", info.dst,
                                sourceCell.address, mostInstances(), InstancesFrom::Structure);
+            keepCount();
             return;
         }
-        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+        const VkDeviceSize bytes = lastBytes(*source);
+        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, bytes);
         StructureCopyPush push{};
-        push.whole = device.driver.clearsWholeHandles;
+        // Of a content that only the device knows, such a driver would copy all that the handle reaches over.
+        push.whole = device.driver.clearsWholeHandles && bytes == 0;
         if (!push.whole) {
-            device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
+            VkCopyAccelerationStructureInfoKHR driverInfo = info;
+            driverInfo.src = fittedHandle(device, info.src);
+            driverInfo.dst = bytes > 0 ? fittedHandle(device, *target, info.dst, bytes) : info.dst;
+            device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &driverInfo);
             work.barrier();
         }
         push.sourceCell = sourceCell.address;
@@ -162,7 +181,8 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
         state ? state->scratch.allocate(device.buffers.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
     if (!slots || !scratch)
         return refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
-    becomesTopLevel(*structure, most);
+    const VkDeviceSize bytes = topLevelBytes(device.driver, 0, most);
+    becomesTopLevel(*structure, most, bytes);
     TlasInstancesPush push{};
     push.source = source;
     push.target = scratch + scratchBytes;
@@ -176,8 +196,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
         return false;
     work.barrier();
     TopLevelBuild build(0, push.target);
-    build.info.dstAccelerationStructure =
-        fittedHandle(device, *structure, target, topLevelBytes(device.driver, 0, most));
+    build.info.dstAccelerationStructure = fittedHandle(device, *structure, target, bytes);
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{most, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
