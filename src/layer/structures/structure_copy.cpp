@@ -35,6 +35,15 @@ struct Copy {
                                      VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst));
     }
 
+    // What a clone needs, as far as the host knows. With VK_KHR_ray_tracing_maintenance1 that is what a query has told,
+    // and of a GENERIC structure the size of the handle says nothing.
+    [[nodiscard]] VkDeviceSize cloneBytes() const
+    {
+        const bool unknown =
+            device.driver.queriesStructureSize || source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        return std::min(source->size, unknown ? lastBytes(*source) : source->size);
+    }
+
     [[nodiscard]] bool valid() const
     {
         if (!source)
@@ -49,11 +58,9 @@ struct Copy {
                    "mode " + std::to_string(info.mode) + " is neither clone nor compact");
         else if (device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
-        else if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR && target->size < source->size &&
-                 !device.driver.queriesStructureSize)
-            // With VK_KHR_ray_tracing_maintenance1 the size to compare with is one that a query has told.
+        else if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR && target->size < cloneBytes())
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
-                   "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(source->size));
+                   "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(cloneBytes()));
         else
             return true;
         return false;
