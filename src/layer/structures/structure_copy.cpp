@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
@@ -27,11 +28,14 @@ struct Copy {
     const VkCopyAccelerationStructureInfoKHR &info;
     std::shared_ptr<AccelerationStructure> source, target;
 
-    void refuse(const char *id, const std::string &text) const
+    [[nodiscard]] Judge judge() const
     {
-        device.driver.report().error(id, "vkCmdCopyAccelerationStructureKHR: " + text,
-                                     VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst));
+        return {device.driver.report(), "vkCmdCopyAccelerationStructureKHR", VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                reinterpret_cast<uint64_t>(info.dst)};
     }
+    void refuse(const char *id, const std::string &text) const { judge().refuse(id, text); }
+    // What is neither to be compacted nor cloned is cloned, as drivers do it.
+    [[nodiscard]] bool compacts() const { return info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR; }
 
     [[nodiscard]] bool valid() const
     {
@@ -41,19 +45,16 @@ struct Copy {
         else if (!target)
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter",
                    "dst is not an acceleration structure of this device");
-        else if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR &&
-                 info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
-            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
-                   "mode " + std::to_string(info.mode) + " is neither clone nor compact");
         else if (device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
-        else if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR && target->size < source->size &&
-                 !device.driver.queriesStructureSize)
+        else if (!compacts() && target->size < source->size && !device.driver.queriesStructureSize)
             // With VK_KHR_ray_tracing_maintenance1 the size to compare with is one that a query has told.
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
                    "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(source->size));
         else
-            return true;
+            return compacts() || info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR ||
+                   judge().tolerate("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
+                                    "mode " + std::to_string(info.mode) + " is neither clone nor compact");
         return false;
     }
 
@@ -109,7 +110,10 @@ struct Copy {
             std::lock_guard lock(target->mutex);
             target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
         }
-        device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
+        VkCopyAccelerationStructureInfoKHR driverInfo = info;
+        if (!compacts())
+            driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+        device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &driverInfo);
         work.barrier();
         StructureCopyPush push{};
         push.sourceCell = sourceCell.address;
@@ -119,7 +123,7 @@ struct Copy {
         push.root = device.objects.root.address();
         push.sourceUnits = unitsOf(source->size);
         push.targetUnits = unitsOf(target->size);
-        push.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+        push.compact = compacts();
         work.dispatch(InjectedShader::StructureCopy, push, copyInvocations(source->size), 64);
         work.barrier();
     }
