@@ -202,7 +202,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
 
     auto instance = std::make_unique<Instance>();
     instance->settings = readSettings(info->pNext);
-    instance->report.setLevel(instance->settings.report);
+    instance->report.apply(instance->settings);
     const VkResult result = nextCreate(info, allocator, handle);
     if (result != VK_SUCCESS)
         return result;

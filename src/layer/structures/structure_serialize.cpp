@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap_serialized.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
@@ -24,11 +25,10 @@ constexpr VkDeviceSize kPlanBytes = 256;        // before the driver's data: sha
 constexpr VkDeviceSize kDriverOverhead = 65536; // of serialized data over the structure; 56 bytes on known drivers
 constexpr uint32_t kUuidWords = 2 * VK_UUID_SIZE / 4;
 
-void refuse(const DeviceStructures &device, const char *id, const char *command, const std::string &text,
-            VkAccelerationStructureKHR structure)
+Judge judgeOf(const DeviceStructures &device, const char *command, VkAccelerationStructureKHR structure)
 {
-    device.driver.report().error(id, std::string(command) + ": " + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                                 reinterpret_cast<uint64_t>(structure));
+    return {device.driver.report(), command, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+            reinterpret_cast<uint64_t>(structure)};
 }
 
 void saveTopLevel(InjectedWork &work, DeviceStructures &device, const AccelerationStructure &source,
@@ -58,12 +58,13 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     state.scratch.restart();
     const VkDeviceAddress staging = state.scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes);
     if (!staging) {
-        refuse(device, "VELLUM-out-of-memory", "vkCmdCopyAccelerationStructureToMemoryKHR",
-               "no memory for the driver's serialized data", info.src);
+        judgeOf(device, "vkCmdCopyAccelerationStructureToMemoryKHR", info.src)
+            .refuse("VELLUM-out-of-memory", "no memory for the driver's serialized data");
         return;
     }
     VkCopyAccelerationStructureToMemoryInfoKHR driverInfo = info;
     driverInfo.src = fitted;
+    driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
     device.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
     work.barrier();
@@ -113,24 +114,14 @@ struct Restore {
         return target->size % 256 == kTopLevelSizeMark;
     }
 
-    void refused(const char *id, const char *text) const
-    {
-        refuse(device, id, "vkCmdCopyMemoryToAccelerationStructureKHR", text, info.dst);
-    }
+    [[nodiscard]] Judge judge() const { return judgeOf(device, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst); }
+    void refused(const char *id, const char *text) const { judge().refuse(id, text); }
 
     [[nodiscard]] bool valid() const
     {
         if (!target)
             refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter",
                     "dst is not an acceleration structure of this device");
-        else if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR)
-            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
-                    "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR");
-        else if (info.src.deviceAddress == 0)
-            refused("VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742", "src is a null address");
-        else if (info.src.deviceAddress % 256 != 0)
-            refused("VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743",
-                    "src is not aligned to 256 bytes");
         else if (blankStructure(device).units == 0)
             device.driver.report().notAvailable(
                 "vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
@@ -140,7 +131,12 @@ struct Restore {
             refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                     "dst is smaller than any deserialized structure");
         else
-            return true;
+            return (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR ||
+                    judge().tolerate("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
+                                     "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR")) &&
+                   judge().mayHoldSerialized(info.src.deviceAddress, 256,
+                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
+                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743");
         return false;
     }
 
@@ -193,6 +189,7 @@ struct Restore {
     {
         becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
         VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
+        driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
         driverInfo.src.deviceAddress = push.staging + kPlanBytes;
         device.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
         work.barrier();
@@ -217,23 +214,20 @@ void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuf
         return;
     const auto source = device.objects.accelerationStructures.get(info->src);
     const auto state = device.commands.states.get(commandBuffer);
+    const Judge judge = judgeOf(device, kCommand, info->src);
     if (!source || !state) {
-        refuse(device, "VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter", kCommand,
-               "src is not an acceleration structure of this device", info->src);
+        judge.refuse("VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter",
+                     "src is not an acceleration structure of this device");
         return;
     }
-    if (info->mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR) {
-        refuse(device, "VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", kCommand,
-               "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR", info->src);
+    if (info->mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR &&
+        !judge.tolerate("VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412",
+                        "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR"))
         return;
-    }
-    if (info->dst.deviceAddress == 0 || info->dst.deviceAddress % 256 != 0) {
-        refuse(device,
-               info->dst.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739"
-                                            : "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740",
-               kCommand, "dst is a null address or not aligned to 256 bytes", info->src);
+    if (!judge.mayHoldSerialized(info->dst.deviceAddress, 256,
+                                 "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
+                                 "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740"))
         return;
-    }
     const VkAccelerationStructureTypeKHR content = contentOf(*source);
     const CellPlace cell = cellOf(device.objects, *source, info->src);
     if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || blankStructure(device).units == 0) {
