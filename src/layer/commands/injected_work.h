@@ -92,9 +92,12 @@ struct StructureSavePush {
     VkDeviceAddress cell, begin, staging, blob, root;
     uint32_t structureUnits, stagingUnits, leastUnits, capacity, wholeCopies, pass, blocks, padding;
 };
+enum class RestorePass : uint32_t { Check, AddUp, Decide, Stage, Finish, Keep, GiveBack, GiveBackLast };
 struct StructureRestorePush {
-    VkDeviceAddress blob, staging, cell, begin, root, blank;
-    uint32_t blankUnits, capacity, stagingUnits, targetUnits, kind, pass;
+    VkDeviceAddress blob, staging, cell, begin, root, blank, kept;
+    uint32_t blankUnits, capacity, stagingUnits, targetUnits, kind, keptUnits, blankBuiltUnits, topWay;
+    RestorePass pass;
+    uint32_t padding;
 };
 struct StructureSizePush {
     VkDeviceAddress cell, begin, value;

@@ -99,11 +99,12 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
 }
 
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
-                           VkDeviceAddress source)
+                           VkDeviceAddress source, DataThatIsNone none)
 {
     if (tooSmall(target))
         return refuseTooSmall(device, "deserialization of a micromap", target, true);
-    MicromapMovePush push = movePush(device, target, kMoveDeserialize);
+    MicromapMovePush push = movePush(
+        device, target, kMoveDeserialize | (none == DataThatIsNone::LeavesTheTarget ? kMoveOnlyMicromaps : 0));
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
     InjectedWork work(device.commands, commandBuffer);

@@ -290,12 +290,7 @@ bool restoresMicromapStructure(DeviceMicromaps &device, VkCommandBuffer commandB
                                const VkCopyMemoryToAccelerationStructureInfoKHR &info)
 {
     const auto target = device.objects.accelerationStructures.get(info.dst);
-    if (!target)
-        return false;
-    // A GENERIC one is told by its size: sizes of micromaps are marked, as those of top-level structures are.
-    const bool generic = target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-    if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR &&
-        (!generic || !device.driver.asked.khr || target->size % 256 != kMicromapSizeMark))
+    if (!target || target->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return false;
     const Judge judge = judgeOf(device, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst);
     if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR &&

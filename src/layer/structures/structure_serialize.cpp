@@ -1,5 +1,5 @@
-// Serialized acceleration structures (core/records.h). The driver writes to and reads from memory of the layer's; what
-// goes to or comes from the application's memory goes through shaders, which know where it ends and believe nothing.
+// Serialization of acceleration structures (core/records.h). The driver writes to memory of the layer's; what goes to
+// the application's goes through shaders, which know where that ends.
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -11,6 +11,7 @@
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/fitted_handle.h"
+#include "layer/structures/serialized_data.h"
 #include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
 
@@ -21,8 +22,6 @@ namespace
 
 using namespace shared;
 
-constexpr VkDeviceSize kPlanBytes = 256;        // before the driver's data: shaders/serialized.glsl
-constexpr VkDeviceSize kDriverOverhead = 65536; // of serialized data over the structure; 56 bytes on known drivers
 constexpr uint32_t kUuidWords = 2 * VK_UUID_SIZE / 4;
 
 Judge judgeOf(const DeviceStructures &device, const char *command, VkAccelerationStructureKHR structure)
@@ -87,121 +86,6 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     }
 }
 
-// Checks the data and, of a bottom-level structure, brings the driver's part to staging memory.
-void checkSerialized(InjectedWork &work, StructureRestorePush &push, VkDeviceSize bytes)
-{
-    const uint32_t passes = push.kind == kCellBottom ? 4 : 3;
-    for (push.pass = 0; push.pass < passes; ++push.pass) {
-        const bool one = push.pass == 0 || push.pass == 2;
-        work.dispatch(InjectedShader::StructureRestore, push, one ? 1 : copyInvocations(bytes), 64);
-        work.barrier();
-    }
-}
-
-struct Restore {
-    DeviceStructures &device;
-    VkCommandBuffer commandBuffer;
-    const VkCopyMemoryToAccelerationStructureInfoKHR &info;
-    std::shared_ptr<AccelerationStructure> target;
-    std::shared_ptr<CommandState> state;
-
-    [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(info.src.deviceAddress); }
-
-    [[nodiscard]] bool topLevel() const
-    {
-        if (target->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-            return target->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-        return target->size % 256 == kTopLevelSizeMark;
-    }
-
-    [[nodiscard]] Judge judge() const { return judgeOf(device, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst); }
-    void refused(const char *id, const char *text) const { judge().refuse(id, text); }
-
-    [[nodiscard]] bool valid() const
-    {
-        if (!target)
-            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter",
-                    "dst is not an acceleration structure of this device");
-        else if (blankStructure(device).units == 0)
-            device.driver.report().notAvailable(
-                "vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
-                "data could not be looked at,");
-        else if (!topLevel() && target->size < blankStructure(device).structureBytes)
-            // Not even what stands in for data that is refused has room.
-            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
-                    "dst is smaller than any deserialized structure");
-        else
-            return (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR ||
-                    judge().tolerate("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
-                                     "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR")) &&
-                   judge().mayHoldSerialized(info.src.deviceAddress, 256,
-                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
-                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743");
-        return false;
-    }
-
-    void record() const
-    {
-        const BlankStructure &blank = blankStructure(device);
-        const bool top = topLevel();
-        const CellPlace cell = cellOf(device.objects, *target, info.dst);
-        const VkDeviceSize stagingBytes =
-            top ? 0 : std::max(VkDeviceSize{blank.units} * 16, std::min(readable(), target->size + kDriverOverhead));
-        if (state)
-            state->scratch.restart();
-        const VkDeviceAddress staging =
-            state && cell.address ? state->scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes) : 0;
-        if (!staging) {
-            refused("VELLUM-out-of-memory", "no memory for the serialized data");
-            return;
-        }
-        StructureRestorePush push{};
-        push.blob = info.src.deviceAddress;
-        push.staging = staging;
-        push.cell = cell.address;
-        push.begin = beginOf(device.driver, *target);
-        push.root = device.objects.root.address();
-        push.blank = blank.memory.address();
-        push.blankUnits = blank.units;
-        push.capacity = unitsOf(readable());
-        push.stagingUnits = unitsOf(stagingBytes);
-        push.targetUnits = unitsOf(target->size);
-        push.kind = top ? kCellTop : kCellBottom;
-        InjectedWork work(device.commands, commandBuffer);
-        work.barrier();
-        checkSerialized(work, push, target->size);
-        if (top)
-            restoreTopLevel(work, staging);
-        else
-            restoreBottomLevel(work, push);
-    }
-
-    void restoreTopLevel(InjectedWork &work, VkDeviceAddress staging) const
-    {
-        constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
-        const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
-        const uint32_t most = std::min(topLevelCapacity(device.driver, target->size), static_cast<uint32_t>(inMemory));
-        recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst,
-                           staging + VkDeviceSize{kPlanCellWord} * 4, most, InstancesFrom::Serialized);
-    }
-
-    void restoreBottomLevel(InjectedWork &work, StructureRestorePush &push) const
-    {
-        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
-        VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
-        driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
-        driverInfo.src.deviceAddress = push.staging + kPlanBytes;
-        device.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
-        work.barrier();
-        push.pass = kFinishPass;
-        work.dispatch(InjectedShader::StructureRestore, push, copyInvocations(target->size), 64);
-        work.barrier();
-    }
-
-    static constexpr uint32_t kPlanCellWord = 8; // shaders/serialized.glsl
-    static constexpr uint32_t kFinishPass = 4;   // shaders/structure_restore.comp
-};
-
 } // namespace
 
 void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuffer commandBuffer,
@@ -242,19 +126,6 @@ void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuf
         saveTopLevel(work, device, *source, cell.address, info->dst.deviceAddress);
     else
         saveBottomLevel(work, device, commandBuffer, *state, *info, *source, cell.address);
-}
-
-void cmdCopyMemoryToAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
-                                          const VkCopyMemoryToAccelerationStructureInfoKHR *info)
-{
-    reportNotices(device.objects);
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR") ||
-        restoresMicromapStructure(device.micromaps, commandBuffer, *info))
-        return;
-    const Restore restore{device, commandBuffer, *info, device.objects.accelerationStructures.get(info->dst),
-                          device.commands.states.get(commandBuffer)};
-    if (restore.valid())
-        restore.record();
 }
 
 void getDeviceAccelerationStructureCompatibility(DeviceStructures &device, VkDevice handle,
