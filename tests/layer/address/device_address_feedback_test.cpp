@@ -194,7 +194,7 @@ TEST_F(AddressFeedbackHarmless, UsageAndSizes)
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u);
         EXPECT_EQ(messages[0].id, "VELLUM-VUID-" + rule);
-        EXPECT_EQ(into.as<std::uint32_t>()[4], strictTests() ? 0 : xs().as<std::uint32_t>()[4]);
+        EXPECT_EQ(into.as<std::uint32_t>()[8], strictTests() ? 0 : xs().as<std::uint32_t>()[6]);
     };
     rendered("vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091", other, rangeOf(other, kOffset, 64), {0, 0},
              {0, 0});

@@ -91,7 +91,7 @@ TEST_F(BadCopies, Handles)
 
 TEST_F(BadCopies, Modes)
 {
-    const auto target = made(kBottom, source_->size());
+    const auto target = made(kBottom, serialize(gpu(), *source_).deserializedSize());
     // There is one thing that each command can do, and a copy clones.
     for (const int mode : {2, 3, 7, 0x7fffffff}) {
         const auto clone = made(kBottom, source_->size());
@@ -127,7 +127,7 @@ TEST_F(BadCopies, Modes)
 
 TEST_F(BadCopies, Addresses)
 {
-    const auto target = made(kBottom, source_->size());
+    const auto target = made(kBottom, serialize(gpu(), *source_).deserializedSize());
     const Buffer buffer(gpu(), 1 << 20, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const VkDeviceAddress aligned = (buffer.address() + 255) / 256 * 256;
     const auto load = [&](VkDeviceAddress address, VkAccelerationStructureKHR to) {
