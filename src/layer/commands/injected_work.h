@@ -123,13 +123,16 @@ class InjectedPipelines
 {
 public:
     ~InjectedPipelines();
-    VkResult create(const GpuContext &context);
+    // `pushBytes`: of the layout, kPushBytes or more.
+    VkResult create(const GpuContext &context, uint32_t pushBytes);
     // VK_NULL_HANDLE where the driver could not make it.
     VkPipeline get(InjectedShader shader);
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+    [[nodiscard]] uint32_t pushBytes() const { return pushBytes_; }
 
 private:
     GpuContext context_;
+    uint32_t pushBytes_ = kPushBytes;
     std::mutex mutex_;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
     std::array<VkPipeline, static_cast<size_t>(InjectedShader::Count)> pipelines_{};
