@@ -371,6 +371,7 @@ void Gpu::createDevice()
             chain(newer[i], kNewerExtensions[i].features);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
+    vulkan12.bufferDeviceAddressCaptureReplay &= VkBool32{options_.addressReplay};
     if (!options_.micromapFeature)
         micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
