@@ -228,9 +228,10 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
     sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                     &info_, maxPrimitives.data(), &sizes);
-    if (sizes.accelerationStructureSize > size_)
-        create(sizes.accelerationStructureSize);
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    // A compacted one is large enough for its updates in place: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126.
+    if (sizes.accelerationStructureSize > size_ && !update)
+        create(sizes.accelerationStructureSize);
     scratch_ = scratchOf(gpu_, sharedScratch_, update ? sizes.updateScratchSize : sizes.buildScratchSize);
     info_.srcAccelerationStructure = update ? structure_ : VK_NULL_HANDLE;
     info_.dstAccelerationStructure = structure_;

@@ -114,8 +114,8 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Uses memory of the caller's instead of memory of its own; before the first prepare.
     void placeIn(VkBuffer buffer, VkDeviceSize offset);
-    // Uses that scratch memory instead of memory of its own.
-    void shareScratch(SharedScratch &scratch) { sharedScratch_ = &scratch; }
+    // Uses that scratch memory instead of memory of its own; null: its own again.
+    void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
     void create(VkDeviceSize size);
     // Where it lies, if not placed, and what a build writes to beside that.
