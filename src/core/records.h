@@ -140,9 +140,9 @@ VELLUM_CONST uint kFirstSlots = 65536u;
 VELLUM_CONST uint kRootHeaderWords = 16u;
 VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash table
 
-VELLUM_CONST uint kRootNotices = 2u; // word 2: bits of the notices that the GPU has for the host
+VELLUM_CONST uint kRootNotices = 2u; // words 2, 3: address of the counters of notices that the GPU has for the host
 
-// Notices: what only the GPU can find out about a copy. Bit numbers.
+// Notices: what only the GPU can find out about a copy. Numbers of counters, one word each, which only the GPU writes.
 VELLUM_CONST uint kNoticeForeignData = 0u;      // UUIDs of another driver or layer version
 VELLUM_CONST uint kNoticeDamagedData = 1u;      // serialized data that is no such data, or not all of it
 VELLUM_CONST uint kNoticeWrongType = 2u;        // serialized data of the other type of structure
@@ -157,6 +157,8 @@ VELLUM_CONST uint kNoticeMicromapNotBuilt = 10u; // copy of a micromap that was 
 VELLUM_CONST uint kNoticeMicromapData = 11u;     // serialized data of a micromap that is no such data, or not all of it
 VELLUM_CONST uint kNoticeMicromapOverlap = 12u;  // source and target of a copy of a micromap overlap
 VELLUM_CONST uint kNotices = 13u;
+VELLUM_CONST uint kNoticeTotal = kNotices; // counts all of them, after the one's own counter
+VELLUM_CONST uint kNoticeCounters = kNotices + 1u;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
@@ -165,7 +167,7 @@ VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- cell: what is at an acceleration structure's address; written by the GPU when a build or a copy executes ---
-// word 0, 1: address of the tail
+// word 0, 1: address of the tail; of a BLAS without records, where the driver's part ends, if that is known
 // word 2: kCell*
 // word 3: 16-byte units of the tail
 // word 4: number of geometry records or of instances

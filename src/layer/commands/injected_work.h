@@ -70,10 +70,11 @@ struct QueryCopyPush {
     uint32_t count, flags;
 };
 struct BlasRecordsPush {
-    VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord, log, range;
+    VkDeviceAddress tail, micromap, indices, cell, log, range;
     uint64_t object;
+    VkDeviceAddress source, sourceBegin, begin;
     uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits,
-        geometry, named, micromapSize;
+        geometry, named, micromapSize, commonUnits;
 };
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {
@@ -85,7 +86,7 @@ struct TlasInstancesPush {
 };
 struct StructureCopyPush {
     VkDeviceAddress sourceCell, targetCell, sourceBegin, targetBegin, root;
-    uint32_t sourceUnits, targetUnits, compact;
+    uint32_t sourceUnits, targetUnits, compact, whole;
 };
 struct StructureSavePush {
     VkDeviceAddress cell, begin, staging, blob, root;

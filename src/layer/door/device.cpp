@@ -160,7 +160,7 @@ struct DriverDeviceInfo {
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
 
-// Driver::keepsOldPushConstants. Only its text tells the version: driverVersion is always 0.0.1.
+// Driver::keepsOldPushConstants and clearsWholeHandles. Only its text tells the version: driverVersion is always 0.0.1.
 bool isLavapipeBefore26(const Instance &instance, VkPhysicalDevice physicalDevice)
 {
     VkPhysicalDeviceDriverProperties driver{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES};
@@ -289,7 +289,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         if (result == VK_SUCCESS && instance.settings.validate)
             result = device->commands.complaints.create(device->buffers.gpu);
         device->driver.threads = threadsOf(instance, physicalDevice);
-        device->driver.keepsOldPushConstants = isLavapipeBefore26(instance, physicalDevice);
+        device->driver.clearsWholeHandles = device->driver.keepsOldPushConstants =
+            isLavapipeBefore26(instance, physicalDevice);
         device->driver.driverUuid = driverUuidOf(instance, physicalDevice);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");

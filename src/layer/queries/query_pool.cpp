@@ -11,6 +11,7 @@
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/queries/device_queries.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_size.h"
 
 namespace vellum::layer
@@ -342,8 +343,11 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
         while (end < count && !micromapAt(device, structures[end]))
             ++end;
         if (end > begin) {
-            device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(
-                commandBuffer, end - begin, structures + begin, type, queryPool, first + begin);
+            std::vector<VkAccelerationStructureKHR> fitted;
+            for (uint32_t i = begin; i < end; ++i)
+                fitted.push_back(fittedHandle(device.structures, structures[i]));
+            device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, end - begin, fitted.data(),
+                                                                           type, queryPool, first + begin);
             device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first + begin, end - begin,
                                                        pool->memory.buffer(), (first + begin) * 8ull, 8,
                                                        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);

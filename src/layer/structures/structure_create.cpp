@@ -4,6 +4,7 @@
 
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -54,7 +55,6 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
     structure->offset = info->offset;
     structure->size = info->size;
     structure->type = info->type;
-    structure->content = info->type;
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
         device.driver.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
                                      "vkCreateAccelerationStructureKHR: a micromap is made by "
@@ -68,6 +68,7 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
                            info->offset,
                            info->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    takePlace(device.objects, *structure);
     letMicromapBeNamedOnceBound(device.objects, structure);
     device.objects.accelerationStructures.set(*result, std::move(structure));
     return created;
@@ -77,8 +78,10 @@ void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkA
                                   const VkAllocationCallbacks *allocator)
 {
     const auto known = device.objects.accelerationStructures.take(structure);
-    if (known && known->cell.address)
-        device.objects.root.releaseCell(known->reference);
+    if (known) {
+        leavePlace(device.objects, *known);
+        destroyFittedHandles(device, *known);
+    }
     if (known && known->micromapKey)
         device.objects.root.releaseCell(known->micromapKey);
     if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
@@ -126,6 +129,9 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice handl
         sizes->updateScratchSize = sizes->buildScratchSize; // an update is a build
     } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, maxPrimitives)) {
         sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kPartAlignment) + tail;
+    } else if (device.driver.clearsWholeHandles) {
+        // The layer's copies count in units.
+        sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, 16);
     }
 }
 
@@ -147,7 +153,6 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
     structure->offset = place.offset;
     structure->size = info->addressRange.size;
     structure->type = info->type;
-    structure->content = info->type;
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
         // The handle is the layer's own and never reaches the driver.
         *result = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
@@ -172,6 +177,7 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
                            place.offset,
                            structure->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    takePlace(device.objects, *structure);
     letMicromapBeNamed(device.objects, *structure);
     device.objects.accelerationStructures.set(*result, std::move(structure));
     return VK_SUCCESS;

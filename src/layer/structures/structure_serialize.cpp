@@ -9,6 +9,7 @@
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
 
@@ -52,7 +53,8 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
                      const VkCopyAccelerationStructureToMemoryInfoKHR &info, const AccelerationStructure &source,
                      VkDeviceAddress cell)
 {
-    const VkDeviceSize stagingBytes = source.size + kDriverOverhead;
+    const VkAccelerationStructureKHR fitted = fittedHandle(device, info.src);
+    const VkDeviceSize stagingBytes = (fitted == info.src ? source.size : lastBytes(source)) + kDriverOverhead;
     state.scratch.restart();
     const VkDeviceAddress staging = state.scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes);
     if (!staging) {
@@ -61,6 +63,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
         return;
     }
     VkCopyAccelerationStructureToMemoryInfoKHR driverInfo = info;
+    driverInfo.src = fitted;
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
     device.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
     work.barrier();
@@ -188,10 +191,7 @@ struct Restore {
 
     void restoreBottomLevel(InjectedWork &work, StructureRestorePush &push) const
     {
-        {
-            std::lock_guard lock(target->mutex);
-            target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-        }
+        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
         VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
         driverInfo.src.deviceAddress = push.staging + kPlanBytes;
         device.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
@@ -234,11 +234,7 @@ void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuf
                kCommand, "dst is a null address or not aligned to 256 bytes", info->src);
         return;
     }
-    VkAccelerationStructureTypeKHR content;
-    {
-        std::lock_guard lock(source->mutex);
-        content = source->content;
-    }
+    const VkAccelerationStructureTypeKHR content = contentOf(*source);
     const CellPlace cell = cellOf(device.objects, *source, info->src);
     if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || blankStructure(device).units == 0) {
         device.driver.report().notAvailable(

@@ -194,10 +194,13 @@ void finish(uint me, uint all)
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
     if (me == 0u && b.w[kBlockHeaderKind] == kCellBottom)
         storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0)));
-    else if (me == 0u && b.w[kBlockHeaderKind] == kCellBoxes)
-        storeCell(push.cell, Cell(uvec2(0), kCellBoxes, 0u, 0u, 0u, uvec2(0u, b.w[kBlockHeaderOpaqueBoxes])));
-    else if (me == 0u)
-        storeCell(push.cell, Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0)));
+    else if (me == 0u) {
+        Words driver = Words(unitAddress(push.staging, kPlanUnits));
+        const uvec2 end = unitAddress(push.begin, unitsOfBytes(uvec2(driver.w[10], driver.w[11])));
+        const bool boxes = b.w[kBlockHeaderKind] == kCellBoxes;
+        storeCell(push.cell, Cell(end, boxes ? kCellBoxes : kCellPlain, 0u, 0u, 0u,
+                                  uvec2(0u, boxes ? b.w[kBlockHeaderOpaqueBoxes] : 0u)));
+    }
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));
     Units to = Units(tail);
     for (uint i = me; i < tailUnits; i += all) {
