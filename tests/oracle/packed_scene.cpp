@@ -185,7 +185,7 @@ void PackedScene::changeObject(std::size_t object)
 {
     Bottom &bottom = bottoms_[object];
     history_ += "; object " + std::to_string(object) + ":";
-    switch (below(8)) {
+    switch (below(10)) {
     case 0: copyObject(bottom, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR); break;
     case 1: copyObject(bottom, VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR); break;
     case 2:
@@ -195,6 +195,14 @@ void PackedScene::changeObject(std::size_t object)
     case 3: reloadObject(bottom); break;
     case 4: buildObject(bottom, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR); break;
     case 5: buildObject(bottom, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR); break;
+    case 6: moveAndBuildOver(bottom, bottoms_[below(static_cast<std::uint32_t>(bottoms_.size()))]); break;
+    case 7:
+        renameObject(bottom);
+        if (below(2) == 0)
+            buildObject(bottom, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        else
+            copyObject(bottom, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
+        break;
     default:
         changeMicromapOf(bottom, below(3));
         buildObject(bottom, below(2) == 0 ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
@@ -295,6 +303,36 @@ void PackedScene::buildObject(Bottom &bottom, VkBuildAccelerationStructureModeKH
     run(update ? "updated" : "built", {bottom.structure->range(), bottom.structure->scratchRange()},
         [&](VkCommandBuffer commands) { bottom.structure->record(commands); });
     bottom.structure->forgetInput();
+}
+
+// One object is cloned, and in the same command buffer another one built in its room, if that is large enough: its
+// handle is made while the first content is live, and the first one's destroyed when the second is.
+void PackedScene::moveAndBuildOver(Bottom &moved, Bottom &built)
+{
+    auto clone = std::make_unique<vt::Blas>(gpu_);
+    clone->create(sizeOf(*moved.structure, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR));
+    auto over = std::make_unique<vt::Blas>(gpu_);
+    over->useRoomOf(*moved.structure);
+    over->prepare(built.geometries, bottomFlags(gpu_));
+    run("cloned and built over", {clone->range(), over->range(), over->scratchRange()}, [&](VkCommandBuffer commands) {
+        vt::recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
+        vt::barrier(commands);
+        over->record(commands);
+    });
+    over->forgetInput();
+    if (&moved != &built)
+        moved.structure = std::move(clone);
+    built.structure = std::move(over);
+}
+
+// A second handle for the same content, after which the first is destroyed.
+void PackedScene::renameObject(Bottom &bottom)
+{
+    history_ += " renamed";
+    auto second = std::make_unique<vt::Blas>(gpu_);
+    second->useRoomOf(*bottom.structure);
+    second->create(bottom.structure->size());
+    bottom.structure = std::move(second);
 }
 
 void PackedScene::buildTop()

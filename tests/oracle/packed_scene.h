@@ -40,6 +40,8 @@ private:
     void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
     void reloadObject(Bottom &bottom);
     void buildObject(Bottom &bottom, VkBuildAccelerationStructureModeKHR mode);
+    void moveAndBuildOver(Bottom &moved, Bottom &built);
+    void renameObject(Bottom &bottom);
     void buildTop();
     void copyTop(std::uint32_t way);
     [[nodiscard]] std::unique_ptr<vt::Structure> reloaded(const vt::Structure &source,
