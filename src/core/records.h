@@ -182,7 +182,9 @@ VELLUM_CONST uint kCellBottom = 1u;   // a BLAS with geometry records
 VELLUM_CONST uint kCellTop = 2u;      // a TLAS
 VELLUM_CONST uint kCellBroken = 3u;   // a copy that was not carried out: not to be instanced
 VELLUM_CONST uint kCellPlain = 4u;    // a BLAS without geometry records
-VELLUM_CONST uint kCellMicromap = 6u; // at the address of a micromap + kMicromapKey: word 3: units of its memory
+// At the address of a micromap + kMicromapKey: word 3: units of its memory. At an address, only the kind: serialized data
+// that was deserialized there held a micromap.
+VELLUM_CONST uint kCellMicromap = 6u;
 VELLUM_CONST uint kMicromapKey = 1u;
 VELLUM_CONST uint kCellBoxes = 5u; // the same, of boxes of which it is known which geometries are opaque
 
@@ -209,8 +211,7 @@ VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the cell
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
-// The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that the type is known of a
-// VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR structure that was made for serialized data.
+// The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that it is known what serialized data holds.
 VELLUM_CONST uint kTopLevelSizeMark = 128u;
 // And sizes of micromaps as acceleration structures are this modulo 256.
 VELLUM_CONST uint kMicromapSizeMark = 64u;
@@ -222,6 +223,7 @@ VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
 VELLUM_CONST uint kMoveCopy = 2u;   // clone or compact: what is in use
 VELLUM_CONST uint kMoveMarked = 4u; // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
+VELLUM_CONST uint kMoveOnlyMicromaps = 8u; // a bit: data of anything else is left alone, it is not a mistake
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 
 // --- values of queries (shaders/query_value.comp) ---

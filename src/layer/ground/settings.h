@@ -18,6 +18,7 @@ struct Settings {
     // VELLUM_ASSUME_MICROMAPS, .assume_micromaps: ray tracing pipelines without the micromap bit and ray queries
     // without the execution mode use micromaps all the same, where the feature is enabled
     bool assumeMicromaps = false;
+    bool strict = false;     // VELLUM_STRICT, .strict: what breaks a rule is refused where it does no harm, too
     std::string dumpShaders; // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
 };
 

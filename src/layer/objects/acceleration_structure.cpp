@@ -1,6 +1,7 @@
 #include "layer/objects/acceleration_structure.h"
 
 #include <algorithm>
+#include <array>
 #include <string>
 
 #include "core/records.h"
@@ -80,12 +81,65 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
     return place.cell;
 }
 
+namespace
+{
+
+std::array<uint32_t, kCellWords> wordsOf(const CellPlace &cell)
+{
+    std::array<uint32_t, kCellWords> words{};
+    for (uint32_t i = 0; i < kCellWords; ++i)
+        words[i] = __atomic_load_n(cell.words + i, __ATOMIC_ACQUIRE);
+    return words;
+}
+
+// Takes over what the device has found in deserialized data, if it has looked at it.
+bool learns(StructurePlace &place)
+{
+    const auto words = wordsOf(place.cell);
+    if (words == place.cellBefore)
+        return false;
+    switch (words[2]) {
+    case kCellTop:
+        place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+        place.lastInstances = place.mostInstances = words[4];
+        break;
+    case kCellMicromap: place.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; break;
+    default: place.content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR; break;
+    }
+    return true;
+}
+
+// What a structure is for whose size is just what a query or the header of serialized data tells.
+VkAccelerationStructureTypeKHR markedType(VkDeviceSize size)
+{
+    switch (size % 256) {
+    case kMicromapSizeMark: return VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    case kTopLevelSizeMark: return VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    default: return VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    }
+}
+
+} // namespace
+
 VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure)
 {
     if (structure.type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
         return structure.type;
-    std::lock_guard lock(structure.place->mutex);
-    return structure.place->content;
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    return place.deserialized && !learns(place) ? markedType(structure.size) : place.content;
+}
+
+void becomesUnknown(AccelerationStructure &structure)
+{
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    place.content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    place.lastBytes = 0;
+    place.lastInstances = place.mostInstances = 0;
+    place.deserialized = place.cell.words != nullptr;
+    if (place.deserialized)
+        place.cellBefore = wordsOf(place.cell);
 }
 
 void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
@@ -94,6 +148,7 @@ void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR ty
     std::lock_guard lock(place.mutex);
     place.content = type;
     place.lastBytes = bytes;
+    place.deserialized = false;
 }
 
 VkDeviceSize lastBytes(const AccelerationStructure &structure)
@@ -108,6 +163,7 @@ void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDev
     std::lock_guard lock(place.mutex);
     place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
     place.lastBytes = bytes;
+    place.deserialized = false;
     place.lastInstances = instances;
     place.mostInstances = std::max(place.mostInstances, instances);
 }

@@ -48,10 +48,13 @@ void leavePlace(DeviceObjects &device, const AccelerationStructure &structure);
 CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);
 
 // What is in a structure by what was recorded last into it or into another one at its place: its type, unless it is
-// GENERIC. GENERIC: nothing tells.
+// GENERIC. Of a GENERIC one that data was deserialized to that only the device has looked at: what it found; before
+// that copy was executed, what the structure's size is marked for. GENERIC: nothing tells.
 VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure);
 // Something of that type, and of so many bytes, is recorded into a structure. 0 bytes: only the device knows.
 void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes);
+// Data is deserialized into a GENERIC structure of which only the device knows what it holds.
+void becomesUnknown(AccelerationStructure &structure);
 // A top-level build for up to so many instances.
 void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
 // The bytes of what was recorded last, 0: only the device knows.

@@ -5,6 +5,7 @@
 #include <new>
 
 #include "core/records.h"
+#include "layer/ground/align.h"
 
 namespace vellum::layer
 {
@@ -22,13 +23,13 @@ constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryP
 constexpr uint32_t kFirstBuckets = 1024;
 constexpr VkDeviceAddress kDeletedKey = ~VkDeviceAddress{0};
 
-constexpr VkDeviceSize alignUp(VkDeviceSize bytes)
+constexpr VkDeviceSize wholePages(VkDeviceSize bytes)
 {
-    return (bytes + FixedMemory::kAlignment - 1) / FixedMemory::kAlignment * FixedMemory::kAlignment;
+    return alignUp(bytes, FixedMemory::kAlignment);
 }
 
-constexpr std::size_t kFirstPagesPlace = alignUp(kRootBytes); // in the fixed memory, behind the root
-static_assert(kFirstPagesPlace + alignUp(kPagesBytes) <= FixedMemory::kMostBytes);
+constexpr std::size_t kFirstPagesPlace = wholePages(kRootBytes); // in the fixed memory, behind the root
+static_assert(kFirstPagesPlace + wholePages(kPagesBytes) <= FixedMemory::kMostBytes);
 
 // The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's cell before its
 // key.
@@ -62,7 +63,7 @@ VkResult RootTable::create(const GpuContext &context)
 {
     context_ = context;
     if (context.importsHostMemory)
-        fixed_.reserve(kFirstPagesPlace + alignUp(kPagesBytes));
+        fixed_.reserve(kFirstPagesPlace + wholePages(kPagesBytes));
     const VkResult result = createTable(root_, kRootBytes, 0);
     if (result != VK_SUCCESS)
         return result;
@@ -77,7 +78,7 @@ VkResult RootTable::create(const GpuContext &context)
 
 VkResult RootTable::createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place)
 {
-    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + place, alignUp(bytes)) == VK_SUCCESS)
+    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + place, wholePages(bytes)) == VK_SUCCESS)
         return VK_SUCCESS;
     return buffer.create(context_, bytes);
 }

@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
@@ -102,11 +103,14 @@ private:
         bool skipped = false;
     };
 
+    [[nodiscard]] Judge judgeOf(const Part &part) const
+    {
+        return {device_.driver.report(), command_, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure), part.i};
+    }
     void refuse(Part &part, const char *id, const std::string &text)
     {
-        device_.driver.report().error(id, std::string(command_) + ": pInfos[" + std::to_string(part.i) + "]: " + text,
-                                      VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                                      reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure));
+        judgeOf(part).refuse(id, text);
         part.skipped = true;
     }
 
@@ -181,9 +185,12 @@ private:
                        where + "micromap is not a micromap of this device");
                 return true;
             }
-            if (built_.contains(attachment->structure)) {
-                refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
-                       where + "micromap is built by the same command");
+            // Here they are built first, with a barrier.
+            if (built_.contains(attachment->structure) &&
+                !judgeOf(part).tolerate(
+                    "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
+                    where + "micromap is built by the same command")) {
+                part.skipped = true;
                 return true;
             }
         }
@@ -466,7 +473,7 @@ void cmdBuildAccelerationStructures(DeviceStructures &device, VkCommandBuffer co
     reportNotices(device.objects);
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildAccelerationStructuresKHR"))
         return;
-    cmdBuildMicromapStructures(device.micromaps, commandBuffer, count, infos);
+    cmdBuildMicromapStructures(device.micromaps, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos);
     std::vector<Ranges> all(count);
     for (uint32_t i = 0; i < count; ++i)
         all[i].direct = ranges ? ranges[i] : nullptr;
@@ -483,14 +490,14 @@ void cmdBuildAccelerationStructuresIndirect(DeviceStructures &device, VkCommandB
         return;
     std::vector<Ranges> all(count);
     for (uint32_t i = 0; i < count; ++i) {
-        if (isMicromapBuild(infos[i]))
-            device.driver.report().error("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
-                                         std::string(kCommand) + ": pInfos[" + std::to_string(i) +
-                                             "]: micromaps are not built "
-                                             "indirectly",
-                                         VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                                         reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure));
         all[i] = {nullptr, addresses[i], strides[i], most[i]};
+        const Judge judge(device.driver.report(), kCommand, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                          reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure), i);
+        // It has no ranges that could be indirect.
+        if (isMicromapBuild(infos[i]) &&
+            judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
+                           "a micromap is not built indirectly"))
+            cmdBuildMicromapStructures(device.micromaps, commandBuffer, kCommand, 1, &infos[i]);
     }
     Build(device, commandBuffer, kCommand, count, infos, all).record();
 }

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
@@ -29,11 +30,14 @@ struct Copy {
     const VkCopyAccelerationStructureInfoKHR &info;
     std::shared_ptr<AccelerationStructure> source, target;
 
-    void refuse(const char *id, const std::string &text) const
+    [[nodiscard]] Judge judge() const
     {
-        device.driver.report().error(id, "vkCmdCopyAccelerationStructureKHR: " + text,
-                                     VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst));
+        return {device.driver.report(), "vkCmdCopyAccelerationStructureKHR", VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                reinterpret_cast<uint64_t>(info.dst)};
     }
+    void refuse(const char *id, const std::string &text) const { judge().refuse(id, text); }
+    // What is neither to be compacted nor cloned is cloned, as drivers do it.
+    [[nodiscard]] bool compacts() const { return info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR; }
 
     // What a clone needs, as far as the host knows. With VK_KHR_ray_tracing_maintenance1 that is what a query has told,
     // and of a GENERIC structure the size of the handle says nothing.
@@ -52,17 +56,15 @@ struct Copy {
         else if (!target)
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter",
                    "dst is not an acceleration structure of this device");
-        else if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR &&
-                 info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
-            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
-                   "mode " + std::to_string(info.mode) + " is neither clone nor compact");
         else if (device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
-        else if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR && target->size < cloneBytes())
+        else if (!compacts() && target->size < cloneBytes())
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
                    "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(cloneBytes()));
         else
-            return true;
+            return compacts() || info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR ||
+                   judge().tolerate("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
+                                    "mode " + std::to_string(info.mode) + " is neither clone nor compact");
         return false;
     }
 
@@ -139,6 +141,8 @@ struct Copy {
         push.whole = device.driver.clearsWholeHandles && bytes == 0;
         if (!push.whole) {
             VkCopyAccelerationStructureInfoKHR driverInfo = info;
+            if (!compacts())
+                driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
             driverInfo.src = fittedHandle(device, info.src);
             driverInfo.dst = bytes > 0 ? fittedHandle(device, *target, info.dst, bytes) : info.dst;
             device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &driverInfo);
@@ -151,7 +155,7 @@ struct Copy {
         push.root = device.objects.root.address();
         push.sourceUnits = unitsOf(source->size);
         push.targetUnits = unitsOf(target->size);
-        push.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+        push.compact = compacts();
         work.dispatch(InjectedShader::StructureCopy, push, copyInvocations(source->size), 64);
         work.barrier();
     }

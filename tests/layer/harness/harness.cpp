@@ -502,7 +502,7 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
 std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
     // A driver without the extension knows nothing of the mode.
-    return khr() && options_.vellum && options_.micromaps && options_.micromapFeature && options_.declaresMode
+    return khr() && options_.vellum && options_.micromaps && options_.declaresMode
                ? withModeWhereNeeded(words)
                : std::vector<std::uint32_t>(words.begin(), words.end());
 }

@@ -7,6 +7,7 @@
 #include "vellum/vulkan_opacity_micromap.h"
 
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -42,6 +43,14 @@ Memory memoryOfTests();
 // Where the validation layer is, seen from Vellum's: the environment variable VELLUM_TEST_VALIDATION.
 enum class Validation { Below, Above };
 Validation validationOfTests();
+
+// Whether the layer refuses what does no harm, too: by its own environment variable, VELLUM_STRICT. Tests of wrong
+// input run both ways.
+inline bool strictTests()
+{
+    const char *value = std::getenv("VELLUM_STRICT");
+    return value && std::strcmp(value, "1") == 0;
+}
 
 struct Options {
     bool vellum = true;

@@ -50,6 +50,8 @@ public:
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
     // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
     [[nodiscard]] const std::uint8_t *memory() const { return storage_.bytes(); }
+    // As if nothing had been built there.
+    void forget() const { std::memset(storage_.bytes(), 0, static_cast<std::size_t>(storage_.size())); }
     [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
