@@ -126,9 +126,9 @@ void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkA
     }
     if (known && known->micromapKey)
         device.objects.root.releaseCell(known->micromapKey);
+    device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
     if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
         device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
-        device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
         return;
     }
     device.driver.next.DestroyAccelerationStructureKHR(handle, structure, allocator);

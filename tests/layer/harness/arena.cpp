@@ -8,7 +8,7 @@ namespace
 {
 
 constexpr VkDeviceSize kGuard = 256;          // of a piece in a buffer of its own
-constexpr VkDeviceSize kBlockBytes = 2 << 20; // of a buffer, if nothing larger has to lie in it
+constexpr VkDeviceSize kBlockBytes = 2 << 20; // of the first buffer; the next ones are larger
 constexpr VkBufferUsageFlags kScratch = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
 VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
@@ -35,8 +35,8 @@ Arena::Place Arena::take(VkDeviceSize size, VkDeviceSize alignment)
     ++counts_.pieces;
     for (std::size_t b = 0;; ++b) {
         if (b == blocks_.size())
-            blocks_.push_back(
-                std::make_unique<Block>(gpu_, std::max(kBlockBytes, size + 4 * alignment + 4096), usage()));
+            blocks_.push_back(std::make_unique<Block>(
+                gpu_, std::max(kBlockBytes << std::min<std::size_t>(b, 5), size + 4 * alignment + 4096), usage()));
         if (const auto offset =
                 blocks_[b]->pieces.take(static_cast<std::size_t>(size), static_cast<std::size_t>(alignment)))
             return {b, *offset, &blocks_[b]->buffer};

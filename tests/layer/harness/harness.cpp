@@ -182,7 +182,9 @@ void GpuTest::TearDown()
 
 void Gpu::reset(const Options &options)
 {
+    const Memory memory = options_.memory;
     options_ = options;
+    options_.memory = memory;
     broken_.clear();
 }
 
@@ -190,6 +192,9 @@ Gpu::Gpu(const Options &options) : options_(options)
 {
     createInstance();
     createDevice();
+    // Without the layer it is the driver that is looked at, and some write whole handles.
+    if (options_.memory == Memory::PackedToTheEnd && !options_.vellum)
+        options_.memory = Memory::Packed;
     if (options_.memory != Memory::Apart)
         arena_ = std::make_unique<Arena>(*this);
 }

@@ -179,7 +179,7 @@ Structure::~Structure()
 void Structure::checkGuards() const
 {
     if (placedBuffer_ == VK_NULL_HANDLE && structure_ != VK_NULL_HANDLE) {
-        EXPECT_TRUE(storage_.intact()) << "a build wrote beyond its acceleration structure";
+        EXPECT_TRUE(storage_->intact()) << "a build wrote beyond its acceleration structure";
     }
     if (structure_ != VK_NULL_HANDLE && scratch_) {
         EXPECT_TRUE(scratch_->intact()) << "an acceleration structure build wrote beyond its scratch memory";
@@ -200,12 +200,14 @@ void Structure::create(VkDeviceSize size)
     }
     size_ = size;
     if (placedBuffer_ == VK_NULL_HANDLE)
-        storage_ = Guarded(gpu_, size_, 256, gpu_.structureUsage());
+        storage_ = room_ && room_->size() >= size_ ? room_
+                                                   : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
+    room_.reset();
     VkAccelerationStructureCreateInfoKHR create{};
     create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_.buffer();
-    create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_.offset();
-    create.size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_.handleSize();
+    create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer();
+    create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset();
+    create.size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_->handleSize();
     create.type = create.size != size_ ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR : type_;
     VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
     VkAccelerationStructureDeviceAddressInfoKHR query{};
@@ -228,9 +230,10 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
     sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                     &info_, maxPrimitives.data(), &sizes);
-    if (sizes.accelerationStructureSize > size_)
-        create(sizes.accelerationStructureSize);
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    // A compacted one is large enough for its updates in place: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126.
+    if (sizes.accelerationStructureSize > size_ && !update)
+        create(sizes.accelerationStructureSize);
     scratch_ = scratchOf(gpu_, sharedScratch_, update ? sizes.updateScratchSize : sizes.buildScratchSize);
     info_.srcAccelerationStructure = update ? structure_ : VK_NULL_HANDLE;
     info_.dstAccelerationStructure = structure_;

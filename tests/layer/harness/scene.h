@@ -116,12 +116,15 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Uses memory of the caller's instead of memory of its own; before the first prepare.
     void placeIn(VkBuffer buffer, VkDeviceSize offset);
-    // Uses that scratch memory instead of memory of its own.
-    void shareScratch(SharedScratch &scratch) { sharedScratch_ = &scratch; }
+    // The next create uses the other's room, if it is large enough: two handles, and later another content, in one
+    // place.
+    void useRoomOf(const Structure &other) { room_ = other.storage_; }
+    // Uses that scratch memory instead of memory of its own; null: its own again.
+    void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
     void create(VkDeviceSize size);
     // Where it lies, if not placed, and what a build writes to beside that.
-    [[nodiscard]] Arena::Range range() const { return storage_.range(); }
+    [[nodiscard]] Arena::Range range() const { return {address_, size_}; }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
     // Frees what the last build has read or used.
     virtual void forgetInput() { scratch_.reset(); }
@@ -145,7 +148,7 @@ private:
     VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
     VkDeviceAddress address_ = 0;
     VkDeviceSize size_ = 0;
-    Guarded storage_;
+    std::shared_ptr<Guarded> storage_, room_;
     std::shared_ptr<Guarded> scratch_;
     SharedScratch *sharedScratch_ = nullptr;
     VkBuffer placedBuffer_ = VK_NULL_HANDLE;
