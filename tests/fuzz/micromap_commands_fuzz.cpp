@@ -1,9 +1,13 @@
 #include <algorithm>
+#include <functional>
+#include <map>
+#include <optional>
 #include <vector>
 
 #include "check.h"
 #include "core/records.h"
 #include "fake_device.h"
+#include "harness/pieces.h"
 #include "layer/micromaps/micromap.h"
 #include "micromap_fuzz.h"
 #include "micromap_model.h"
@@ -17,6 +21,7 @@ namespace
 constexpr std::uint64_t kMostBytes = 1u << 18; // of a micromap that is built
 constexpr std::uint16_t kMostOtherLevel = 8;   // of triangles that are not of a level that was counted
 constexpr std::uint64_t kHeaderBytes = 64;     // of a micromap, and of a serialized one
+constexpr std::size_t kPackedBytes = 1u << 16;
 
 // The commands on one device, for one input.
 class Commands
@@ -37,8 +42,16 @@ public:
 private:
     void readUsages();
     bool readTriangles();
-    // A micromap of that size at the end of a buffer; null where it is refused.
+    // A micromap with so much room: at the end of a buffer of its own, so that AddressSanitizer sees where it ends, or
+    // beside others in one that they share, by a handle that reaches to the end of that.
     VkMicromapEXT make(std::uint64_t size);
+    // Of a target that shall be too small: where handles reach to the end of a buffer, none is.
+    [[nodiscard]] std::uint64_t small(std::uint64_t size, std::uint64_t enough) const
+    {
+        return packed_ ? enough : size;
+    }
+    // Nothing in the shared buffer changes meanwhile but the room of the target.
+    VkResult writingTo(VkMicromapEXT target, const std::function<VkResult()> &command);
     [[nodiscard]] std::span<std::uint8_t> bytesOf(VkMicromapEXT micromap) const;
     VkMicromapEXT build(std::uint64_t size);
     std::uint64_t property(VkMicromapEXT micromap, VkQueryType type);
@@ -57,6 +70,9 @@ private:
     FakeDevice &device_;
     Reader &input_;
     std::vector<VkMicromapEXT> micromaps_;
+    std::map<VkMicromapEXT, std::size_t> room_; // bytes
+    std::optional<vt::Pieces> packed_;
+    VkBuffer packedBuffer_ = VK_NULL_HANDLE;
     std::vector<VkMicromapUsageEXT> usages_;
     std::vector<const VkMicromapUsageEXT *> usagePointers_;
     VkMicromapBuildInfoEXT info_{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
@@ -135,20 +151,42 @@ bool Commands::readTriangles()
 VkMicromapEXT Commands::make(std::uint64_t size)
 {
     VkMicromapCreateInfoEXT create{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT};
-    create.offset = 256u + input_.below(2) * 256u; // a buffer is never empty, a micromap may be
-    create.size = size;
     create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    create.buffer = device_.makeBuffer(create.offset + size);
+    const auto place = packed_ ? packed_->take(size, 256) : std::nullopt;
+    if (place) {
+        create.buffer = packedBuffer_;
+        create.offset = *place;
+        create.size = kPackedBytes - *place;
+    } else {
+        create.offset = 256u + input_.below(2) * 256u; // a buffer is never empty, a micromap may be
+        create.size = size;
+        create.buffer = device_.makeBuffer(create.offset + size);
+    }
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     FUZZ_CHECK(layer::createMicromap(device_.micromaps(), device_.handle(), &create, nullptr, &micromap) == VK_SUCCESS);
     micromaps_.push_back(micromap);
+    room_[micromap] = size;
     return micromap;
 }
 
 std::span<std::uint8_t> Commands::bytesOf(VkMicromapEXT micromap) const
 {
     const layer::Micromap &m = *layer::micromapOf(micromap);
-    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, m.size);
+    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, room_.at(micromap));
+}
+
+VkResult Commands::writingTo(VkMicromapEXT target, const std::function<VkResult()> &command)
+{
+    if (!packed_)
+        return command();
+    std::vector<std::uint8_t> before(packed_->bytes().begin(), packed_->bytes().end());
+    const VkResult result = command();
+    const layer::Micromap *const m = layer::micromapOf(target);
+    if (m != nullptr && m->buffer == packedBuffer_)
+        std::ranges::copy(bytesOf(target), before.begin() + static_cast<std::ptrdiff_t>(m->offset));
+    FUZZ_CHECK(std::ranges::equal(before, packed_->bytes()));
+    FUZZ_CHECK(!packed_->damage());
+    return result;
 }
 
 VkMicromapEXT Commands::build(std::uint64_t size)
@@ -158,7 +196,9 @@ VkMicromapEXT Commands::build(std::uint64_t size)
     info_.dstMicromap = micromap;
     info_.triangleArray.hostAddress = array_.data();
     info_.data.hostAddress = data_.data();
-    const VkResult result = layer::buildMicromaps(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, 1, &info_);
+    const VkResult result = writingTo(micromap, [&] {
+        return layer::buildMicromaps(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, 1, &info_);
+    });
     checkTold(result);
     return result == VK_SUCCESS ? micromap : VK_NULL_HANDLE;
 }
@@ -191,10 +231,17 @@ void Commands::copy(VkMicromapEXT source, std::uint64_t used)
     info.src = source;
     info.dst = exact;
     info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-    checkTold(layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info));
+    const auto run = [&] {
+        checkTold(writingTo(info.dst, [&] {
+            return layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info);
+        }));
+    };
+    run();
     checkBuilt(model_, bytesOf(exact));
+    if (packed_)
+        return;
     info.dst = make(input_.below(static_cast<std::uint32_t>(used)));
-    checkTold(layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info));
+    run();
     checkMicromap(info.dst);
     // It is no micromap then: what is asked of it, and copied from it, is nothing's.
     FUZZ_CHECK(property(info.dst, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT) == kHeaderBytes);
@@ -209,14 +256,18 @@ void Commands::serialize(VkMicromapEXT source, std::uint64_t used)
     out.src = source;
     out.dst.hostAddress = serialized.data();
     out.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    checkTold(layer::copyMicromapToMemory(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &out));
+    checkTold(writingTo(VK_NULL_HANDLE, [&] {
+        return layer::copyMicromapToMemory(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &out);
+    }));
 
     const VkMicromapEXT target = make(used);
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
     in.dst = target;
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(writingTo(in.dst, [&] {
+        return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
+    }));
     checkBuilt(model_, bytesOf(target));
 
     const VkMicromapVersionInfoEXT version{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, serialized.data()};
@@ -236,10 +287,12 @@ void Commands::deserializeDamaged(std::vector<std::uint8_t> serialized, std::uin
     }
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
-    in.dst = make(input_.flag() ? used : input_.below(static_cast<std::uint32_t>(used) + 64));
+    in.dst = make(input_.flag() ? used : small(input_.below(static_cast<std::uint32_t>(used) + 64), used));
     std::ranges::fill(bytesOf(in.dst), input_.byte());
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(writingTo(in.dst, [&] {
+        return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
+    }));
     checkMicromap(in.dst);
 }
 
@@ -255,15 +308,21 @@ void Commands::deserializeAnything()
     layer::getDeviceMicromapCompatibility(device_.micromaps(), device_.handle(), &version, &compatibility);
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
-    in.dst = make(serialized[0]);
+    in.dst = make(small(serialized[0], size - kHeaderBytes));
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(writingTo(in.dst, [&] {
+        return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
+    }));
     checkMicromap(in.dst);
 }
 
 void Commands::run()
 {
     FakeDevice::takeMessages();
+    if (input_.flag()) {
+        packedBuffer_ = device_.makeBuffer(kPackedBytes);
+        packed_.emplace(FakeDevice::bytes(packedBuffer_), 0);
+    }
     if (input_.oneIn(16))
         return deserializeAnything();
     model_.maxLevel = 0;
@@ -274,7 +333,7 @@ void Commands::run()
     FUZZ_CHECK((sizes.micromapSize == 0) == (FakeDevice::takeMessages() > 0));
     if (sizes.micromapSize == 0 || sizes.micromapSize > kMostBytes)
         return;
-    const std::uint64_t missing = input_.oneIn(16) ? 1 + input_.below(600) : 0;
+    const std::uint64_t missing = input_.oneIn(16) ? small(1 + input_.below(600), 0) : 0;
     const bool hasStride = readTriangles();
     const std::uint64_t count = model_.triangles.size();
     const std::uint64_t exact = kHeaderBytes + (count + count % 2) * 8 + std::uint64_t{model_.capacityUnits} * 16;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <cstdio>
 #include <cstring>
 #include <shared_mutex>
 #include <string>
@@ -53,14 +52,6 @@ bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
     return false;
 }
 
-// 0 of a device that is no CPU.
-uint32_t threadsOf(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    VkPhysicalDeviceProperties properties{};
-    instance.next.GetPhysicalDeviceProperties(physicalDevice, &properties);
-    return properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
-}
-
 template <typename T>
 const T *featuresIn(const VkDeviceCreateInfo &info, VkStructureType type)
 {
@@ -105,15 +96,24 @@ Asked askedFor(const VkDeviceCreateInfo &info)
     return asked;
 }
 
-// Whether the layer has to provide something; with VK_ERROR_EXTENSION_NOT_PRESENT where nobody can.
-VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info, bool &emulated)
+// What a device that is being made may need of the layer.
+struct Provided {
+    bool emulated = false; // there is something that the layer provides
+    Implementations have;
+    std::vector<VkExtensionProperties> extensions; // the driver's; empty where nothing was asked for
+};
+
+// VK_ERROR_EXTENSION_NOT_PRESENT where nobody can provide what is asked for.
+VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info,
+                      Provided &provided)
 {
-    emulated = false;
     const Asked asked = askedFor(info);
     const bool displacement = asksFor(info, newer::kDisplacementMicromapExtension);
     if (!asked.ext && !asked.khr && !asked.addressCommands && !displacement)
         return VK_SUCCESS;
-    const Implementations have = implementationsOn(instance, physicalDevice);
+    provided.extensions = driverExtensions(instance, physicalDevice);
+    const Implementations have = provided.have = implementationsOf(instance, physicalDevice, provided.extensions);
+    bool &emulated = provided.emulated;
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
         emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
     // Micromaps are all the driver's or all the layer's.
@@ -216,27 +216,6 @@ struct DriverDeviceInfo {
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
 
-// Driver::keepsOldPushConstants. Only its text tells the version: driverVersion is always 0.0.1.
-bool isLavapipeBefore26(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    VkPhysicalDeviceDriverProperties driver{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES};
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &driver, {}};
-    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
-    unsigned major = 0;
-    return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && std::sscanf(driver.driverInfo, "Mesa %u", &major) == 1 &&
-           major < 26;
-}
-
-std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
-    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
-    std::array<uint8_t, VK_UUID_SIZE> uuid;
-    std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
-    return uuid;
-}
-
 std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, VkPhysicalDevice physicalDevice)
 {
     uint32_t count = 0;
@@ -285,6 +264,14 @@ Device *deviceOfKey(void *key)
     return it == devices.end() ? nullptr : it->second.get();
 }
 
+bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle)
+{
+    std::shared_lock lock(devicesMutex);
+    return std::any_of(devices.begin(), devices.end(), [&](const auto &entry) {
+        return entry.second->instance == &instance && entry.second->objects.own(type, handle);
+    });
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkDevice *handle)
 {
@@ -299,22 +286,23 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (!nextCreate)
         return VK_ERROR_INITIALIZATION_FAILED;
 
-    bool emulated = false;
-    VkResult result = emulates(instance, physicalDevice, *info, emulated);
+    Provided provided;
+    VkResult result = findProvided(instance, physicalDevice, *info, provided);
     if (result != VK_SUCCESS)
         return result;
     auto device = std::make_unique<Device>();
-    device->driver.emulated = emulated;
-    if (emulated) {
+    device->driver.emulated = provided.emulated;
+    DriverFacts facts;
+    if (provided.emulated) {
+        facts = driverFactsOf(instance, physicalDevice, provided.extensions);
         device->driver.asked = askedFor(*info);
         if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;
         }
         device->driver.ownAddressCommands =
-            device->driver.asked.addressCommands &&
-            implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
-        device->buffers.gpu.importsHostMemory = importsHostMemory(instance, physicalDevice);
+            device->driver.asked.addressCommands && provided.have.addressCommands == Implementation::Emulation;
+        device->buffers.gpu.importsHostMemory = facts.importsHostMemory;
         // An application that replays addresses has all of them to itself.
         device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
                                                replaysAddresses(instance, physicalDevice);
@@ -347,12 +335,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         };
         result = device->objects.root.create(device->buffers.gpu, keptAddresses(instance, physicalDevice));
         if (result == VK_SUCCESS)
-            result = device->commands.injected.create(device->buffers.gpu);
+            result = device->commands.injected.create(
+                device->buffers.gpu, facts.isLavapipeBefore26 ? facts.maxPushConstantsSize : kPushBytes);
         if (result == VK_SUCCESS && instance.settings.validate)
             result = device->commands.complaints.create(device->buffers.gpu);
-        device->driver.threads = threadsOf(instance, physicalDevice);
-        device->driver.keepsOldPushConstants = isLavapipeBefore26(instance, physicalDevice);
-        device->driver.driverUuid = driverUuidOf(instance, physicalDevice);
+        device->driver.threads = facts.isCpu ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
+        device->driver.clearsWholeHandles = device->driver.keepsOldPushConstants = facts.isLavapipeBefore26;
+        device->driver.driverUuid = facts.driverUuid;
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
             const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;

@@ -20,7 +20,9 @@ namespace vellum::layer
     X(GetPhysicalDeviceProperties2, GetPhysicalDeviceProperties2KHR)                                                   \
     X(GetPhysicalDeviceToolProperties, GetPhysicalDeviceToolPropertiesEXT)                                             \
     X(CreateDebugUtilsMessengerEXT, CreateDebugUtilsMessengerEXT)                                                      \
-    X(DestroyDebugUtilsMessengerEXT, DestroyDebugUtilsMessengerEXT)
+    X(DestroyDebugUtilsMessengerEXT, DestroyDebugUtilsMessengerEXT)                                                    \
+    X(SubmitDebugUtilsMessageEXT, SubmitDebugUtilsMessageEXT)                                                          \
+    X(DebugReportMessageEXT, DebugReportMessageEXT)
 
 #define VELLUM_DEVICE_COMMANDS(X)                                                                                      \
     X(DestroyDevice, DestroyDevice)                                                                                    \

@@ -48,6 +48,8 @@ void apply(Settings &settings, const std::string &key, const std::string &value)
         settings.validate = isTrue(value);
     else if (key == "assume_micromaps")
         settings.assumeMicromaps = isTrue(value);
+    else if (key == "strict")
+        settings.strict = isTrue(value);
     else if (key == "report")
         settings.report = reportLevel(value);
     else if (key == "dump_shaders")
@@ -117,6 +119,7 @@ Settings readSettings(const void *instanceChain)
         {"VELLUM_REPORT", "report"},
         {"VELLUM_VALIDATE", "validate"},
         {"VELLUM_ASSUME_MICROMAPS", "assume_micromaps"},
+        {"VELLUM_STRICT", "strict"},
         {"VELLUM_DUMP_SHADERS", "dump_shaders"},
         {"VELLUM_CACHE_FOLDER", "cache_folder"},
     };
