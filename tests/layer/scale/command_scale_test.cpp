@@ -193,4 +193,34 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
     EXPECT_LE(allocations() - before, 2u);
 }
 
+// More than are looked up without a lock (door/device.cpp), made and destroyed in turns.
+TEST(DeviceScale, TwentyDevicesAtATime)
+{
+    std::vector<std::unique_ptr<Gpu>> gpus(20);
+    const auto works = [](Gpu &gpu) {
+        Buffer buffer(gpu, 64, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+        gpu.submit([&](VkCommandBuffer commands) {
+            vkCmdFillBuffer(commands, buffer.handle(), 0, 64, 0x1234567);
+            barrier(commands);
+        });
+        EXPECT_EQ(buffer.as<std::uint32_t>()[7], 0x1234567u);
+        const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+        EXPECT_NE(blas.address(), 0u);
+    };
+    for (int round = 0; round < 2; ++round) {
+        for (auto &gpu : gpus) {
+            if (gpu == nullptr)
+                gpu = std::make_unique<Gpu>(Options{.validation = false, .spy = false});
+        }
+        for (const auto &gpu : gpus)
+            works(*gpu);
+        for (std::size_t i = 0; i < gpus.size(); i += 3)
+            gpus[i].reset();
+        for (const auto &gpu : gpus) {
+            if (gpu != nullptr)
+                works(*gpu);
+        }
+    }
+}
+
 } // namespace
