@@ -37,17 +37,104 @@ namespace
 namespace fs = std::filesystem;
 
 constexpr const char *kReplay = "VELLUM_TEST_CAPABLE_REPLAY";
-constexpr const char *kRewriteOnly = "VELLUM_TEST_REWRITE_ONLY"; // nothing is compiled
+constexpr const char *kRewriteOnly = "VELLUM_TEST_REWRITE_ONLY";     // nothing is compiled
+constexpr const char *kPipelineCache = "VELLUM_TEST_PIPELINE_CACHE"; // the file for its data
 constexpr const char *kTaken = "VELLUM_TEST_TAKEN_ADDRESS";
 
 Options ofRuns()
 {
     Options options;
     options.validation = false;
-    options.spy = false;
+    options.spy = std::getenv(kPipelineCache) != nullptr;
     options.capable = std::getenv(kReplay) != nullptr;
     options.addressReplay = false;
     return options;
+}
+
+std::string contentOf(const fs::path &path)
+{
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// Makes pipelines of all kinds with a cache as an application does: its data comes from a file and goes there. Prints
+// how many hits there were.
+void makeCachedPipelines(Gpu &gpu, const fs::path &path)
+{
+    const std::string data = contentOf(path);
+    VkPipelineCacheCreateInfo cacheInfo{};
+    cacheInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO;
+    cacheInfo.initialDataSize = data.size();
+    cacheInfo.pInitialData = data.data();
+    VkPipelineCache cache = VK_NULL_HANDLE;
+    VT_CHECK(vkCreatePipelineCache(gpu.device(), &cacheInfo, nullptr, &cache));
+    unsigned hits = 0, misses = 0;
+    std::vector<VkPipeline> made;
+    const auto create = [&](auto info, auto function) {
+        VkPipelineCreationFeedback feedback{};
+        std::vector<VkPipelineCreationFeedback> stages(16);
+        VkPipelineCreationFeedbackCreateInfo feedbackInfo{};
+        feedbackInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
+        feedbackInfo.pNext = info.pNext;
+        feedbackInfo.pPipelineCreationFeedback = &feedback;
+        info.pNext = &feedbackInfo;
+        VT_CHECK(function(info, &made.emplace_back()));
+        ((feedback.flags & VK_PIPELINE_CREATION_FEEDBACK_APPLICATION_PIPELINE_CACHE_HIT_BIT) != 0 ? hits : misses)++;
+    };
+    const Tracer tracer(gpu);
+    const std::uint32_t flagValues[] = {0, kRayOpaque, kRayCullOpaque, kRayForceTwoState};
+    const VkSpecializationMapEntry entry{0, 0, sizeof(std::uint32_t)};
+    for (const std::span<const std::uint32_t> words :
+         {std::span<const std::uint32_t>(tracer_constant_000), std::span<const std::uint32_t>(tracer_constant_400),
+          std::span<const std::uint32_t>(tracer_specialized)}) {
+        const VkShaderModule module = gpu.shader(words);
+        for (const std::uint32_t &flags : flagValues) {
+            const VkSpecializationInfo specialization{1, &entry, sizeof flags, &flags};
+            VkComputePipelineCreateInfo info{};
+            info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+            info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+            info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+            info.stage.module = module;
+            info.stage.pName = "main";
+            info.stage.pSpecializationInfo = &specialization;
+            info.layout = tracer.layout();
+            create(info, [&](const auto &i, VkPipeline *pipeline) {
+                return vkCreateComputePipelines(gpu.device(), cache, 1, &i, nullptr, pipeline);
+            });
+        }
+        vkDestroyShaderModule(gpu.device(), module, nullptr);
+    }
+    for (const std::span<const std::uint32_t> raygen :
+         {std::span<const std::uint32_t>(pipeline_constant_000), std::span<const std::uint32_t>(pipeline_constant_040),
+          std::span<const std::uint32_t>(pipeline_constant_400)}) {
+        for (const VkPipelineCreateFlags flags : {VkPipelineCreateFlags{0}, kMicromapBit}) {
+            PipelineTracerSetup setup{.raygen = raygen};
+            setup.flags = flags;
+            setup.make = [&](Gpu &, const PipelineSetup &from) {
+                for (const bool inlined : {false, true}) {
+                    PipelineSetup one = from;
+                    for (PipelineStage &stage : one.stages)
+                        stage.inlineModule = inlined;
+                    const PipelineInfo info(gpu, one);
+                    create(info.get(), [&](const auto &i, VkPipeline *pipeline) {
+                        return gpu.vk().CreateRayTracingPipelinesKHR(gpu.device(), VK_NULL_HANDLE, cache, 1, &i,
+                                                                     nullptr, pipeline);
+                    });
+                }
+                return MadePipeline{RayPipeline(gpu, from), {}};
+            };
+            const PipelineTracer pipeline(gpu, setup);
+        }
+    }
+    std::printf("pipeline cache:  hits = %u, misses = %u\n", hits, misses);
+    std::size_t size = 0;
+    VT_CHECK(vkGetPipelineCacheData(gpu.device(), cache, &size, nullptr));
+    std::string content(size, 0);
+    VT_CHECK(vkGetPipelineCacheData(gpu.device(), cache, &size, content.data()));
+    std::ofstream(path, std::ios::binary) << content;
+    for (const VkPipeline pipeline : made)
+        vkDestroyPipeline(gpu.device(), pipeline, nullptr);
+    vkDestroyPipelineCache(gpu.device(), cache, nullptr);
 }
 
 // Run by the tests below, in processes of its own. Two devices at a time have two addresses.
@@ -58,6 +145,8 @@ TEST(ShaderCacheRun, DISABLED_Run)
         ASSERT_EQ(mmap(wanted, 65536, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED_NOREPLACE, -1, 0), wanted);
     }
     Gpu gpu(ofRuns());
+    if (const char *path = std::getenv(kPipelineCache))
+        return makeCachedPipelines(gpu, path);
     Gpu second(ofRuns());
     const Micromap micromap(gpu, [] {
         MicromapInput input;
@@ -94,12 +183,6 @@ struct Outcome {
     unsigned hits = 0, misses = 0;            // of Mesa's cache
 };
 
-std::string contentOf(const fs::path &path)
-{
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-}
-
 class ShaderCache : public testing::Test
 {
 protected:
@@ -130,12 +213,13 @@ protected:
     {
         const fs::path own = folder_ / std::to_string(++runs_);
         fs::create_directories(own);
-        Environment environment{{"VELLUM_DUMP_SHADERS", own},
-                                {"MESA_SHADER_CACHE_DIR", folder_ / "mesa"},
-                                {"MESA_SHADER_CACHE_SHOW_STATS", "1"},
-                                {"XDG_CACHE_HOME", folder_ / "cache"},
-                                {"VELLUM_TEST_ADDRESSES_REPEAT", "1"}}; // as if they did: they are random here
-        environment.insert(more.begin(), more.end());
+        Environment environment = more;
+        environment.insert({{"VELLUM_DUMP_SHADERS", own},
+                            {"MESA_SHADER_CACHE_DIR", folder_ / "mesa"},
+                            {"MESA_SHADER_CACHE_SHOW_STATS", "1"},
+                            {"XDG_CACHE_HOME", folder_ / "cache"},
+                            // As if they did: they are random here.
+                            {"VELLUM_TEST_ADDRESSES_REPEAT", "1"}});
         const std::string log = own / "log";
         const pid_t child = fork();
         if (child == 0) {
@@ -176,6 +260,7 @@ protected:
         EXPECT_GE(run.hits, 99 * run.misses) << run.hits << " hits, " << run.misses << " misses";
     }
 
+    [[nodiscard]] fs::path inFolder(const std::string &name) const { return folder_ / name; }
     [[nodiscard]] fs::path cacheFolder() const { return folder_ / "cache" / "vellum"; }
     [[nodiscard]] std::vector<fs::path> addressFiles() const
     {
@@ -214,6 +299,26 @@ TEST_F(ShaderCache, NextRunCompilesNothingWhereAddressesAreReplayed)
     EXPECT_EQ(second.words, first.words);
     expectHits(second);
     EXPECT_EQ(addressFiles(), files);
+}
+
+// A pipeline cache of the application's, on a driver that has such (spy_cache.cpp).
+TEST_F(ShaderCache, PipelineCacheOfTheRunBefore)
+{
+    for (const std::string replay : {"", "1"}) {
+        SCOPED_TRACE(replay);
+        Environment environment{{"VELLUM_TEST_SPY_CACHE", "1"},
+                                {kPipelineCache, inFolder("pipelines" + replay)},
+                                {"MESA_SHADER_CACHE_SHOW_STATS", "0"}};
+        if (!replay.empty())
+            environment[kReplay] = replay;
+        const Outcome first = run(environment);
+        // Inline modules and others are the same to a cache.
+        EXPECT_EQ(first.misses, 18u);
+        const Outcome second = run(environment);
+        EXPECT_EQ(second.words, first.words);
+        expectHits(second);
+        EXPECT_EQ(second.misses, 0u);
+    }
 }
 
 // Without the file such a driver puts the tables anywhere, and another shader is another shader.
