@@ -5,7 +5,6 @@
 // size. So everything is recorded that data can need, and the device lets one way have an effect.
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <optional>
 #include <string>
 
@@ -89,11 +88,9 @@ struct Restore {
         const AddressMap::Place place = device.buffers.addresses.find(info.src.deviceAddress);
         if (!place.buffer || place.bytes < kBytes)
             return std::nullopt;
-        const HostView view(device.buffers, place.buffer, place.offset, kBytes, HostView::For::Reading);
-        if (!view.bytes())
-            return std::nullopt;
         std::array<uint32_t, kSerializedHeaderWords> words;
-        std::memcpy(words.data(), view.bytes(), kBytes);
+        if (!device.buffers.host.peek(place.buffer, place.offset, words.data(), kBytes))
+            return std::nullopt;
         const uint32_t *blank = blankStructure(device).memory.words();
         for (uint32_t w = 0; w < 2 * VK_UUID_SIZE / 4; ++w) {
             if (words[w] != (w < VK_UUID_SIZE / 4 ? blank[w] : blank[w] ^ kCompatibilityWord))
