@@ -7,7 +7,7 @@
 #include "check.h"
 #include "core/records.h"
 #include "fake_device.h"
-#include "harness/pieces.h"
+#include "harness/arena/pieces.h"
 #include "layer/micromaps/micromap.h"
 #include "micromap_fuzz.h"
 #include "micromap_model.h"

@@ -184,12 +184,12 @@ TEST_F(Oracle, PlainScenes)
 
 TEST_F(PackedOracle, RandomScenes)
 {
-    comparePacked(150, 20000);
+    comparePacked(100, 14000);
 }
 
 TEST_F(PackedToTheEndOracle, RandomScenes)
 {
-    comparePacked(150, 20000);
+    comparePacked(100, 14000);
 }
 
 } // namespace

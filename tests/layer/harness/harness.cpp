@@ -1,6 +1,6 @@
 #include "harness/harness.h"
 
-#include "harness/arena.h"
+#include "harness/arena/arena.h"
 #include "harness/execution_mode.h"
 
 #include <algorithm>

@@ -2,7 +2,7 @@
 // test can check: nothing may be written beyond the sizes that Vulkan reported.
 #pragma once
 
-#include "harness/arena.h"
+#include "harness/arena/arena.h"
 #include "harness/micromap_commands.h"
 
 #include <array>

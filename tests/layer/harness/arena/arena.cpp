@@ -1,4 +1,4 @@
-#include "harness/arena.h"
+#include "harness/arena/arena.h"
 
 #include <utility>
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "harness/harness.h"
-#include "harness/pieces.h"
+#include "harness/arena/pieces.h"
 
 namespace vt
 {
