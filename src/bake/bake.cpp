@@ -263,7 +263,7 @@ void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsign
         Material::Scratch classifier;
         std::vector<std::uint8_t> packed;
     };
-    inParallel<Scratch>(threads, choices.size(), options.cancel, [&](std::size_t i, Scratch &scratch) {
+    inParallel<Scratch>(threads, choices.size(), options.cancelled, [&](std::size_t i, Scratch &scratch) {
         const Distinct &triangle = distinct.triangles[i];
         LevelChoice &choice = choices[i];
         choice.uses = triangle.uses;
@@ -351,7 +351,7 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
         }
         if (buffer.size() < bytes)
             buffer.resize(bytes);
-        inParallel<Material::Scratch>(threads, batch.size(), options.cancel,
+        inParallel<Material::Scratch>(threads, batch.size(), options.cancelled,
                                       [&](std::size_t i, Material::Scratch &scratch) {
                                           batch[i].data = buffer.data() + offsets[i];
                                           pack(distinct.triangles[begin + i], options, batch[i], scratch);

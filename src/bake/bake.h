@@ -12,7 +12,6 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
-#include <stop_token>
 
 #include "bake/texture/texture.h"
 #include "core/micromap.h"
@@ -91,8 +90,8 @@ struct BakeOptions {
     // Called now and then with triangles done and in all, from any worker but one at a time. With a budget, each
     // triangle counts twice.
     std::function<void(std::size_t done, std::size_t total)> progress;
-    // Makes bake() throw BakeCancelled soon after it is asked to stop.
-    std::stop_token cancel;
+    // Makes bake() throw BakeCancelled soon after it returns true. Called often, from several workers at a time.
+    std::function<bool()> cancelled;
 
     // No tolerances: what is true of the texture in exact arithmetic.
     BakeOptions &exactly()
@@ -133,6 +132,13 @@ public:
     using std::runtime_error::runtime_error;
 };
 
+// A result above maxDataBytes.
+class BakeTooLarge : public BakeError
+{
+public:
+    using BakeError::BakeError;
+};
+
 class BakeCancelled : public BakeError
 {
 public:
@@ -141,7 +147,7 @@ public:
 
 // Bakes one micromap for the triangles of all inputs. Triangles with the same result share a micromap triangle,
 // whatever their input; those that are one state all over become a special index. Throws BakeError for options, levels
-// or a texture out of range and for a result above maxDataBytes.
+// or a texture out of range, BakeTooLarge for a result above maxDataBytes.
 BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options);
 BakeResult bake(const AlphaTexture &texture, std::span<const TriangleUvs> triangles, const BakeOptions &options);
 
