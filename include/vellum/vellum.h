@@ -230,13 +230,13 @@ typedef struct VellumBakeOptions {
     // data. Default 0.
     double worthwhile;
 
-    // What a GPU may do differently from the mathematics, each 0 or more and finite. With all four at 0, states are
-    // those of exact arithmetic.
-    double valueTolerance;         // how far a filtered value may be from the exact one; default 2/255
-    double subtexelTolerance;      // how far a sample may be from its place, in texels; default 1/16
-    double barycentricTolerance;   // how far a hit may lie outside its micro-triangle, in barycentrics; default 1e-5
-    double interpolationTolerance; // error of interpolated texture coordinates, relative to the triangle's largest;
-                                   // default 2^-20
+    // What a GPU may do differently from the mathematics, each 0 or more. With all four at 0, states are those of exact
+    // arithmetic.
+    double valueTolerance;         // how far a filtered value may be from the exact one; finite; default 2/255
+    double subtexelTolerance;      // how far a sample may be from its place, in texels; to 1024; default 1/16
+    double barycentricTolerance;   // how far a hit may lie outside its micro-triangle; to 1; default 1e-5
+    double interpolationTolerance; // error of interpolated texture coordinates, as a part of the triangle's largest; to
+                                   // 2^-10; default 2^-20
 
     // Most bytes of data, at which the bake gives up with VELLUM_ERROR_TOO_LARGE: at most 2^32 - 1; default 2^30.
     uint64_t maxDataSize;

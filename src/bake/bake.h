@@ -74,13 +74,13 @@ struct BakeOptions {
     // with 8-bit weights and round twice, as lavapipe's do.
     double valueTolerance = 2.0 / 255.0;
     // How far, in texels, a sample may be from where it was asked for. Vulkan lets subTexelPrecisionBits be as low as
-    // 4, hence the default.
+    // 4, hence the default. At most 1024.
     double subtexelTolerance = 1.0 / 16.0;
     // How far, in barycentrics, a hit that traversal assigns to a micro-triangle may lie outside of it: the rounding
-    // of the barycentrics and of their sum.
+    // of the barycentrics and of their sum. At most 1.
     double barycentricTolerance = 1e-5;
     // How far interpolation may move a texture coordinate, relative to the largest of the triangle: single precision,
-    // whose products and sums are as large as the coordinates themselves.
+    // whose products and sums are as large as the coordinates themselves. At most 2^-10.
     double interpolationTolerance = 16.0 / (1 << 24);
 
     // Worker threads; 0 takes one per processor. The result does not depend on it.

@@ -1,6 +1,7 @@
 #include "library/inputs.h"
 
 #include <cmath>
+#include <limits>
 
 #include "bake/inputs.h"
 #include "library/structures.h"
@@ -176,11 +177,13 @@ auto about(const std::string &what, Function &&function)
 
 BakeOptions readOptions(const VellumBakeOptions &given)
 {
-    const auto notNegative = [](const char *member, double value) {
-        if (!(value >= 0) || std::isinf(value))
-            reject(member, number(value), "0 or more and finite");
+    const auto within = [](const char *member, double value, double most, const char *range) {
+        if (!(value >= 0 && value <= most))
+            reject(member, number(value), range);
         return value;
     };
+    constexpr double kFinite = std::numeric_limits<double>::max();
+    constexpr const char *kNotNegative = "0 or more and finite";
     BakeOptions options;
     options.format = micromapFormat("format", given.format);
     switch (given.twoStateRule) {
@@ -196,7 +199,7 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     if (given.maxLevel > kMostLevel)
         reject("maxLevel", std::to_string(given.maxLevel), "0 to 12");
     options.maxLevel = given.maxLevel;
-    options.texelsPerEdge = notNegative("texelsPerEdge", given.texelsPerEdge);
+    options.texelsPerEdge = within("texelsPerEdge", given.texelsPerEdge, kFinite, kNotNegative);
     switch (given.compareOp) {
     case VELLUM_COMPARE_OP_LESS: options.test = AlphaTest::Less; break;
     case VELLUM_COMPARE_OP_LESS_OR_EQUAL: options.test = AlphaTest::LessOrEqual; break;
@@ -209,13 +212,12 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     options.disallowMixedSpecialIndices = (given.flags & VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT) != 0;
     if (given.budget != VELLUM_NO_BUDGET)
         options.budget = given.budget;
-    if (!(given.worthwhile >= 0 && given.worthwhile <= 1))
-        reject("worthwhile", number(given.worthwhile), "0 to 1");
-    options.worthwhile = given.worthwhile;
-    options.valueTolerance = notNegative("valueTolerance", given.valueTolerance);
-    options.subtexelTolerance = notNegative("subtexelTolerance", given.subtexelTolerance);
-    options.barycentricTolerance = notNegative("barycentricTolerance", given.barycentricTolerance);
-    options.interpolationTolerance = notNegative("interpolationTolerance", given.interpolationTolerance);
+    options.worthwhile = within("worthwhile", given.worthwhile, 1, "0 to 1");
+    options.valueTolerance = within("valueTolerance", given.valueTolerance, kFinite, kNotNegative);
+    options.subtexelTolerance = within("subtexelTolerance", given.subtexelTolerance, 1024, "0 to 1024");
+    options.barycentricTolerance = within("barycentricTolerance", given.barycentricTolerance, 1, "0 to 1");
+    options.interpolationTolerance =
+        within("interpolationTolerance", given.interpolationTolerance, 0x1p-10, "0 to 2^-10");
     if (given.maxDataSize > UINT32_MAX)
         reject("maxDataSize", std::to_string(given.maxDataSize), "2^32 - 1 or less");
     options.maxDataBytes = given.maxDataSize;
@@ -296,11 +298,12 @@ std::span<const AlphaTexture> Inputs::texturesOf(const VellumBakeInput &given)
         });
     static_assert(sizeof(VellumTexture) == offsetof(VellumTexture, border) + sizeof(float)); // no padding at the end
     std::string key(reinterpret_cast<const char *>(textures.data()), textures.size() * sizeof(VellumTexture));
-    const auto [found, isNew] = m_textures.try_emplace(std::move(key));
-    if (isNew)
+    const auto entry = m_textures.try_emplace(std::move(key));
+    std::vector<AlphaTexture> &read = entry.first->second;
+    if (entry.second)
         for (std::size_t i = 0; i < textures.size(); ++i)
-            about("texture " + std::to_string(i), [&] { found->second.push_back(readTexture(textures[i])); });
-    return found->second;
+            about("texture " + std::to_string(i), [&] { read.push_back(readTexture(textures[i])); });
+    return read;
 }
 
 } // namespace vellum::library
