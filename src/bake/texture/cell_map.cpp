@@ -170,13 +170,14 @@ void CellMap::fill(const Thresholds &thresholds)
         for (std::size_t word = 0; word < m_words; ++word) {
             opaque[word] = now.opaque[word] & before.opaque[word];
             mixed[word] = ~(opaque[word] | (now.transparent[word] & before.transparent[word]));
-            any |= mixed[word];
         }
         // The cell behind the last one has but one texel that belongs to the row.
         const std::size_t last = static_cast<std::size_t>(m_axisX.cells());
         mixed[last / 64] &= (std::uint64_t{1} << (last % 64)) - 1;
-        for (std::size_t word = 0; word < m_words; ++word)
+        for (std::size_t word = 0; word < m_words; ++word) {
             m_mixed[stored * m_words + word] |= mixed[word];
+            any |= mixed[word];
+        }
     }
     m_anyMixed = any != 0;
     m_largest = double{largest};
