@@ -3,13 +3,15 @@
 #include <cstring>
 #include <string>
 
+#include "core/large_memory.h"
+
 namespace vellum
 {
 
 MicromapAssembly::MicromapAssembly(std::uint64_t bytes) : m_slots(64, -1)
 {
     // Room that is never used costs addresses only; a vector that outgrows its room would need both at once.
-    micromap.data.reserve(bytes);
+    reserveLarge(micromap.data, bytes);
 }
 
 void MicromapAssembly::grow()
