@@ -17,6 +17,7 @@ PARTS = {
     "bake": ("core",),
     "spirv": ("core",),
     "shaders": ("core",),
+    "library": ("core", "bake"),
     "gltf": ("core", "bake"),
     "layer": ("core", "spirv"),
     "cli": ("core", "bake", "gltf"),
