@@ -35,7 +35,7 @@ void main()
     const uint blocks = bakeBlocksOfCells(cells.x, step);
     const uint rows = bakeBlocksOfCells(cells.y, step);
     const uint pitch = bakeMaskPitch(blocks);
-    const uint at = invocation();
+    const uint at = INVOCATION;
     const uint word = at % pitch;
     const uint row = at / pitch;
     if (row >= rows)

@@ -34,7 +34,7 @@ void main()
     const Mip mip = makeMip(push.first);
     const uint pitch = bakeMaskPitch(uint(mip.x.cells));
     const uint mask = SCRATCH(mipTable(mip) + kBakeMipMasks);
-    const uint at = invocation();
+    const uint at = INVOCATION;
     const uint word = at % pitch;
     const uint top = at / pitch * kRows;
     if (top >= uint(mip.y.cells))

@@ -13,7 +13,7 @@ void main()
     if (lane < 16u)
         counts[lane] = 0u;
     barrier();
-    const uint level = listedLevel(invocation());
+    const uint level = listedLevel(INVOCATION);
     if (level != kNotListed)
         atomicAdd(counts[level], 1u);
     barrier();

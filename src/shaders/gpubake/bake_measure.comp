@@ -29,7 +29,7 @@ void addItem(uint triangle, uint level, uint item)
 #ifdef PROBE
 void main()
 {
-    const uint number = invocation();
+    const uint number = INVOCATION;
     uint listed = 0u;
     for (uint level = 0u; level < kBakeLevels; ++level)
         listed += SCRATCH(kBakeWork + level);
@@ -47,7 +47,7 @@ void main()
 #else
 void main()
 {
-    const Work work = workAt(invocation());
+    const Work work = workAt(INVOCATION);
     if (!work.any || work.level <= 3u) // those have been looked at
         return;
     const uint items = itemsOf(work.level);

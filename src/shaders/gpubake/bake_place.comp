@@ -17,7 +17,7 @@ void setSpecialIndex(uint triangle, uint state)
 void main()
 {
     const uint lane = gl_LocalInvocationID.x;
-    const uint triangle = invocation();
+    const uint triangle = INVOCATION;
     const uint level = listedLevel(triangle);
     levels[lane] = level;
     barrier();

@@ -54,7 +54,7 @@ uint levelOf(Uvs uvs, uvec2 size)
 
 void main()
 {
-    const uint triangle = invocation();
+    const uint triangle = INVOCATION;
     if (triangle >= SCRATCH(kBakeTriangles))
         return;
     const uint at = triangleAt(triangle);

@@ -8,7 +8,7 @@ layout(local_size_x = 64) in;
 
 void main()
 {
-    const uint number = invocation();
+    const uint number = INVOCATION;
     if (number < 4u && !flagSet(kBakeSizesOnly))
         Words(scratchAddress(kBakeResult)).w[1u + kBakeLevels + number] = SCRATCH(kBakeSpecials + number);
     const bool twoState = flagSet(kBakeTwoState);

@@ -30,10 +30,8 @@ uint workgroup()
 {
     return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
 }
-uint invocation()
-{
-    return workgroup() * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
-}
+// A macro: in a function up here, glslang would take the size of workgroups to be 1.
+#define INVOCATION (workgroup() * gl_WorkGroupSize.x + gl_LocalInvocationID.x)
 
 uint triangleAt(uint triangle)
 {

@@ -17,7 +17,7 @@ uint pack(uint states)
 
 void main()
 {
-    const Work work = workAt(invocation());
+    const Work work = workAt(INVOCATION);
     if (!work.any)
         return;
     const bool twoState = flagSet(kBakeTwoState);
