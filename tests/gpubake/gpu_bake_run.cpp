@@ -142,88 +142,127 @@ vellum::Micromap GpuBaked::micromap() const
     return micromap;
 }
 
+vellum::GpuBakeRoom roomForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options)
+{
+    vellum::GpuBakeRoom room;
+    for (std::uint32_t level = options.automatic ? 0 : options.level; level <= options.level; ++level)
+        room.triangles[level] = mesh.triangles;
+    return room;
+}
+
+BakeJob::BakeJob(Gpu &gpu, const vellum::GpuBaker &baker, const AlphaImage &image, const Mesh &mesh,
+                 const vellum::GpuBakeOptions &options)
+    : baker_(baker), options_(options),
+      uvs_(gpu.upload(std::span<const std::uint8_t>(mesh.uvs), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT)),
+      meshIndices_(gpu.upload(std::span<const std::uint8_t>(mesh.indices), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT)),
+      scratch_(gpu, vellum::GpuBaker::scratchBytes(image.info(), mesh.triangles), 4,
+               kBakeStorage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT),
+      result_(gpu, sizeof(vellum::GpuBakeResult), 4, kBakeStorage), gpu_(gpu)
+{
+    VT_CHECK(baker.createAlpha(image.info(), alpha_));
+    input_.uvs = uvs_.address();
+    input_.uvStride = mesh.uvStride;
+    input_.uvFormat = mesh.uvFormat;
+    input_.vertices = mesh.vertices;
+    input_.indices = mesh.indexType == VK_INDEX_TYPE_NONE_KHR ? 0 : meshIndices_.address();
+    input_.indexType = mesh.indexType;
+    input_.triangles = mesh.triangles;
+}
+
+BakeJob::~BakeJob()
+{
+    EXPECT_TRUE(scratch_.intact()) << "scratch memory";
+    EXPECT_TRUE(result_.intact()) << "result";
+    if (data_.buffer() != VK_NULL_HANDLE) {
+        EXPECT_TRUE(data_.intact()) << "data";
+        EXPECT_TRUE(records_.intact()) << "records";
+        EXPECT_TRUE(indices_.intact()) << "indices";
+    }
+}
+
+void BakeJob::setRoom(const vellum::GpuBakeRoom &room, VkBufferUsageFlags more)
+{
+    room_ = room;
+    data_ = Guarded(gpu_, vellum::GpuBaker::dataBytes(room, options_.format), 256, kBakeStorage | more);
+    records_ = Guarded(gpu_, vellum::GpuBaker::recordBytes(room), 256, kBakeStorage | more);
+    indices_ = Guarded(gpu_, 4 * VkDeviceSize{input_.triangles}, 4, kBakeStorage);
+    room_.data = data_.address();
+    room_.records = records_.address();
+    room_.indices = indices_.address();
+}
+
+bool BakeJob::record(VkCommandBuffer commands)
+{
+    return baker_.record(commands, *alpha_, input_, options_,
+                         {scratch_.buffer(), scratch_.offset(), scratch_.address()}, room_, result_.address());
+}
+
+bool BakeJob::recordSizes(VkCommandBuffer commands)
+{
+    return baker_.recordSizes(commands, *alpha_, input_, options_,
+                              {scratch_.buffer(), scratch_.offset(), scratch_.address()}, result_.address());
+}
+
+bool BakeJob::recordData(VkCommandBuffer commands)
+{
+    return baker_.recordData(commands, *alpha_, input_, options_,
+                             {scratch_.buffer(), scratch_.offset(), scratch_.address()}, room_, result_.address());
+}
+
+vellum::GpuBakeResult BakeJob::result() const
+{
+    vellum::GpuBakeResult result;
+    std::memcpy(&result, result_.bytes(), sizeof result);
+    return result;
+}
+
+GpuBaked BakeJob::read() const
+{
+    GpuBaked baked;
+    baked.result = result();
+    baked.data.assign(data_.bytes(), data_.bytes() + data_.size());
+    baked.records.resize(static_cast<std::size_t>(records_.size() / sizeof(VkMicromapTriangleEXT)));
+    std::memcpy(baked.records.data(), records_.bytes(), static_cast<std::size_t>(records_.size()));
+    baked.indices.resize(static_cast<std::size_t>(indices_.size() / 4));
+    std::memcpy(baked.indices.data(), indices_.bytes(), static_cast<std::size_t>(indices_.size()));
+    return baked;
+}
+
 BakeRunner::BakeRunner(Gpu &gpu) : gpu_(gpu)
 {
     VT_CHECK(vellum::GpuBaker::create({gpu.device(), vkGetDeviceProcAddr}, baker_));
 }
 
 GpuBaked BakeRunner::bake(const AlphaImage &image, const Mesh &mesh, const vellum::GpuBakeOptions &options, Steps steps,
-                          const vellum::GpuBakeRoom *given)
+                          const vellum::GpuBakeRoom *room)
 {
-    using vellum::GpuBaker;
-    std::unique_ptr<vellum::GpuAlpha> alpha;
-    VT_CHECK(baker_->createAlpha(image.info(), alpha));
-    const Buffer uvs = gpu_.upload(std::span<const std::uint8_t>(mesh.uvs), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    const Buffer meshIndices =
-        gpu_.upload(std::span<const std::uint8_t>(mesh.indices), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    vellum::GpuBakeInput input;
-    input.uvs = uvs.address();
-    input.uvStride = mesh.uvStride;
-    input.uvFormat = mesh.uvFormat;
-    input.vertices = mesh.vertices;
-    input.indices = mesh.indexType == VK_INDEX_TYPE_NONE_KHR ? 0 : meshIndices.address();
-    input.indexType = mesh.indexType;
-    input.triangles = mesh.triangles;
-
-    const Guarded memory(gpu_, GpuBaker::scratchBytes(image.info(), mesh.triangles), 4,
-                         kBakeStorage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
-    const GpuBaker::Scratch scratch{memory.buffer(), memory.offset(), memory.address()};
-    const Guarded result(gpu_, sizeof(vellum::GpuBakeResult), 4, kBakeStorage);
-    const auto read = [&] {
-        vellum::GpuBakeResult r;
-        std::memcpy(&r, result.bytes(), sizeof r);
-        return r;
-    };
+    BakeJob job(gpu_, *baker_, image, mesh, options);
     bool recorded = true;
     const auto submit = [&](const std::function<bool(VkCommandBuffer)> &record) {
         gpu_.submit([&](VkCommandBuffer commands) {
-            recorded = recorded && record(commands);
+            recorded = record(commands) && recorded;
             barrier(commands);
         });
     };
-    vellum::GpuBakeRoom room;
-    if (given != nullptr)
-        room = *given;
-    else if (steps == Steps::One)
-        for (std::uint32_t level = options.automatic ? 0 : options.level; level <= options.level; ++level)
-            room.triangles[level] = mesh.triangles;
-    if (steps == Steps::Two) {
-        submit([&](VkCommandBuffer commands) {
-            return baker_->recordSizes(commands, *alpha, input, options, scratch, result.address());
-        });
-        if (given == nullptr)
-            room.triangles = read().triangles;
+    if (steps == Steps::One) {
+        job.setRoom(room != nullptr ? *room : roomForAll(mesh, options));
+        submit([&](VkCommandBuffer commands) { return job.record(commands); });
+    } else {
+        submit([&](VkCommandBuffer commands) { return job.recordSizes(commands); });
+        vellum::GpuBakeRoom needed;
+        needed.triangles = job.result().triangles;
+        job.setRoom(room != nullptr ? *room : needed);
+        submit([&](VkCommandBuffer commands) { return job.recordData(commands); });
     }
-    const Guarded data(gpu_, GpuBaker::dataBytes(room, options.format), 256, kBakeStorage);
-    const Guarded records(gpu_, GpuBaker::recordBytes(room), 256, kBakeStorage);
-    const Guarded indices(gpu_, 4 * VkDeviceSize{mesh.triangles}, 4, kBakeStorage);
-    room.data = data.address();
-    room.records = records.address();
-    room.indices = indices.address();
-    submit([&](VkCommandBuffer commands) {
-        return steps == Steps::One
-                   ? baker_->record(commands, *alpha, input, options, scratch, room, result.address())
-                   : baker_->recordData(commands, *alpha, input, options, scratch, room, result.address());
-    });
     EXPECT_TRUE(recorded);
-    EXPECT_TRUE(memory.intact()) << "scratch memory";
-    EXPECT_TRUE(result.intact() && data.intact() && records.intact() && indices.intact()) << "output";
-
-    GpuBaked baked;
-    baked.result = read();
-    baked.data.assign(data.bytes(), data.bytes() + data.size());
-    baked.records.resize(static_cast<std::size_t>(records.size() / sizeof(VkMicromapTriangleEXT)));
-    std::memcpy(baked.records.data(), records.bytes(), static_cast<std::size_t>(records.size()));
-    baked.indices.resize(mesh.triangles);
-    std::memcpy(baked.indices.data(), indices.bytes(), static_cast<std::size_t>(indices.size()));
-    return baked;
+    return job.read();
 }
 
 GpuBaked BakeRunner::bake(const vellum::AlphaTexture &texture, std::span<const vellum::TriangleUvs> triangles,
-                          const vellum::GpuBakeOptions &options)
+                          const vellum::GpuBakeOptions &options, Steps steps)
 {
     const AlphaImage image(gpu_, std::span(&texture, 1), AlphaImage::Format::Float);
-    return bake(image, Mesh::of(triangles), options);
+    return bake(image, Mesh::of(triangles), options, steps);
 }
 
 vellum::GpuBakeOptions onGpu(const vellum::BakeOptions &options)

@@ -60,6 +60,45 @@ struct GpuBaked {
     [[nodiscard]] vellum::Micromap micromap() const;
 };
 
+// Room for every triangle of a mesh, whatever becomes of it.
+vellum::GpuBakeRoom roomForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options);
+
+inline constexpr VkBufferUsageFlags kBakeStorage =
+    VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+
+// One bake: its buffers, between guard bytes, and its commands.
+class BakeJob
+{
+public:
+    BakeJob(Gpu &gpu, const vellum::GpuBaker &baker, const AlphaImage &image, const Mesh &mesh,
+            const vellum::GpuBakeOptions &options);
+    BakeJob(const BakeJob &) = delete;
+    BakeJob &operator=(const BakeJob &) = delete;
+    ~BakeJob();
+
+    // Makes the output's buffers; before anything that writes them is recorded.
+    void setRoom(const vellum::GpuBakeRoom &room, VkBufferUsageFlags more = 0);
+    // What the application's commands would be: false where the baker refuses.
+    [[nodiscard]] bool record(VkCommandBuffer commands);
+    [[nodiscard]] bool recordSizes(VkCommandBuffer commands);
+    [[nodiscard]] bool recordData(VkCommandBuffer commands);
+
+    [[nodiscard]] vellum::GpuBakeResult result() const;
+    [[nodiscard]] GpuBaked read() const;
+    [[nodiscard]] const vellum::GpuBakeRoom &room() const { return room_; }
+    [[nodiscard]] vellum::GpuBakeInput &input() { return input_; }
+
+private:
+    const vellum::GpuBaker &baker_;
+    vellum::GpuBakeOptions options_;
+    std::unique_ptr<vellum::GpuAlpha> alpha_;
+    Buffer uvs_, meshIndices_;
+    Guarded scratch_, result_, data_, records_, indices_;
+    vellum::GpuBakeInput input_;
+    vellum::GpuBakeRoom room_;
+    Gpu &gpu_;
+};
+
 enum class Steps { One, Two };
 
 class BakeRunner
@@ -67,11 +106,11 @@ class BakeRunner
 public:
     explicit BakeRunner(Gpu &gpu);
 
-    // With room for every triangle where the steps are one and there is no other, or as much as the sizes say.
+    // In one step with room for all, or in two with what the sizes say, unless there is another room.
     GpuBaked bake(const AlphaImage &image, const Mesh &mesh, const vellum::GpuBakeOptions &options,
                   Steps steps = Steps::One, const vellum::GpuBakeRoom *room = nullptr);
     GpuBaked bake(const vellum::AlphaTexture &texture, std::span<const vellum::TriangleUvs> triangles,
-                  const vellum::GpuBakeOptions &options);
+                  const vellum::GpuBakeOptions &options, Steps steps = Steps::One);
     [[nodiscard]] const vellum::GpuBaker &baker() const { return *baker_; }
 
 private:
@@ -81,8 +120,5 @@ private:
 
 // The same options for the GPU.
 vellum::GpuBakeOptions onGpu(const vellum::BakeOptions &options);
-
-inline constexpr VkBufferUsageFlags kBakeStorage =
-    VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
 } // namespace vt
