@@ -104,11 +104,11 @@ struct GpuBakeRoom {
 struct GpuBakeResult {
     // kGpuBakeNoRoom: some triangle became unknown because the room of its level was full. kGpuBakeTooMuch: more than
     // 16 GiB of data would have had to be looked at; all triangles that need a closer look became unknown.
-    std::uint32_t status = 0;
-    std::array<std::uint32_t, kGpuBakeLevels> triangles{}; // with data, by level: the room that does
+    std::uint32_t status;
+    std::array<std::uint32_t, kGpuBakeLevels> triangles; // with data, by level: the room that does
     // Triangles that became a special index, by state (0 transparent, 1 opaque, 2 and 3 unknown). Not set by
     // recordSizes().
-    std::array<std::uint32_t, 4> special{};
+    std::array<std::uint32_t, 4> special;
 };
 inline constexpr std::uint32_t kGpuBakeNoRoom = 0x1;
 inline constexpr std::uint32_t kGpuBakeTooMuch = 0x2;

@@ -211,7 +211,7 @@ bool BakeJob::recordData(VkCommandBuffer commands)
 
 vellum::GpuBakeResult BakeJob::result() const
 {
-    vellum::GpuBakeResult result;
+    vellum::GpuBakeResult result{};
     std::memcpy(&result, result_.bytes(), sizeof result);
     return result;
 }

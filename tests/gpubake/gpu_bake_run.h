@@ -50,7 +50,7 @@ struct Mesh {
 };
 
 struct GpuBaked {
-    vellum::GpuBakeResult result;
+    vellum::GpuBakeResult result{};
     std::vector<std::int32_t> indices;
     std::vector<VkMicromapTriangleEXT> records;
     std::vector<std::uint8_t> data;
