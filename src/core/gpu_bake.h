@@ -76,7 +76,7 @@ VELLUM_CONST uint kBakeMirrorOnce = 4u;
 VELLUM_CONST uint kBakeProbeGroups = 48u;   // VkDispatchIndirectCommand
 VELLUM_CONST uint kBakeMeasureGroups = 52u; //
 VELLUM_CONST uint kBakeWriteGroups = 56u;   //
-VELLUM_CONST uint kBakeTooMuch = 60u;       // more unresolved words than there are numbers
+VELLUM_CONST uint kBakeTooMuch = 60u;       // more unresolved units than there are numbers
 VELLUM_CONST uint kBakeWork = 64u;          // listed triangles by level
 VELLUM_CONST uint kBakeSpecials = 80u;      // triangles that became a special index, by state
 VELLUM_CONST uint kBakeMipTable = 128u;     // kBakeMipWords for each mip level
@@ -149,6 +149,12 @@ VELLUM_FN uint bakeMaskSteps(VELLUM_IN uint cellsX, VELLUM_IN uint cellsY)
 VELLUM_FN uint bakeMipSize(VELLUM_IN uint size, VELLUM_IN uint mip)
 {
     return (size >> mip) > 0u ? size >> mip : 1u;
+}
+
+// A triangle is classified in units of up to 64 micro-triangles, an invocation each.
+VELLUM_FN uint bakeUnits(VELLUM_IN uint level)
+{
+    return level > 3u ? 1u << (2u * level - 6u) : 1u;
 }
 
 // Words of packed states of one triangle. They begin at a word each.

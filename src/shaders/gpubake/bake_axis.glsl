@@ -9,33 +9,39 @@ struct Axis {
     int more;  // 1 with bilinear filtering, 0 with nearest
     int cells; // stored ones
     int lead;  // stored cells in front of cell 0
+    int period; // of modes that repeat
+    float perPeriod;
 };
 
 Axis makeAxis(uint size, uint wrap, bool bilinear)
 {
+    const int period = int(size) * (wrap == kBakeMirror ? 2 : 1);
     return Axis(int(size), wrap, bilinear ? 1 : 0, int(bakeCells(size, wrap, bilinear)),
-                int(bakeLead(wrap, bilinear)));
+                int(bakeLead(wrap, bilinear)), period, 1.0 / float(period));
 }
 
-int floorModulo(int i, int period)
+// i modulo the period, for |i| up to 2^27; the period is at most 2^17. Integers are hardly ever divided by hardware.
+//
+// The float quotient is off by less than 2^-20 of itself. So the first remainder is within 2^7 periods, which makes it
+// exact as a float, and the second one within two.
+int floorModulo(Axis axis, int i)
 {
-    const uint p = uint(period);
-    return i >= 0 ? int(uint(i) % p) : period - 1 - int(uint(-1 - i) % p);
+    i -= int(floor(float(i) * axis.perPeriod)) * axis.period;
+    i -= int(floor(float(i) * axis.perPeriod)) * axis.period;
+    i += i < 0 ? axis.period : 0;
+    return i >= axis.period ? i - axis.period : i;
 }
 
 // The texel that position i means; -1 for the border.
 int wrapTexel(Axis axis, int i)
 {
-    if (i >= 0 && i < axis.size)
-        return i;
+    const int m = floorModulo(axis, i);
     if (axis.wrap == kBakeRepeat)
-        return floorModulo(i, axis.size);
-    if (axis.wrap == kBakeMirror) {
-        const int m = floorModulo(i, 2 * axis.size);
-        return m < axis.size ? m : 2 * axis.size - 1 - m;
-    }
+        return m;
+    if (axis.wrap == kBakeMirror)
+        return m < axis.size ? m : axis.period - 1 - m;
     if (axis.wrap == kBakeBorderMode)
-        return -1;
+        return i >= 0 && i < axis.size ? i : -1;
     if (axis.wrap == kBakeMirrorOnce)
         return min(i >= 0 ? i : -1 - i, axis.size - 1);
     return clamp(i, 0, axis.size - 1);
@@ -63,13 +69,13 @@ Run runFrom(Axis axis, int i, int wanted)
     const int stored = i + axis.lead;
     if (i >= -axis.lead && stored + wanted <= axis.cells)
         return Run(stored, 1, wanted);
+    const int m = floorModulo(axis, i);
     if (axis.wrap == kBakeRepeat)
-        return risingRun(axis, floorModulo(i, axis.size), wanted);
+        return risingRun(axis, m, wanted);
     if (axis.wrap == kBakeMirror) {
-        const int m = floorModulo(i, 2 * axis.size);
         if (m < axis.size)
             return risingRun(axis, m + axis.more, wanted);
-        return fallingRun(2 * axis.size - 1 - m, wanted);
+        return fallingRun(axis.period - 1 - m, wanted);
     }
     if (axis.wrap == kBakeMirrorOnce) {
         const int far = -axis.size - axis.more;

@@ -14,7 +14,7 @@ void main()
     uint at = bakeMaskStart(SCRATCH(kBakeTriangles));
     for (uint number = 0u; number < SCRATCH(kBakeMips); ++number) {
         const Mip mip = makeMip(number);
-        const uint table = mipTable(mip);
+        const uint table = mipTable(number);
         const uvec2 cells = uvec2(mip.x.cells, mip.y.cells);
         SCRATCH(table + kBakeMipCellsX) = cells.x;
         SCRATCH(table + kBakeMipCellsY) = cells.y;

@@ -30,7 +30,7 @@ void main()
 {
     const Mip mip = makeMip(push.first);
     const uint step = push.second;
-    const uint table = mipTable(mip);
+    const uint table = mipTable(push.first);
     const uvec2 cells = uvec2(mip.x.cells, mip.y.cells);
     const uint blocks = bakeBlocksOfCells(cells.x, step);
     const uint rows = bakeBlocksOfCells(cells.y, step);

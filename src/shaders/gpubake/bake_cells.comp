@@ -15,7 +15,7 @@ int storedTexel(Axis axis, int stored)
 {
     const int texel = stored - axis.lead;
     if (axis.wrap == kBakeRepeat)
-        return texel < axis.size ? texel : texel % axis.size;
+        return texel < axis.size ? texel : texel - axis.size;
     if (axis.wrap == kBakeBorderMode)
         return texel < axis.size ? texel : -1;
     return clamp(texel, 0, axis.size - 1);
@@ -32,15 +32,16 @@ uint flagsOf(float alpha, int opaqueFrom, int transparentBelow)
 void main()
 {
     const Mip mip = makeMip(push.first);
-    const uint pitch = bakeMaskPitch(uint(mip.x.cells));
-    const uint mask = SCRATCH(mipTable(mip) + kBakeMipMasks);
+    const uint pitch = mip.pitch;
+    const uint mask = mip.mask;
+    loadAlpha();
     const uint at = INVOCATION;
     const uint word = at % pitch;
     const uint top = at / pitch * kRows;
     if (top >= uint(mip.y.cells))
         return;
-    const int opaqueFrom = orderOf(scratchFloat(kBakeOpaqueFrom));
-    const int transparentBelow = orderOf(scratchFloat(kBakeTransparentBelow));
+    const int opaqueFrom = orderOf(alphaOpaqueFrom);
+    const int transparentBelow = orderOf(alphaTransparentBelow);
     const int first = int(word * 32u);
     const int columns = min(mip.x.cells - first, 32);
     uvec2 above = uvec2(0u); // bits of the texels of the row before, a texel and its right neighbour

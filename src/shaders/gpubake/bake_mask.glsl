@@ -11,7 +11,14 @@ struct Mip {
     Axis x;
     Axis y;
     bool bilinear;
+    uint mask; // of its cells
+    uint pitch;
 };
+
+uint mipTable(uint number)
+{
+    return kBakeMipTable + number * kBakeMipWords;
+}
 
 Mip makeMip(uint number)
 {
@@ -22,12 +29,9 @@ Mip makeMip(uint number)
     mip.bilinear = bilinear;
     mip.x = makeAxis(bakeMipSize(SCRATCH(kBakeWidth), number), (flags >> kBakeWrapUShift) & 7u, bilinear);
     mip.y = makeAxis(bakeMipSize(SCRATCH(kBakeHeight), number), (flags >> kBakeWrapVShift) & 7u, bilinear);
+    mip.mask = SCRATCH(mipTable(number) + kBakeMipMasks);
+    mip.pitch = bakeMaskPitch(uint(mip.x.cells));
     return mip;
-}
-
-uint mipTable(Mip mip)
-{
-    return kBakeMipTable + uint(mip.number) * kBakeMipWords;
 }
 
 // Both masks of up to 32 blocks of a row, from `first` on; the other bits are 0.
@@ -44,15 +48,13 @@ uvec2 maskBits(uint mask, uint pitch, uint row, uint first, uint count)
 // Both masks of the cells from x to x + count - 1, at most 32, in row y.
 uvec2 rowBits(Mip mip, int x, int count, int y)
 {
-    const uint mask = SCRATCH(mipTable(mip) + kBakeMipMasks);
-    const uint pitch = bakeMaskPitch(uint(mip.x.cells));
     const uint row = uint(runFrom(mip.y, y, 1).first);
     uvec2 bits = uvec2(0u);
     for (int done = 0; done < count;) {
         const Run run = runFrom(mip.x, x + done, count - done);
         const uint length = uint(run.count);
         const int last = run.first + (run.count - 1) * run.step;
-        uvec2 some = maskBits(mask, pitch, row, uint(min(run.first, last)), run.step == 0 ? 1u : length);
+        uvec2 some = maskBits(mip.mask, mip.pitch, row, uint(min(run.first, last)), run.step == 0 ? 1u : length);
         if (run.step == 0)
             some = uvec2(0u) - some;
         else if (run.step < 0)
@@ -70,7 +72,7 @@ uint storedFlags(Mip mip, ivec2 low, ivec2 high)
 {
     const ivec2 more = high - low;
     const uint step = uint(max(max(findMSB(more.x) - 3, findMSB(more.y) - 1), 0));
-    const uint mask = SCRATCH(mipTable(mip) + kBakeMipMasks + step);
+    const uint mask = SCRATCH(mipTable(uint(mip.number)) + kBakeMipMasks + step);
     const uint pitch = bakeMaskPitch(bakeBlocksOfCells(uint(mip.x.cells), step));
     const uvec2 from = uvec2(low) >> step;
     const uvec2 to = uvec2(high) >> step;
@@ -85,13 +87,13 @@ uint boxFlags(Mip mip, ivec2 low, ivec2 high)
 {
     const ivec4 columns = storedIntervals(mip.x, low.x, high.x - low.x + 1);
     const ivec4 rows = storedIntervals(mip.y, low.y, high.y - low.y + 1);
-    uint flags = storedFlags(mip, ivec2(columns.x, rows.x), ivec2(columns.y, rows.y));
-    if (columns.z <= columns.w)
-        flags |= storedFlags(mip, ivec2(columns.z, rows.x), ivec2(columns.w, rows.y));
-    if (rows.z <= rows.w) {
-        flags |= storedFlags(mip, ivec2(columns.x, rows.z), ivec2(columns.y, rows.w));
-        if (columns.z <= columns.w)
-            flags |= storedFlags(mip, ivec2(columns.z, rows.z), ivec2(columns.w, rows.w));
+    uint flags = 0u;
+    const int pieces = columns.z <= columns.w ? 2 : 1;
+    const int all = rows.z <= rows.w ? 2 * pieces : pieces;
+    for (int piece = 0; piece < all; ++piece) {
+        const ivec2 x = piece % pieces == 0 ? columns.xy : columns.zw;
+        const ivec2 y = piece / pieces == 0 ? rows.xy : rows.zw;
+        flags |= storedFlags(mip, ivec2(x.x, y.x), ivec2(x.y, y.y));
     }
     return flags;
 }

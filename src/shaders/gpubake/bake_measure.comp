@@ -8,27 +8,27 @@ layout(local_size_x = 64) in;
 
 const uint kProbes = 4u;
 
-void addItem(uint triangle, uint level, uint item)
+bool hasTwo(uint states)
 {
-    const uint at = triangleAt(triangle) + kBakeStates;
-    const uint seen = atomicOr(SCRATCH(at), 0u);
-    if ((seen & (seen - 1u)) != 0u)
-        return;
-    const uint states = wordOf(triangle, item);
-    const uint count = 1u << (2u * min(level, 2u));
-    const uint those = count == 16u ? 0x55555555u : 0x55555555u & ((1u << (2u * count)) - 1u);
+    return (states & (states - 1u)) != 0u;
+}
+
+// Which of 16 states occur, or of fewer, as bits.
+uint occurring(uint states, uint level)
+{
+    const uint those = filled(1u, level);
     const uint low = states & those;
     const uint high = states >> 1u & those;
     uint occur = (~low & ~high & those) != 0u ? 1u << kStateTransparent : 0u;
     occur |= (low & ~high) != 0u ? 1u << kStateOpaque : 0u;
     occur |= (~low & high) != 0u ? 1u << kStateUnknownTransparent : 0u;
-    occur |= (low & high) != 0u ? 1u << kStateUnknownOpaque : 0u;
-    const uint ignored = atomicOr(SCRATCH(at), occur);
+    return occur | ((low & high) != 0u ? 1u << kStateUnknownOpaque : 0u);
 }
 
 #ifdef PROBE
 void main()
 {
+    loadAlpha();
     const uint number = INVOCATION;
     uint listed = 0u;
     for (uint level = 0u; level < kBakeLevels; ++level)
@@ -36,22 +36,35 @@ void main()
     if (number / kProbes >= listed)
         return;
     const uint triangle = listedTriangle(number / kProbes);
-    const uint level = SCRATCH(triangleAt(triangle) + kBakeInfo) & kBakeInfoLevel;
-    const uint items = level > 2u ? 1u << (2u * level - 4u) : 1u;
+    const Subject subject = subjectOf(triangle);
+    const uint items = subject.level > 2u ? 1u << (2u * subject.level - 4u) : 1u;
     const uint probe = number % kProbes;
-    if (items >= kProbes)
-        addItem(triangle, level, probe * ((items - 1u) / (kProbes - 1u)));
-    else if (probe == 0u)
-        addItem(triangle, level, 0u);
+    if (items == 1u && probe != 0u)
+        return;
+    const uint item = items > 1u ? probe * ((items - 1u) / (kProbes - 1u)) : 0u;
+    const uint ignored = atomicOr(SCRATCH(triangleAt(triangle) + kBakeStates),
+                                  occurring(statesOf(subject, item, 1u).x, subject.level));
 }
 #else
 void main()
 {
+    loadAlpha();
     const Work work = workAt(INVOCATION);
     if (!work.any || work.level <= 3u) // those have been looked at
         return;
-    const uint items = itemsOf(work.level);
-    for (uint i = 0u; i < items; ++i)
-        addItem(work.triangle, work.level, work.word * items + i);
+    const uint at = triangleAt(work.triangle) + kBakeStates;
+    uint seen = atomicOr(SCRATCH(at), 0u);
+    if (hasTwo(seen))
+        return;
+    const Subject subject = subjectOf(work.triangle);
+    uint state;
+    if (uniformUnit(subject, work.unit, state)) {
+        seen |= 1u << state;
+    } else {
+        const uvec4 states = statesOf(subject, work.unit * 4u, 4u); // of a level above 3
+        for (uint i = 0u; i < 4u; ++i)
+            seen |= occurring(states[i], work.level);
+    }
+    const uint ignored = atomicOr(SCRATCH(at), seen);
 }
 #endif

@@ -73,14 +73,13 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
         return kMayBeBoth;
     const float least = min(min(f00, f10), min(f01, f11));
     const float most = max(max(f00, f10), max(f01, f11));
-    const float opaqueFrom = scratchFloat(kBakeOpaqueFrom);
-    const float transparentBelow = scratchFloat(kBakeTransparentBelow);
-    const float largest = max(max(abs(least), abs(most)), max(abs(opaqueFrom), abs(transparentBelow)));
+    const float largest =
+        max(max(abs(least), abs(most)), max(abs(alphaOpaqueFrom), abs(alphaTransparentBelow)));
     if (!(largest < 1e18))
         return kMayBeBoth;
     const float valueSlack = 4.0 * (most - least) * s.slack + largest * (1.0 / 131072.0) + 1e-30;
-    const float opaque = opaqueFrom + valueSlack;
-    const float transparent = transparentBelow - valueSlack;
+    const float opaque = alphaOpaqueFrom + valueSlack;
+    const float transparent = alphaTransparentBelow - valueSlack;
 
     precise const Patch patch_ = Patch(f00, f10 - f00, f01 - f00, (f11 - f10) - (f01 - f00));
     const vec2 zero = vec2(0.0);

@@ -57,6 +57,7 @@ void main()
     const uint triangle = INVOCATION;
     if (triangle >= SCRATCH(kBakeTriangles))
         return;
+    loadAlpha();
     const uint at = triangleAt(triangle);
     bool known = true;
     Uvs uvs = Uvs(vec2(0.0), vec2(0.0), vec2(0.0));

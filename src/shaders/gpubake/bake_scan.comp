@@ -19,9 +19,8 @@ void setGroups(uint at, uint groups)
 
 void finish()
 {
-    const bool twoState = flagSet(kBakeTwoState);
     uint triangles = 0u;
-    uint words = 0u;
+    uint units = 0u;
     bool tooMuch = false;
     bool noRoom = false;
     for (uint level = 0u; level < kBakeLevels; ++level) {
@@ -32,14 +31,14 @@ void finish()
             count = min(count, capacity);
         }
         uint high, low, carry;
-        umulExtended(count, bakeDataWords(level, twoState), high, low);
-        words = uaddCarry(words, low, carry);
+        umulExtended(count, bakeUnits(level), high, low);
+        units = uaddCarry(units, low, carry);
         tooMuch = tooMuch || high != 0u || carry != 0u;
         triangles += count;
         SCRATCH(kBakeWork + level) = count;
     }
-    tooMuch = tooMuch || words > 0xffffff00u;
-    const uint groups = tooMuch ? 0u : (words + 63u) / 64u;
+    tooMuch = tooMuch || units > 0xffffff00u;
+    const uint groups = tooMuch ? 0u : (units + 63u) / 64u;
     if (push.first == 0u) {
         SCRATCH(kBakeTooMuch) = tooMuch ? 1u : 0u;
         setGroups(kBakeProbeGroups, tooMuch ? 0u : (triangles + 15u) / 16u);

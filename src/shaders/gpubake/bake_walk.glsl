@@ -100,8 +100,6 @@ uint shapeFlags(Mip mip, Shape whole)
 // Whether most of a shape is opaque, by sampling the middles of the 16 micro-triangles two levels further down.
 bool mostlyOpaque(Mip mip, Shape s)
 {
-    const float cutoff = scratchFloat(kBakeCutoff);
-    const float middle = mip.bilinear ? 0.0 : 0.5;
     uint opaque = 0u;
     for (uint n = 0u; n < 16u; ++n) {
         // 10 of them are upright, in rows of 4, 3, 2 and 1; the others are turned, in rows of 3, 2 and 1.
@@ -118,7 +116,7 @@ bool mostlyOpaque(Mip mip, Shape s)
         if (bits.x != bits.y || !mip.bilinear) {
             const bool isOpaque = bits.x != bits.y ? bits.x == 0u
                                                    : texelAt(wrapTexel(mip.x, cell.x), wrapTexel(mip.y, cell.y),
-                                                             mip.number) >= cutoff;
+                                                             mip.number) >= alphaCutoff;
             opaque += isOpaque ? 1u : 0u;
             continue;
         }
@@ -127,7 +125,7 @@ bool mostlyOpaque(Mip mip, Shape s)
         const ivec2 high = ivec2(wrapTexel(mip.x, cell.x + 1), wrapTexel(mip.y, cell.y + 1));
         const float upper = mix(texelAt(low.x, low.y, mip.number), texelAt(high.x, low.y, mip.number), part.x);
         const float lower = mix(texelAt(low.x, high.y, mip.number), texelAt(high.x, high.y, mip.number), part.x);
-        opaque += mix(upper, lower, part.y) >= cutoff ? 1u : 0u;
+        opaque += mix(upper, lower, part.y) >= alphaCutoff ? 1u : 0u;
     }
     return opaque >= 8u;
 }

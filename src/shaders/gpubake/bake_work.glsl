@@ -1,4 +1,4 @@
-// From the number of a word of data to its triangle.
+// From the number of a unit of work to its triangle.
 #include "gpubake/bake_scratch.glsl"
 #include "opacity.h"
 #include "gpubake/bake_word.glsl"
@@ -7,7 +7,7 @@ struct Work {
     uint triangle;
     uint level;
     uint rank; // among the listed triangles of the level
-    uint word; // of the triangle
+    uint unit; // of the triangle
     bool any;
 };
 
@@ -18,24 +18,17 @@ uint listedTriangle(uint place)
 
 Work workAt(uint number)
 {
-    const bool twoState = flagSet(kBakeTwoState);
     uint before = 0u;
     for (uint level = 0u; level < kBakeLevels; ++level) {
         const uint count = SCRATCH(kBakeWork + level);
-        const uint words = bakeDataWords(level, twoState);
-        const uint most = count * words;
+        const uint units = bakeUnits(level);
+        const uint most = count * units;
         if (number < most) {
-            const uint rank = number / words;
-            return Work(listedTriangle(before + rank), level, rank, number % words, true);
+            const uint rank = number / units;
+            return Work(listedTriangle(before + rank), level, rank, number % units, true);
         }
         number -= most;
         before += count;
     }
     return Work(0u, 0u, 0u, 0u, false);
-}
-
-// 4-state words that a word of data is made of.
-uint itemsOf(uint level)
-{
-    return flagSet(kBakeTwoState) && level > 2u ? 2u : 1u;
 }

@@ -17,19 +17,30 @@ uint pack(uint states)
 
 void main()
 {
+    loadAlpha();
     const Work work = workAt(INVOCATION);
     if (!work.any)
         return;
     const bool twoState = flagSet(kBakeTwoState);
+    const Subject subject = subjectOf(work.triangle);
     const uint items = itemsOf(work.level);
-    uint data = 0u;
-    for (uint i = 0u; i < items; ++i) {
-        const uint states = wordOf(work.triangle, work.word * items + i);
-        data |= twoState ? pack(states) << (16u * i) : states;
-    }
     uint before = 0u; // words of lower levels
     for (uint level = 0u; level < work.level; ++level)
         before += SCRATCH(kBakeCapacity + level) * bakeDataWords(level, twoState);
-    const uint at = before + work.rank * bakeDataWords(work.level, twoState) + work.word;
-    Words(scratchAddress(kBakeData)).w[at] = data;
+    const uint perWord = twoState && items > 1u ? 2u : 1u;
+    const uint at = before + work.rank * bakeDataWords(work.level, twoState) + work.unit * (items / perWord);
+    uint state;
+    uvec4 states;
+    if (uniformUnit(subject, work.unit, state))
+        states = uvec4(filled(state, work.level));
+    else
+        states = statesOf(subject, work.unit * items, items);
+    uint data = 0u;
+    for (uint i = 0u; i < items; ++i) {
+        data |= twoState ? pack(states[i]) << (16u * (i % perWord)) : states[i];
+        if (i % perWord == perWord - 1u) {
+            Words(scratchAddress(kBakeData)).w[at + i / perWord] = data;
+            data = 0u;
+        }
+    }
 }
