@@ -9,7 +9,7 @@ void clipRange(float start, float delta, float low, float high, inout float from
             to = -1.0;
         return;
     }
-    const float inverse = 1.0 / delta;
+    precise const float inverse = 1.0 / delta;
     precise const float a = (low - start) * inverse;
     precise const float b = (high - start) * inverse;
     from = max(from, min(a, b));
@@ -44,9 +44,12 @@ void addEdge(Patch patch_, vec2 start, vec2 delta, float slack, inout vec2 exten
     clipRange(start.y, delta.y, -slack, 1.0 + slack, from, to);
     if (!(from <= to))
         return;
-    const float first = valueAt(patch_, start + from * delta);
-    const float last = valueAt(patch_, start + to * delta);
-    const float middle = valueAt(patch_, start + (0.5 * (from + to)) * delta);
+    precise const vec2 firstAt = start + from * delta;
+    precise const vec2 lastAt = start + to * delta;
+    precise const vec2 middleAt = start + (0.5 * (from + to)) * delta;
+    const float first = valueAt(patch_, firstAt);
+    const float last = valueAt(patch_, lastAt);
+    const float middle = valueAt(patch_, middleAt);
     extent.x = min(extent.x, min(first, last));
     extent.y = max(extent.y, max(first, last));
     precise const float square = 2.0 * (first + last - 2.0 * middle);
@@ -77,16 +80,16 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
         max(max(abs(least), abs(most)), max(abs(alphaOpaqueFrom), abs(alphaTransparentBelow)));
     if (!(largest < 1e18))
         return kMayBeBoth;
-    const float valueSlack = 4.0 * (most - least) * s.slack + largest * (1.0 / 131072.0) + 1e-30;
-    const float opaque = alphaOpaqueFrom + valueSlack;
-    const float transparent = alphaTransparentBelow - valueSlack;
+    const float valueSlack = 4.0 * (most - least) * s.slack + largest * (1.0 / 32768.0) + 1e-18;
+    precise const float opaque = alphaOpaqueFrom + valueSlack;
+    precise const float transparent = alphaTransparentBelow - valueSlack;
 
     precise const Patch patch_ = Patch(f00, f10 - f00, f01 - f00, (f11 - f10) - (f01 - f00));
     const vec2 zero = vec2(0.0);
-    const vec2 corner = s.corner - vec2(cell - s.cell);
+    precise const vec2 corner = s.corner - vec2(cell - s.cell);
     const vec2 reach = s.margin + s.slack;
-    const vec2 low = max(zero, corner + min(zero, min(s.i, s.j)) - reach);
-    const vec2 high = min(vec2(1.0), corner + max(zero, max(s.i, s.j)) + reach);
+    precise const vec2 low = max(zero, corner + min(zero, min(s.i, s.j)) - reach);
+    precise const vec2 high = min(vec2(1.0), corner + max(zero, max(s.i, s.j)) + reach);
     if (low.x > high.x || low.y > high.y)
         return 0u;
     vec4 values = vec4(valueAt(patch_, low), valueAt(patch_, vec2(high.x, low.y)), valueAt(patch_, vec2(low.x, high.y)),
@@ -98,7 +101,7 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
     if (boxMost < transparent)
         return kMayNotBeOpaque;
 
-    const vec2 across = s.j - s.i;
+    precise const vec2 across = s.j - s.i;
     const float size = max(max(max(abs(s.i.x), abs(s.i.y)), max(abs(s.j.x), abs(s.j.y))),
                            max(abs(across.x), abs(across.y)));
     const float room = size + 4.0 + 2.0 * max(s.margin.x, s.margin.y);
@@ -111,13 +114,15 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
     vec2 extent = vec2(1e30, -1e30);
     bvec4 inside = bvec4(true);
     for (int k = 0; k < 3; ++k) {
-        const vec2 start = k == 0 ? corner : k == 1 ? corner + s.i : corner + s.j;
+        precise const vec2 start = k == 0 ? corner : k == 1 ? corner + s.i : corner + s.j;
         const vec2 delta = k == 0 ? s.i : k == 1 ? across : -s.j;
         const vec2 outwards = vec2(delta.y < 0.0 ? -s.margin.x : s.margin.x, delta.x > 0.0 ? -s.margin.y : s.margin.y);
+        precise const vec2 above = start + outwards;
+        precise const vec2 below = start - outwards;
         if (upwards || !moved)
-            addEdge(patch_, start + outwards, delta, s.slack, extent);
+            addEdge(patch_, above, delta, s.slack, extent);
         if (downwards)
-            addEdge(patch_, start - outwards, delta, s.slack, extent);
+            addEdge(patch_, below, delta, s.slack, extent);
         // Which corners are between the edge, moved outwards, and its parallel through the other vertex, likewise.
         const float more = abs(delta.y) * s.margin.x + abs(delta.x) * s.margin.y +
                            4.0 * s.slack * (abs(delta.x) + abs(delta.y)) + edgeSlack;

@@ -86,10 +86,17 @@ void main()
         flags = 0u;
         for (uint number = 0u; number < SCRATCH(kBakeMips); ++number) {
             const Mip mip = makeMip(number);
-            const ivec4 box = cellsAround(shapeAt(place(uvs, mip, 0u), 0, 0, 1));
+            const Placement p = place(uvs, mip, 0u);
+            // With tolerances of millions of texels there is nothing to say, nor room for it in integers.
+            if (!all(lessThan(p.margin, vec2(4194304.0)))) {
+                known = false;
+                break;
+            }
+            const ivec4 box = cellsAround(shapeAt(p, 0, 0, 1));
             flags |= boxFlags(mip, box.xy, box.zw);
         }
     }
+    flags = known ? flags : kMayBeBoth;
     const bool resolved = flags != kMayBeBoth || !known;
     SCRATCH(at + kBakeInfo) = level | (resolved ? kBakeInfoResolved : 0u);
     SCRATCH(at + kBakeStates) = resolved ? 1u << stateOf(flags, true) : 0u;

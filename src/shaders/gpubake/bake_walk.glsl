@@ -10,31 +10,33 @@ const uint kMostDepth = 12u;
 // The cells that a shape touches, row by row.
 uint walkRows(Mip mip, Shape s, ivec4 box)
 {
-    const vec2 across = s.j - s.i;
+    precise const vec2 across = s.j - s.i;
     const vec2 reach = s.margin + s.slack;
     uint flags = 0u;
     for (int y = box.y; y <= box.w; ++y) {
-        const float top = float(y - s.cell.y) - reach.y;
-        const float bottom = float(y - s.cell.y) + 1.0 + reach.y;
+        precise const float top = float(y - s.cell.y) - reach.y;
+        precise const float bottom = float(y - s.cell.y + 1) + reach.y;
         float left = 1e30;
         float right = -1e30;
         for (int k = 0; k < 3; ++k) {
-            const vec2 start = k == 0 ? s.corner : k == 1 ? s.corner + s.i : s.corner + s.j;
+            precise const vec2 start = k == 0 ? s.corner : k == 1 ? s.corner + s.i : s.corner + s.j;
             const vec2 delta = k == 0 ? s.i : k == 1 ? across : -s.j;
             float from = 0.0;
             float to = 1.0;
             clipRange(start.y, delta.y, top, bottom, from, to);
             if (from <= to) {
-                const float a = start.x + from * delta.x;
-                const float b = start.x + to * delta.x;
+                precise const float a = start.x + from * delta.x;
+                precise const float b = start.x + to * delta.x;
                 left = min(left, min(a, b));
                 right = max(right, max(a, b));
             }
         }
         if (left > right)
             continue;
-        const int x0 = max(int(floor(left - reach.x)) + s.cell.x, box.x);
-        const int x1 = min(int(floor(right + reach.x)) + s.cell.x, box.z);
+        precise const float first = left - reach.x;
+        precise const float last = right + reach.x;
+        const int x0 = max(int(floor(first)) + s.cell.x, box.x);
+        const int x1 = min(int(floor(last)) + s.cell.x, box.z);
         if (x0 > x1)
             continue;
         const uvec2 bits = rowBits(mip, x0, x1 - x0 + 1, y);
