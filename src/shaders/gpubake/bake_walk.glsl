@@ -98,36 +98,3 @@ uint shapeFlags(Mip mip, Shape whole)
     }
     return kMayBeBoth;
 }
-
-// Whether most of a shape is opaque, by sampling the middles of the 16 micro-triangles two levels further down.
-bool mostlyOpaque(Mip mip, Shape s)
-{
-    uint opaque = 0u;
-    for (uint n = 0u; n < 16u; ++n) {
-        // 10 of them are upright, in rows of 4, 3, 2 and 1; the others are turned, in rows of 3, 2 and 1.
-        const uint k = n < 10u ? n : n - 10u;
-        const uint longest = n < 10u ? 4u : 3u;
-        const uint row = k < longest ? 0u : k < 2u * longest - 1u ? 1u : k < 3u * longest - 3u ? 2u : 3u;
-        const uint column = k - (row * longest - row * (row - 1u) / 2u);
-        const float third = n < 10u ? 1.0 : 2.0;
-        const vec2 at = s.corner + (float(3u * column) + third) * (1.0 / 12.0) * s.i +
-                        (float(3u * row) + third) * (1.0 / 12.0) * s.j;
-        const vec2 whole = floor(at);
-        const ivec2 cell = s.cell + ivec2(whole);
-        const uvec2 bits = rowBits(mip, cell.x, 1, cell.y);
-        if (bits.x != bits.y || !mip.bilinear) {
-            const bool isOpaque = bits.x != bits.y ? bits.x == 0u
-                                                   : texelAt(wrapTexel(mip.x, cell.x), wrapTexel(mip.y, cell.y),
-                                                             mip.number) >= alphaCutoff;
-            opaque += isOpaque ? 1u : 0u;
-            continue;
-        }
-        const vec2 part = at - whole;
-        const ivec2 low = ivec2(wrapTexel(mip.x, cell.x), wrapTexel(mip.y, cell.y));
-        const ivec2 high = ivec2(wrapTexel(mip.x, cell.x + 1), wrapTexel(mip.y, cell.y + 1));
-        const float upper = mix(texelAt(low.x, low.y, mip.number), texelAt(high.x, low.y, mip.number), part.x);
-        const float lower = mix(texelAt(low.x, high.y, mip.number), texelAt(high.x, high.y, mip.number), part.x);
-        opaque += mix(upper, lower, part.y) >= alphaCutoff ? 1u : 0u;
-    }
-    return opaque >= 8u;
-}

@@ -4,6 +4,7 @@
 #include "gpubake/bake_placement.glsl"
 #include "gpubake/bake_piece.glsl"
 #include "gpubake/bake_walk.glsl"
+#include "gpubake/bake_guess.glsl"
 
 // A sub-triangle at a lattice point, and whether the curve runs through it from the point (i + size, j).
 struct Node {
