@@ -139,12 +139,12 @@ private:
     GpuBakeRoom m_room;
 };
 
+// Shares of all micro-triangles, all triangles counting the same.
 struct Score {
-    std::uint64_t all = 0;
-    std::uint64_t unknown = 0;
-    std::uint64_t needless = 0; // unknown where the CPU baker knows
-    std::uint64_t wrong = 0;    // the contrary of what the CPU baker knows
-    std::uint64_t more = 0;     // known where it does not know
+    double unknown = 0;
+    double needless = 0;   // unknown where the CPU baker knows
+    double more = 0;       // known where it does not know
+    std::size_t wrong = 0; // micro-triangles that are the contrary of what the CPU baker knows
 };
 
 Score score(const Micromap &gpu, const Micromap &cpu)
@@ -164,14 +164,14 @@ Score score(const Micromap &gpu, const Micromap &cpu)
     Score score;
     for (std::size_t t = 0; t < gpu.indices.size(); ++t) {
         const std::uint32_t count = microTriangleCount(std::max(levelOf(gpu, t), levelOf(cpu, t)));
+        const double each = 1.0 / static_cast<double>(gpu.indices.size()) / count;
         for (std::uint32_t i = 0; i < count; ++i) {
             const State a = stateOf(gpu, t, i);
             const State b = stateOf(cpu, t, i);
-            ++score.all;
-            score.unknown += known(a) ? 0u : 1u;
-            score.needless += !known(a) && known(b) ? 1u : 0u;
+            score.unknown += known(a) ? 0 : each;
+            score.needless += !known(a) && known(b) ? each : 0;
+            score.more += known(a) && !known(b) ? each : 0;
             score.wrong += known(a) && known(b) && a != b ? 1u : 0u;
-            score.more += known(a) && !known(b) ? 1u : 0u;
         }
     }
     return score;
@@ -207,12 +207,9 @@ void compare(const Settings &settings, const std::string &level, const std::vect
         measure(gpuTimes, [&] { gpu.run(gpuOptions); });
     }
     const Score result = score(gpu.read(), cpu);
-    const auto share = [&](std::uint64_t count) {
-        return 1e6 * static_cast<double>(count) / static_cast<double>(result.all);
-    };
     fmt::print("{:>5} {:>10.3f} s {:>8.3f} s {:>10.3f} s {:>8.3f} s {:>8.3f} % {:>12.1f} {:>6} {:>12.1f}\n", level,
-               cpuTimes.user, cpuTimes.wall, gpuTimes.user, gpuTimes.wall, 1e-4 * share(result.unknown),
-               share(result.needless), result.wrong, share(result.more));
+               cpuTimes.user, cpuTimes.wall, gpuTimes.user, gpuTimes.wall, 100 * result.unknown, 1e6 * result.needless,
+               result.wrong, 1e6 * result.more);
     std::fflush(stdout);
 }
 

@@ -13,8 +13,8 @@ VELLUM_SHARED_BEGIN
 
 VELLUM_CONST uint kBakeLevels = 13u; // subdivision levels 0..12
 VELLUM_CONST uint kBakeMostMips = 16u;
-// Triangles that are counted and placed together: a workgroup.
-VELLUM_CONST uint kBakeBlock = 256u;
+// Triangles that are counted and placed together: a workgroup, no larger than every device allows.
+VELLUM_CONST uint kBakeBlock = 128u;
 // Workgroups in x; the rest goes to y.
 VELLUM_CONST uint kBakeMostGroups = 65535u;
 // Words that one dispatch of bake_params.comp carries in its push constants.

@@ -4,7 +4,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "gpubake/bake_list.glsl"
 
-layout(local_size_x = 256) in;
+layout(local_size_x = 128) in;
 
 shared uint levels[kBakeBlock];
 

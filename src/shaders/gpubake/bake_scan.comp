@@ -4,8 +4,8 @@
 #include "gpubake/bake_list.glsl"
 
 // For each level as many segments of blocks.
-layout(local_size_x = 256) in;
-const uint kSegments = 16u;
+layout(local_size_x = 128) in;
+const uint kSegments = kBakeBlock / 16u;
 
 shared uint sums[kBakeBlock];
 shared uint totals[16];
