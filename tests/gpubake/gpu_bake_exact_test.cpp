@@ -15,11 +15,9 @@ using test::Oracle;
 using test::Rational;
 using test::Tally;
 
-class GpuBakeExact : public GpuTest
+class GpuBakeExact : public GpuBakeTest
 {
 protected:
-    GpuBakeExact() : GpuTest({.shared = true}), runner_(gpu()) {}
-
     // How many micro-triangles the CPU baker and the GPU's leave unknown.
     void record(const Tally &sum)
     {
@@ -29,8 +27,6 @@ protected:
         std::printf("%zu micro-triangles, %zu mixed, %zu wrong, %zu needlessly unknown\n", sum.all, sum.mixed,
                     sum.wrong, sum.needless);
     }
-
-    BakeRunner runner_;
 };
 
 void randomSampler(test::TestRandom &random, AlphaTexture &t)

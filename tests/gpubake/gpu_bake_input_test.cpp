@@ -12,10 +12,10 @@ namespace
 using namespace vt;
 using namespace vellum;
 
-class GpuBakeInputs : public GpuTest
+class GpuBakeInputs : public GpuBakeTest
 {
 protected:
-    GpuBakeInputs() : GpuTest({.shared = true}), runner_(gpu())
+    GpuBakeInputs()
     {
         // A disc on nothing.
         texture_.width = 32;
@@ -41,7 +41,6 @@ protected:
                 ASSERT_EQ(baked.stateOf(t, i), expected.stateOf(t, i)) << t << ' ' << i;
     }
 
-    BakeRunner runner_;
     AlphaTexture texture_;
     GpuBakeOptions options_;
     std::vector<TriangleUvs> triangles_;

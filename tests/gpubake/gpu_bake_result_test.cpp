@@ -11,10 +11,10 @@ namespace
 using namespace vt;
 using namespace vellum;
 
-class GpuBakeResults : public GpuTest
+class GpuBakeResults : public GpuBakeTest
 {
 protected:
-    GpuBakeResults() : GpuTest({.shared = true}), runner_(gpu())
+    GpuBakeResults()
     {
         test::TestRandom random(12);
         texture_ = test::smoothTexture(random, 61, 47);
@@ -36,7 +36,6 @@ protected:
                 ASSERT_EQ(a.stateOf(t, i), b.stateOf(t, i)) << t << ' ' << i;
     }
 
-    BakeRunner runner_;
     AlphaTexture texture_;
     GpuBakeOptions options_;
     std::vector<TriangleUvs> triangles_;

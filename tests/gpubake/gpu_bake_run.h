@@ -118,6 +118,28 @@ private:
     std::unique_ptr<vellum::GpuBaker> baker_;
 };
 
+// A test on the device that all share, with a baker that those of a suite share: its shaders take longer than most
+// tests.
+class GpuBakeTest : public GpuTest
+{
+public:
+    static void TearDownTestSuite() { shared_.reset(); }
+
+protected:
+    GpuBakeTest() : GpuTest({.shared = true}), runner_(runner(gpu())) {}
+
+    BakeRunner &runner_;
+
+private:
+    static BakeRunner &runner(Gpu &gpu)
+    {
+        if (!shared_)
+            shared_ = std::make_unique<BakeRunner>(gpu);
+        return *shared_;
+    }
+    static inline std::unique_ptr<BakeRunner> shared_;
+};
+
 // The same options for the GPU.
 vellum::GpuBakeOptions onGpu(const vellum::BakeOptions &options);
 

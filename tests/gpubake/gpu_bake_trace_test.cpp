@@ -11,11 +11,9 @@ namespace
 using namespace vt;
 using namespace vellum;
 
-class GpuBakeTrace : public GpuTest
+class GpuBakeTrace : public GpuBakeTest
 {
 protected:
-    GpuBakeTrace() : GpuTest({.shared = true}), runner_(gpu()) {}
-
     // Baked with the room, built, and traced at the middle of each micro-triangle: the hits are those of the states.
     void check(const AlphaTexture &texture, const std::vector<TriangleUvs> &triangles, const GpuBakeOptions &options,
                const GpuBakeRoom &room)
@@ -80,8 +78,6 @@ protected:
         for (const std::size_t count : seen)
             EXPECT_GT(count, 0u);
     }
-
-    BakeRunner runner_;
 };
 
 } // namespace
