@@ -1,173 +1,274 @@
-// vellum-bake-bench: how fast the baker is and how much it leaves unknown, by level; beside meshoptimizer's, if its
-// shared library is given. Times are user seconds of the process, preparation of the texture included.
-#include <sys/resource.h>
+// vellum-bake-bench: how fast the baker is, how much it leaves unknown, and what memory it takes; beside other bakers,
+// if their shared libraries are given. Times include the preparation of the texture.
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <memory>
-#include <numbers>
-#include <random>
+#include <chrono>
+#include <ctime>
+#include <fstream>
+#include <functional>
 
-#include "bake/bake.h"
-#include "opacity_map_rival.h"
+#include "bake/classify.h"
+#include "bake_work.h"
+#include "rivals.h"
+
+// What is measured runs in here, so that a profiler can be told to look at nothing else:
+// valgrind --tool=callgrind --toggle-collect=vellum_bench_measured
+extern "C" [[gnu::noinline]] void vellum_bench_measured(const std::function<void()> &function)
+{
+    function();
+}
 
 namespace
 {
 
 using namespace vellum;
-
-double userSeconds()
-{
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return static_cast<double>(usage.ru_utime.tv_sec) + static_cast<double>(usage.ru_utime.tv_usec) * 1e-6;
-}
-
-class Random
-{
-public:
-    explicit Random(std::uint32_t seed) : m_engine(seed) {}
-    double operator()(double low, double high)
-    {
-        return low + (high - low) * static_cast<double>(m_engine()) / 4294967296.0;
-    }
-
-private:
-    std::mt19937 m_engine;
-};
-
-// Toothed leaves with soft borders at random places of a texture that repeats, until 40 % of it is covered.
-std::vector<std::uint8_t> paintLeaves(std::uint32_t size)
-{
-    std::vector<std::uint8_t> alpha(std::size_t{size} * size);
-    Random random(7);
-    std::size_t covered = 0;
-    while (covered * 10 < alpha.size() * 4) {
-        const double x = random(0, size);
-        const double y = random(0, size);
-        const double turn = random(0, 2 * std::numbers::pi);
-        const double length = random(55, 95);
-        const double slender = random(0.35, 0.6);
-        const double teeth = std::floor(random(9, 17));
-        const auto reach = static_cast<int>(length) + 4;
-        for (int dy = -reach; dy <= reach; ++dy) {
-            for (int dx = -reach; dx <= reach; ++dx) {
-                const double px = std::cos(turn) * dx + std::sin(turn) * dy;
-                const double py = (std::cos(turn) * dy - std::sin(turn) * dx) / slender;
-                const double angle = std::atan2(py, px);
-                const double tooth = angle * teeth / (2 * std::numbers::pi);
-                const double radius = length * (0.86 + 0.14 * (tooth - std::floor(tooth)));
-                const double value = std::clamp(0.5 + (radius - std::hypot(px, py)) * slender / 2, 0.0, 1.0);
-                const auto wrap = [size](double c) {
-                    return static_cast<std::size_t>(std::fmod(std::floor(c) + size, size));
-                };
-                std::uint8_t &texel = alpha[wrap(y + dy) * size + wrap(x + dx)];
-                const auto byte = static_cast<std::uint8_t>(std::lround(value * 255));
-                covered += texel < 128 && byte >= 128 ? 1u : 0u;
-                texel = std::max(texel, byte);
-            }
-        }
-    }
-    return alpha;
-}
-
-// Triangles with edges of 60 to 100 texels at random places, turned at random.
-std::vector<TriangleUvs> scatter(std::size_t count, std::uint32_t size)
-{
-    Random random(11);
-    std::vector<TriangleUvs> triangles(count);
-    for (TriangleUvs &uvs : triangles) {
-        // Two edges of such lengths, at an angle that gives the third one such a length.
-        double a = 0;
-        double b = 0;
-        double angle = 0;
-        double c = 0;
-        do {
-            a = random(60, 100);
-            b = random(60, 100);
-            angle = random(0.3, 2);
-            c = std::sqrt(a * a + b * b - 2 * a * b * std::cos(angle));
-        } while (c < 60 || c > 100);
-        const double turn = random(0, 2 * std::numbers::pi);
-        const double x = random(0, size);
-        const double y = random(0, size);
-        const auto at = [&](double px, double py) {
-            return TexCoord{static_cast<float>((x + px) / size), static_cast<float>((y + py) / size)};
-        };
-        uvs = {at(0, 0), at(a * std::cos(turn), a * std::sin(turn)),
-               at(b * std::cos(turn + angle), b * std::sin(turn + angle))};
-    }
-    return triangles;
-}
-
-struct Run {
-    double seconds = 1e300; // the best of all rounds
-    BakeResult result;
-};
-
-void bakeOnce(Run &run, const std::vector<std::uint8_t> &alpha, std::uint32_t size,
-              const std::vector<TriangleUvs> &triangles, const BakeOptions &options)
-{
-    const double before = userSeconds();
-    const AlphaTexture texture = AlphaTexture::fromUnorm8(size, size, alpha.data(), 1);
-    run.result = bake(texture, triangles, options);
-    run.seconds = std::min(run.seconds, userSeconds() - before);
-}
-
-double unknownShare(const BakeStatistics &s)
-{
-    const auto unknown = static_cast<double>(s.states[2] + s.states[3]);
-    return unknown / (unknown + static_cast<double>(s.states[0] + s.states[1]));
-}
+using namespace vellum::bench;
 
 struct Settings {
-    std::size_t triangles = 10000;
-    std::uint32_t size = 1024;
-    unsigned threads = 1;
-    unsigned rounds = 3;
+    std::vector<std::size_t> triangles = {10000};
+    std::vector<std::uint32_t> textures = {1024};
+    std::vector<std::string> scenes;
     std::vector<std::string> levels = {"3", "5", "auto", "7"};
-    std::string rival;
+    unsigned threads = 2;
+    unsigned rounds = 3;
+    std::string meshoptimizer;
+    std::string ommSdk;
+    std::string once;
+    bool memory = false;
 };
 
-void measure(const Settings &settings, const std::string &level, const std::vector<std::uint8_t> &alpha,
-             const std::vector<TriangleUvs> &triangles, const bench::OpacityMapRival *rival)
+// Seconds of the process's work and of the clock; the best of all rounds.
+struct Times {
+    double cpu = 1e300;
+    double wall = 1e300;
+};
+
+template <typename Function>
+void measure(Times &times, Function &&function)
+{
+    const auto cpu = [] {
+        timespec time{};
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+        return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
+    };
+    const auto start = std::chrono::steady_clock::now();
+    const double before = cpu();
+    vellum_bench_measured(function);
+    times.cpu = std::min(times.cpu, cpu() - before);
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    times.wall = std::min(times.wall, wall.count());
+}
+
+BakeOptions optionsFor(const std::string &level, unsigned threads)
 {
     BakeOptions options;
-    options.threads = settings.threads;
+    options.threads = threads;
     if (level != "auto")
         options.level = static_cast<std::uint32_t>(std::stoul(level));
-    BakeOptions exact = options;
-    exact.valueTolerance = exact.subtexelTolerance = exact.barycentricTolerance = exact.interpolationTolerance = 0;
+    return options;
+}
 
-    Run own;
-    Run tolerant;
-    double theirs = 1e300;
-    bench::RivalResult theirResult;
+std::vector<BakeResult> bakeAll(const BakeWork &work, BakeOptions options)
+{
+    std::vector<BakeResult> results;
+    for (const BakeMesh &mesh : work.meshes) {
+        options.cutoff = mesh.cutoff;
+        results.push_back(bake(mesh.texture(), mesh.triangles, options));
+    }
+    return results;
+}
+
+// The levels that the baker chooses, for others to use.
+std::vector<std::vector<std::uint8_t>> levelsOf(const BakeWork &work, const BakeOptions &options)
+{
+    std::vector<std::vector<std::uint8_t>> levels;
+    for (const BakeMesh &mesh : work.meshes) {
+        const AlphaTexture texture = mesh.texture();
+        const Classifier classifier(texture, options);
+        auto &of = levels.emplace_back();
+        for (const TriangleUvs &uvs : mesh.triangles)
+            of.push_back(static_cast<std::uint8_t>(classifier.levelFor(uvs)));
+    }
+    return levels;
+}
+
+struct Totals {
+    double micro = 0;
+    double unknown = 0;
+    double bytes = 0; // of data, triangle records and indices
+};
+
+Totals totalsOf(const std::vector<BakeResult> &results)
+{
+    Totals totals;
+    for (const BakeResult &result : results) {
+        for (std::size_t s = 0; s < 4; ++s) {
+            totals.micro += static_cast<double>(result.statistics.states[s]);
+            totals.unknown += s >= 2 ? static_cast<double>(result.statistics.states[s]) : 0;
+        }
+        const Micromap &m = result.micromap;
+        totals.bytes += static_cast<double>(m.data.size() + 8 * m.triangles.size() + 4 * m.indices.size());
+    }
+    return totals;
+}
+
+void printRow(const Settings &settings, const BakeWork &work, const std::string &level,
+              const std::vector<std::unique_ptr<Rival>> &rivals)
+{
+    const BakeOptions tolerant = optionsFor(level, 1);
+    BakeOptions exact = tolerant;
+    exact.exactly();
+    BakeOptions threaded = exact;
+    threaded.threads = settings.threads;
+    const auto levels = levelsOf(work, exact);
+
+    Times exactTimes;
+    Times threadedTimes;
+    Times tolerantTimes;
+    std::vector<Times> theirTimes(rivals.size());
+    std::vector<RivalScore> scores(rivals.size());
+    std::vector<BakeResult> exactResults;
+    Totals tolerantTotals;
     for (unsigned round = 0; round < settings.rounds; ++round) {
-        bakeOnce(own, alpha, settings.size, triangles, exact);
-        bakeOnce(tolerant, alpha, settings.size, triangles, options);
-        if (rival != nullptr) {
-            const double before = userSeconds();
-            theirResult = rival->bake(alpha, settings.size, triangles, own.result.micromap);
-            theirs = std::min(theirs, userSeconds() - before);
+        measure(exactTimes, [&] { exactResults = bakeAll(work, exact); });
+        std::vector<BakeResult> results;
+        measure(threadedTimes, [&] { results = bakeAll(work, threaded); });
+        measure(tolerantTimes, [&] { results = bakeAll(work, tolerant); });
+        tolerantTotals = totalsOf(results);
+        results = {};
+        for (std::size_t r = 0; r < rivals.size(); ++r) {
+            std::vector<RivalResult> theirs(work.meshes.size());
+            measure(theirTimes[r], [&] {
+                for (std::size_t i = 0; i < theirs.size(); ++i)
+                    theirs[i] = rivals[r]->bake(work.meshes[i], levels[i]);
+            });
+            if (round == 0)
+                for (std::size_t i = 0; i < theirs.size(); ++i)
+                    addScore(scores[r], theirs[i], exactResults[i].micromap, levels[i]);
         }
     }
-    std::uint64_t all = 0;
-    for (const std::uint64_t count : own.result.statistics.states)
-        all += count;
-    fmt::print("{:>5} {:>10.3f} s {:>8.1f} M/s {:>8.3f} % {:>10.3f} s {:>8.3f} %", level, own.seconds,
-               static_cast<double>(all) / own.seconds * 1e-6, 100 * unknownShare(own.result.statistics),
-               tolerant.seconds, 100 * unknownShare(tolerant.result.statistics));
-    if (rival != nullptr) {
-        const bench::RivalScore score = bench::score(theirResult, own.result.micromap);
-        fmt::print(" {:>10.3f} s {:>8.3f} % {:>8.1f} {:>8.2f} {:>8.2f}", theirs, 100 * score.unknown,
-                   score.wrongPerMillion, theirs / own.seconds, theirs / tolerant.seconds);
-    }
+    const Totals totals = totalsOf(exactResults);
+    fmt::print("| {} | {} | {:.4f} | {:.4f} | {:.4f} | {:.2f} | {:.3f} % | {:.4f} | {:.3f} % |", work.name, level,
+               exactTimes.cpu, exactTimes.wall, threadedTimes.wall, exactTimes.wall / threadedTimes.wall,
+               100 * totals.unknown / totals.micro, tolerantTimes.cpu,
+               100 * tolerantTotals.unknown / tolerantTotals.micro);
+    for (std::size_t r = 0; r < rivals.size(); ++r)
+        fmt::print(" {:.4f} | {:.2f} | {:.2f} | {:.3f} % | {:.1f} |", theirTimes[r].cpu,
+                   theirTimes[r].cpu / exactTimes.cpu, theirTimes[r].cpu / tolerantTimes.cpu,
+                   100 * (1 - scores[r].known / scores[r].micro), 1e6 * scores[r].wrong / scores[r].known);
     fmt::print("\n");
     std::fflush(stdout);
+}
+
+void printHeader(const Settings &settings, const std::vector<std::unique_ptr<Rival>> &rivals)
+{
+    std::string header = fmt::format("| input | level | exact, CPU s | wall s | wall s, {} threads | faster | unknown "
+                                     "| tolerant, CPU s | unknown |",
+                                     settings.threads);
+    for (const auto &rival : rivals)
+        header += fmt::format(" {}, CPU s | / exact | / tolerant | unknown | wrong per million |", rival->name);
+    std::string line;
+    for (std::size_t column = 0; column < static_cast<std::size_t>(std::count(header.begin(), header.end(), '|')) - 1;
+         ++column)
+        line += column < 2 ? "|---" : "|--:";
+    fmt::print("{}\n{}|\n", header, line);
+}
+
+// One bake of one kind and nothing more, for profilers.
+void runOnce(const std::string &which, const BakeWork &work, const std::string &level,
+             const std::vector<std::unique_ptr<Rival>> &rivals)
+{
+    BakeOptions options = optionsFor(level, 1);
+    const auto levels = levelsOf(work, options);
+    double micro = 0;
+    double texels = 0;
+    for (std::size_t i = 0; i < work.meshes.size(); ++i) {
+        texels += static_cast<double>(work.meshes[i].alpha.size());
+        for (const std::uint8_t of : levels[i])
+            micro += microTriangleCount(of);
+    }
+    if (which == "exact")
+        options.exactly();
+    Times times;
+    if (which == "exact" || which == "tolerant")
+        measure(times, [&] { bakeAll(work, options); });
+    else
+        measure(times, [&] {
+            for (std::size_t i = 0; i < work.meshes.size(); ++i)
+                (void)rivals.front()->bake(work.meshes[i], levels[i]);
+        });
+    fmt::print("{}, level {}, {}: {:.0f} micro-triangles, {:.0f} texels\n", work.name, level, which, micro, texels);
+}
+
+// The most memory that this process has had since the last call, in bytes.
+double peakSinceLast()
+{
+    double peak = 0;
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);)
+        if (line.starts_with("VmHWM:"))
+            peak = std::stod(line.substr(6)) * 1024;
+    std::ofstream("/proc/self/clear_refs") << "5"; // proc(5): resets the peak
+    return peak;
+}
+
+// In a process of its own, so that nothing that others left lying about is used again.
+void printMemory(const BakeWork &work, const std::string &level, unsigned threads)
+{
+    std::fflush(stdout);
+    const pid_t child = fork();
+    if (child == 0) {
+        peakSinceLast();
+        const double before = peakSinceLast();
+        const std::vector<BakeResult> results = bakeAll(work, optionsFor(level, threads));
+        const double used = peakSinceLast() - before;
+        const double bytes = totalsOf(results).bytes;
+        fmt::print("| {} | {} | {} | {:.1f} | {:.1f} | {:.2f} |\n", work.name, level, threads, bytes * 0x1p-20,
+                   used * 0x1p-20, used / bytes);
+        std::fflush(stdout);
+        _exit(0);
+    }
+    waitpid(child, nullptr, 0);
+}
+
+int run(const Settings &settings)
+{
+    std::vector<std::unique_ptr<Rival>> rivals;
+    if (!settings.meshoptimizer.empty())
+        rivals.push_back(loadMeshoptimizer(settings.meshoptimizer));
+    if (!settings.ommSdk.empty())
+        rivals.push_back(loadOmmSdk(settings.ommSdk));
+    if (settings.once == "rival" && rivals.empty())
+        throw std::runtime_error("--once rival needs one");
+    std::vector<std::function<BakeWork()>> works;
+    for (const std::string &scene : settings.scenes)
+        works.emplace_back([&] { return leafCards(scene); });
+    if (settings.scenes.empty())
+        for (const std::uint32_t texture : settings.textures)
+            for (const std::size_t triangles : settings.triangles)
+                works.emplace_back([=] { return leaves(texture, triangles); });
+    if (settings.memory)
+        fmt::print("| input | level | threads | result, MiB | peak, MiB | ratio |\n|---|---|--:|--:|--:|--:|\n");
+    else if (settings.once.empty())
+        printHeader(settings, rivals);
+    for (const auto &make : works) {
+        const BakeWork work = make();
+        for (const std::string &level : settings.levels) {
+            if (!settings.once.empty())
+                runOnce(settings.once, work, level, rivals);
+            else if (!settings.memory)
+                printRow(settings, work, level, rivals);
+            else
+                for (unsigned threads = 1; threads <= settings.threads; ++threads)
+                    printMemory(work, level, threads);
+        }
+    }
+    return 0;
 }
 
 } // namespace
@@ -175,27 +276,28 @@ void measure(const Settings &settings, const std::string &level, const std::vect
 int main(int argc, char **argv)
 {
     Settings settings;
-    CLI::App app("Measures the baker over a texture of toothed leaves that repeats.");
-    app.add_option("--triangles", settings.triangles, "Triangles, with edges of 60 to 100 texels [10000]");
-    app.add_option("--texture", settings.size, "Texels along a side of the texture [1024]");
-    app.add_option("--threads", settings.threads, "Worker threads of the baker [1]");
-    app.add_option("--rounds", settings.rounds, "Runs of each, of which the best counts [3]");
+    CLI::App app("Measures the baker; prints a table in Markdown. Times are the best of some rounds.");
+    app.add_option("--triangles", settings.triangles,
+                   "Triangles with edges of 60 to 100 texels at random places of a\n"
+                   "texture of toothed leaves that repeats [10000]")
+        ->delimiter(',');
+    app.add_option("--texture", settings.textures, "Texels along a side of that texture [1024]")->delimiter(',');
+    app.add_option("--scene", settings.scenes, "glTF files, whose masked materials are baked instead")->delimiter(',');
     app.add_option("--levels", settings.levels, "Levels, 0 to 12 or auto [3,5,auto,7]")->delimiter(',');
-    app.add_option("--meshoptimizer", settings.rival,
-                   "A shared library of meshoptimizer with its opacityMap functions, to run on\n"
-                   "the same triangles, texture and levels in between");
+    app.add_option("--threads", settings.threads, "Threads of the threaded bakes; all others have one [2]");
+    app.add_option("--rounds", settings.rounds, "Runs of each, of which the best counts [3]");
+    app.add_option("--meshoptimizer", settings.meshoptimizer,
+                   "A shared library of meshoptimizer with its opacityMap functions, to run\n"
+                   "on the same triangles, textures and levels in between");
+    app.add_option("--omm-sdk", settings.ommSdk, "Likewise, of NVIDIA's Opacity Micromap SDK");
+    app.add_flag("--memory", settings.memory, "Peak memory instead of times, for 1 to --threads threads");
+    app.add_option("--once", settings.once, "One run of exact, tolerant, or rival and nothing more, for profilers")
+        ->check(CLI::IsMember({"exact", "tolerant", "rival"}));
     CLI11_PARSE(app, argc, argv);
-
-    std::unique_ptr<bench::OpacityMapRival> rival;
-    if (!settings.rival.empty())
-        rival = std::make_unique<bench::OpacityMapRival>(settings.rival);
-    const std::vector<std::uint8_t> alpha = paintLeaves(settings.size);
-    const std::vector<TriangleUvs> triangles = scatter(settings.triangles, settings.size);
-    fmt::print("{:>5} {:>12} {:>12} {:>10} {:>12} {:>10}", "level", "exact", "exact", "unknown", "tolerant", "unknown");
-    if (rival)
-        fmt::print(" {:>12} {:>10} {:>8} {:>8} {:>8}", "meshoptimizer", "unknown", "wrong/M", "/ exact", "/ tolerant");
-    fmt::print("\n");
-    for (const std::string &level : settings.levels)
-        measure(settings, level, alpha, triangles, rival.get());
-    return 0;
+    try {
+        return run(settings);
+    } catch (const std::exception &error) {
+        fmt::print(stderr, "{}\n", error.what());
+        return 1;
+    }
 }

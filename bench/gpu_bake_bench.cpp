@@ -1,5 +1,5 @@
 // vellum-gpu-bake-bench: the baker on the GPU beside the one on the CPU, on the triangles and texture of
-// vellum-bake-bench. On a driver that is the CPU itself (lavapipe), compare user seconds; on others, the time that
+// vellum-bake-bench. On a driver that is the CPU itself (lavapipe), compare seconds of work; on others, the time that
 // passes.
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -7,10 +7,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <ctime>
 #include <memory>
 
 #include "bake/bake.h"
-#include "bake_scene.h"
+#include "bake_work.h"
 #include "cli/vulkan/context.h"
 #include "cli/vulkan/resources.h"
 #include "core/curve.h"
@@ -32,19 +33,26 @@ struct Settings {
     std::string device;
 };
 
+// Seconds of the process's work, of all threads, and of the clock; the best of all rounds.
 struct Times {
-    double user = 1e300;
+    double cpu = 1e300;
     double wall = 1e300;
 };
 
 template <typename Function>
 void measure(Times &times, Function &&function)
 {
-    const double user = bench::userSeconds();
-    const auto wall = std::chrono::steady_clock::now();
+    const auto cpu = [] {
+        timespec time{};
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+        return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
+    };
+    const double before = cpu();
+    const auto start = std::chrono::steady_clock::now();
     function();
-    times.user = std::min(times.user, bench::userSeconds() - user);
-    times.wall = std::min(times.wall, std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count());
+    times.cpu = std::min(times.cpu, cpu() - before);
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    times.wall = std::min(times.wall, wall.count());
 }
 
 // A micromap from the GPU's buffers.
@@ -177,8 +185,7 @@ Score score(const Micromap &gpu, const Micromap &cpu)
     return score;
 }
 
-void compare(const Settings &settings, const std::string &level, const std::vector<std::uint8_t> &alpha,
-             const std::vector<TriangleUvs> &triangles, GpuBake &gpu)
+void compare(const Settings &settings, const std::string &level, const bench::BakeMesh &mesh, GpuBake &gpu)
 {
     BakeOptions options;
     options.threads = settings.threads;
@@ -201,14 +208,14 @@ void compare(const Settings &settings, const std::string &level, const std::vect
     Micromap cpu;
     for (unsigned round = 0; round < settings.rounds; ++round) {
         measure(cpuTimes, [&] {
-            const AlphaTexture texture = AlphaTexture::fromUnorm8(settings.size, settings.size, alpha.data(), 1);
-            cpu = bake(texture, triangles, options).micromap;
+            const AlphaTexture texture = mesh.texture();
+            cpu = bake(texture, mesh.triangles, options).micromap;
         });
         measure(gpuTimes, [&] { gpu.run(gpuOptions); });
     }
     const Score result = score(gpu.read(), cpu);
     fmt::print("{:>5} {:>10.3f} s {:>8.3f} s {:>10.3f} s {:>8.3f} s {:>8.3f} % {:>12.1f} {:>6} {:>12.1f}\n", level,
-               cpuTimes.user, cpuTimes.wall, gpuTimes.user, gpuTimes.wall, 100 * result.unknown, 1e6 * result.needless,
+               cpuTimes.cpu, cpuTimes.wall, gpuTimes.cpu, gpuTimes.wall, 100 * result.unknown, 1e6 * result.needless,
                result.wrong, 1e6 * result.more);
     std::fflush(stdout);
 }
@@ -232,19 +239,19 @@ try {
     const cli::DeviceInfo info = cli::chooseDevice(
         instance, settings.device.empty() ? std::nullopt : std::optional<std::string>(settings.device));
     cli::Device device(info, cli::DeviceNeeds{});
-    const std::vector<std::uint8_t> alpha = bench::paintLeaves(settings.size);
-    const std::vector<TriangleUvs> triangles = bench::scatter(settings.triangles, settings.size);
+    const bench::BakeWork work = bench::leaves(settings.size, settings.triangles);
+    const bench::BakeMesh &mesh = work.meshes.front();
     Image image;
     image.width = image.height = settings.size;
     image.rgba.assign(std::size_t{settings.size} * settings.size * 4, 255);
-    for (std::size_t i = 0; i < alpha.size(); ++i)
-        image.rgba[4 * i + 3] = alpha[i];
+    for (std::size_t i = 0; i < mesh.alpha.size(); ++i)
+        image.rgba[4 * i + 3] = mesh.alpha[i];
     const cli::Texture texture(device, image, Material{});
-    GpuBake gpu(device, texture, settings.size, triangles);
-    fmt::print("{}\n{:>5} {:>12} {:>10} {:>12} {:>10} {:>10} {:>12} {:>6} {:>12}\n", info.name, "level", "CPU user",
-               "wall", "GPU user", "wall", "unknown", "needless/M", "wrong", "more/M");
+    GpuBake gpu(device, texture, settings.size, mesh.triangles);
+    fmt::print("{}\n{:>5} {:>12} {:>10} {:>12} {:>10} {:>10} {:>12} {:>6} {:>12}\n", info.name, "level", "CPU baker",
+               "wall", "GPU baker", "wall", "unknown", "needless/M", "wrong", "more/M");
     for (const std::string &level : settings.levels)
-        compare(settings, level, alpha, triangles, gpu);
+        compare(settings, level, mesh, gpu);
     return 0;
 } catch (const std::exception &e) {
     fmt::print(stderr, "vellum-gpu-bake-bench: {}\n", e.what());

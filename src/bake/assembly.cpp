@@ -3,13 +3,15 @@
 #include <cstring>
 #include <string>
 
+#include "core/large_memory.h"
+
 namespace vellum
 {
 
 MicromapAssembly::MicromapAssembly(std::uint64_t bytes) : m_slots(64, -1)
 {
     // Room that is never used costs addresses only; a vector that outgrows its room would need both at once.
-    micromap.data.reserve(bytes);
+    reserveLarge(micromap.data, bytes);
 }
 
 void MicromapAssembly::grow()
@@ -37,8 +39,8 @@ std::int32_t MicromapAssembly::add(const std::uint8_t *data, std::uint32_t level
             return m_slots[slot];
     }
     if (micromap.data.size() + bytes > maxDataBytes)
-        throw BakeError("the micromap would be larger than " + std::to_string(maxDataBytes) +
-                        " bytes; choose a lower subdivision level or a budget");
+        throw BakeTooLarge("the micromap would be larger than " + std::to_string(maxDataBytes) +
+                           " bytes; choose a lower subdivision level or a budget");
     const auto index = static_cast<std::int32_t>(micromap.triangles.size());
     m_slots[slot] = index;
     m_hashes.push_back(hash);

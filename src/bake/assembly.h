@@ -17,7 +17,7 @@ public:
     explicit MicromapAssembly(std::uint64_t bytes);
 
     // The index of a micromap triangle with this data, which becomes part of the micromap unless it is already. Throws
-    // BakeError where that takes it beyond `maxDataBytes`.
+    // BakeTooLarge where that takes it beyond `maxDataBytes`.
     std::int32_t add(const std::uint8_t *data, std::uint32_t level, Format format, std::uint64_t hash,
                      std::uint64_t maxDataBytes);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 
@@ -49,11 +50,22 @@ void check(const BakeOptions &options)
 {
     checkLevel(options.level.value_or(options.maxLevel));
     checkFormat(options.format);
-    const double numbers[] = {options.valueTolerance,         options.subtexelTolerance, options.barycentricTolerance,
-                              options.interpolationTolerance, options.texelsPerEdge,     options.worthwhile};
-    for (const double number : numbers)
-        if (!(number >= 0) || std::isinf(number))
-            throw BakeError("a tolerance of the baker is negative or not finite");
+    // What is far beyond any GPU's rounding would only make triangles reach over all of the plane.
+    const struct {
+        const char *name;
+        double value;
+        double most;
+    } numbers[] = {
+        {"valueTolerance", options.valueTolerance, std::numeric_limits<double>::max()},
+        {"subtexelTolerance", options.subtexelTolerance, 1024},
+        {"barycentricTolerance", options.barycentricTolerance, 1},
+        {"interpolationTolerance", options.interpolationTolerance, 0x1p-10},
+        {"texelsPerEdge", options.texelsPerEdge, std::numeric_limits<double>::max()},
+        {"worthwhile", options.worthwhile, 1},
+    };
+    for (const auto &[name, value, most] : numbers)
+        if (!(value >= 0 && value <= most))
+            throw BakeError(std::string(name) + " is " + std::to_string(value) + ", not in its range");
     if (options.maxDataBytes > 0xffffffffu)
         throw BakeError("micromap data cannot be larger than 4 GiB");
 }
@@ -263,7 +275,7 @@ void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsign
         Material::Scratch classifier;
         std::vector<std::uint8_t> packed;
     };
-    inParallel<Scratch>(threads, choices.size(), options.cancel, [&](std::size_t i, Scratch &scratch) {
+    inParallel<Scratch>(threads, choices.size(), options.cancelled, [&](std::size_t i, Scratch &scratch) {
         const Distinct &triangle = distinct.triangles[i];
         LevelChoice &choice = choices[i];
         choice.uses = triangle.uses;
@@ -351,7 +363,7 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
         }
         if (buffer.size() < bytes)
             buffer.resize(bytes);
-        inParallel<Material::Scratch>(threads, batch.size(), options.cancel,
+        inParallel<Material::Scratch>(threads, batch.size(), options.cancelled,
                                       [&](std::size_t i, Material::Scratch &scratch) {
                                           batch[i].data = buffer.data() + offsets[i];
                                           pack(distinct.triangles[begin + i], options, batch[i], scratch);

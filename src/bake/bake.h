@@ -12,7 +12,6 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
-#include <stop_token>
 
 #include "bake/texture/texture.h"
 #include "core/micromap.h"
@@ -75,13 +74,13 @@ struct BakeOptions {
     // with 8-bit weights and round twice, as lavapipe's do.
     double valueTolerance = 2.0 / 255.0;
     // How far, in texels, a sample may be from where it was asked for. Vulkan lets subTexelPrecisionBits be as low as
-    // 4, hence the default.
+    // 4, hence the default. At most 1024.
     double subtexelTolerance = 1.0 / 16.0;
     // How far, in barycentrics, a hit that traversal assigns to a micro-triangle may lie outside of it: the rounding
-    // of the barycentrics and of their sum.
+    // of the barycentrics and of their sum. At most 1.
     double barycentricTolerance = 1e-5;
     // How far interpolation may move a texture coordinate, relative to the largest of the triangle: single precision,
-    // whose products and sums are as large as the coordinates themselves.
+    // whose products and sums are as large as the coordinates themselves. At most 2^-10.
     double interpolationTolerance = 16.0 / (1 << 24);
 
     // Worker threads; 0 takes one per processor. The result does not depend on it.
@@ -91,8 +90,8 @@ struct BakeOptions {
     // Called now and then with triangles done and in all, from any worker but one at a time. With a budget, each
     // triangle counts twice.
     std::function<void(std::size_t done, std::size_t total)> progress;
-    // Makes bake() throw BakeCancelled soon after it is asked to stop.
-    std::stop_token cancel;
+    // Makes bake() throw BakeCancelled soon after it returns true. Called often, from several workers at a time.
+    std::function<bool()> cancelled;
 
     // No tolerances: what is true of the texture in exact arithmetic.
     BakeOptions &exactly()
@@ -133,6 +132,13 @@ public:
     using std::runtime_error::runtime_error;
 };
 
+// A result above maxDataBytes.
+class BakeTooLarge : public BakeError
+{
+public:
+    using BakeError::BakeError;
+};
+
 class BakeCancelled : public BakeError
 {
 public:
@@ -141,7 +147,7 @@ public:
 
 // Bakes one micromap for the triangles of all inputs. Triangles with the same result share a micromap triangle,
 // whatever their input; those that are one state all over become a special index. Throws BakeError for options, levels
-// or a texture out of range and for a result above maxDataBytes.
+// or a texture out of range, BakeTooLarge for a result above maxDataBytes.
 BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options);
 BakeResult bake(const AlphaTexture &texture, std::span<const TriangleUvs> triangles, const BakeOptions &options);
 

@@ -67,8 +67,8 @@ class Classifier::Walk
 public:
     Walk(const Classifier &classifier, const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed,
          ClassifierScratch &scratch)
-        : m_texture(classifier.m_texture), m_cutoff(classifier.m_options.cutoff), m_map(classifier.m_map), m_uvs(uvs),
-          m_level(level), m_packed(packed), m_scratch(scratch),
+        : m_texture(classifier.m_texture), m_cutoff(classifier.m_options.cutoff), m_map(classifier.m_map),
+          m_cancelled(classifier.m_options.cancelled), m_uvs(uvs), m_level(level), m_packed(packed), m_scratch(scratch),
           m_place(m_texture, m_map, classifier.m_options, uvs, level),
           m_piece(m_place, m_texture.filter, classifier.m_thresholds)
     {
@@ -122,6 +122,13 @@ private:
         bool bilinear;
     };
 
+    // What takes longer than this may be cancelled on its way: sub-triangles of so many levels, or of many cells.
+    static constexpr std::uint32_t kLevelsBetweenPolls = 6;
+    void poll() const
+    {
+        if (m_cancelled && m_cancelled())
+            throw BakeCancelled();
+    }
     void descendWide(const Node &node, std::uint32_t depth);
     void descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list, std::size_t count);
     void list(const Node &node, Frame &frame);
@@ -143,6 +150,7 @@ private:
     const AlphaTexture &m_texture;
     double m_cutoff;
     const CellMap &m_map;
+    const std::function<bool()> &m_cancelled;
     const TriangleUvs &m_uvs;
     std::uint32_t m_level;
     std::uint8_t *m_packed;
@@ -167,6 +175,7 @@ void Classifier::Walk::descendWide(const Node &node, std::uint32_t depth)
         uniform(node, depth);
         return;
     }
+    poll();
     if (m_place.boxCells(node.sub) <= kMostCells) {
         Frame frame;
         list(node, frame);
@@ -355,6 +364,8 @@ private:
 void Classifier::Walk::descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list,
                                std::size_t count)
 {
+    if (m_level - depth > kLevelsBetweenPolls)
+        poll();
     std::vector<std::uint32_t> &lists = m_scratch.lists;
     const std::size_t start = list + count;
     // Four lists, and a place behind them for the one that is followed first.

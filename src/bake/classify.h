@@ -27,7 +27,7 @@ public:
 
     [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const;
     // Writes the 4-state data of a triangle: packedBytes(level, Format::FourState) bytes, which must be 0. Safe to call
-    // from several threads with a scratch each.
+    // from several threads with a scratch each. Throws BakeCancelled when the options say so.
     void classify(const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed, ClassifierScratch &scratch) const;
 
 private:

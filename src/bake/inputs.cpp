@@ -30,15 +30,47 @@ std::size_t sizeOf(AlphaFormat format)
     throw BakeError("unknown format of alpha values");
 }
 
-float alphaAt(const std::byte *from, AlphaFormat format)
+// A row of values that are `stride` bytes apart, by a function from one of them to a float.
+template <typename T, typename Function>
+void readRow(const std::byte *from, std::size_t stride, std::span<float> to, Function &&function)
+{
+    for (std::size_t x = 0; x < to.size(); ++x)
+        to[x] = function(load<T>(from + x * stride));
+}
+
+// Calls `use` with a function that reads rows of a format: readRow's arguments but the last.
+template <typename Use>
+void withRowsOf(AlphaFormat format, float scale, Use &&use)
 {
     switch (format) {
-    case AlphaFormat::Unorm8: return static_cast<float>(load<std::uint8_t>(from)) / 255.0f;
-    case AlphaFormat::Unorm16: return static_cast<float>(load<std::uint16_t>(from)) / 65535.0f;
-    case AlphaFormat::Float16: return halfToFloat(load<std::uint16_t>(from));
-    case AlphaFormat::Float32: break;
+    case AlphaFormat::Unorm8: {
+        std::array<float, 256> values;
+        for (std::size_t i = 0; i < values.size(); ++i)
+            values[i] = static_cast<float>(i) / 255.0f * scale;
+        use([&](const std::byte *from, std::size_t stride, std::span<float> to) {
+            readRow<std::uint8_t>(from, stride, to, [&](std::uint8_t value) { return values[value]; });
+        });
+        break;
     }
-    return load<float>(from);
+    case AlphaFormat::Unorm16:
+        use([scale](const std::byte *from, std::size_t stride, std::span<float> to) {
+            readRow<std::uint16_t>(from, stride, to, [scale](std::uint16_t value) {
+                return static_cast<float>(value) / 65535.0f * scale;
+            });
+        });
+        break;
+    case AlphaFormat::Float16:
+        use([scale](const std::byte *from, std::size_t stride, std::span<float> to) {
+            readRow<std::uint16_t>(from, stride, to,
+                                   [scale](std::uint16_t value) { return halfToFloat(value) * scale; });
+        });
+        break;
+    case AlphaFormat::Float32:
+        use([scale](const std::byte *from, std::size_t stride, std::span<float> to) {
+            readRow<float>(from, stride, to, [scale](float value) { return value * scale; });
+        });
+        break;
+    }
 }
 
 std::size_t componentSize(UvFormat format)
@@ -127,13 +159,11 @@ AlphaTexture readAlpha(const AlphaPixels &pixels)
         !within(total - pixels.offset - size - inRow * pixels.pixelStride, inColumn, rowStride))
         throw BakeError("the alpha values of " + std::to_string(pixels.width) + " x " + std::to_string(pixels.height) +
                         " texels do not lie within " + std::to_string(total) + " bytes");
-    texture.alpha.resize(std::size_t{pixels.width} * pixels.height);
-    for (std::size_t y = 0; y < pixels.height; ++y) {
-        const std::byte *row = pixels.bytes.data() + pixels.offset + y * rowStride;
-        float *to = texture.alpha.data() + y * pixels.width;
-        for (std::size_t x = 0; x < pixels.width; ++x)
-            to[x] = alphaAt(row + x * pixels.pixelStride, pixels.format) * pixels.scale;
-    }
+    withRowsOf(pixels.format, pixels.scale, [&](const auto &read) {
+        texture.appendRows([&](std::size_t y, float *to) {
+            read(pixels.bytes.data() + pixels.offset + y * rowStride, pixels.pixelStride, std::span(to, pixels.width));
+        });
+    });
     return texture;
 }
 

@@ -6,7 +6,6 @@
 #include <exception>
 #include <functional>
 #include <mutex>
-#include <stop_token>
 #include <thread>
 #include <vector>
 
@@ -47,7 +46,7 @@ private:
 // Calls function(i, state) for each i below `count`, in any order, on `threads` threads with a State of their own. The
 // first exception ends the work and is thrown on.
 template <typename State, typename Function>
-void inParallel(unsigned threads, std::size_t count, const std::stop_token &cancel, Function &&function)
+void inParallel(unsigned threads, std::size_t count, const std::function<bool()> &cancelled, Function &&function)
 {
     std::atomic<std::size_t> next{0};
     std::mutex failing;
@@ -56,7 +55,7 @@ void inParallel(unsigned threads, std::size_t count, const std::stop_token &canc
         try {
             State state;
             for (std::size_t i = next++; i < count; i = next++) {
-                if (cancel.stop_requested())
+                if (cancelled && cancelled())
                     throw BakeCancelled();
                 function(i, state);
             }
@@ -69,8 +68,12 @@ void inParallel(unsigned threads, std::size_t count, const std::stop_token &canc
     };
     {
         std::vector<std::jthread> others;
-        for (std::size_t i = 1; i < threads && i < count; ++i)
-            others.emplace_back(work);
+        try {
+            for (std::size_t i = 1; i < threads && i < count; ++i)
+                others.emplace_back(work);
+        } catch (const std::exception &) {
+            // Without memory or permission for another thread, those that there are do the work.
+        }
         work();
     }
     if (failure)

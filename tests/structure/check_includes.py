@@ -18,6 +18,7 @@ PARTS = {
     "gpubake": ("core",),
     "spirv": ("core",),
     "shaders": ("core",),
+    "library": ("core", "bake"),
     "gltf": ("core", "bake"),
     "layer": ("core", "spirv"),
     "cli": ("core", "bake", "gltf"),

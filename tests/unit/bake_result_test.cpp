@@ -253,7 +253,7 @@ TEST(BakeResult, CanBeCancelled)
     const std::vector<TriangleUvs> triangles = scattered(500);
     std::stop_source stop;
     BakeOptions o = atLevel(5);
-    o.cancel = stop.get_token();
+    o.cancelled = [&] { return stop.stop_requested(); };
     std::size_t done = 0;
     o.progress = [&](std::size_t now, std::size_t total) {
         EXPECT_EQ(total, 500u);

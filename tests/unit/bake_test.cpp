@@ -221,6 +221,12 @@ TEST(Bake, RefusesWhatItCannotDo)
     o.valueTolerance = -1;
     EXPECT_THROW(bake(good, triangles, o), BakeError);
     o = {};
+    o.subtexelTolerance = 1025;
+    EXPECT_THROW(bake(good, triangles, o), BakeError);
+    o = {};
+    o.interpolationTolerance = 0.1;
+    EXPECT_THROW(bake(good, triangles, o), BakeError);
+    o = {};
     o.cutoff = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(bake(good, triangles, o), BakeError);
     o = atLevel(8);

@@ -20,6 +20,7 @@ struct Float4 {
     Float4(__m128 value) : v(value) {}
     Float4(float all) : v(_mm_set1_ps(all)) {}
     Float4(float a, float b, float c, float d) : v(_mm_setr_ps(a, b, c, d)) {}
+    static Float4 load(const float *from) { return _mm_loadu_ps(from); }
 
     friend Float4 operator+(Float4 a, Float4 b) { return _mm_add_ps(a.v, b.v); }
     friend Float4 operator-(Float4 a, Float4 b) { return _mm_sub_ps(a.v, b.v); }
@@ -62,6 +63,7 @@ struct Float4 {
     Float4() = default;
     Float4(float all) : v{all, all, all, all} {}
     Float4(float a, float b, float c, float d) : v{a, b, c, d} {}
+    static Float4 load(const float *from) { return {from[0], from[1], from[2], from[3]}; }
 
     template <typename Function>
     static Float4 each(const Float4 &a, const Float4 &b, Function &&function)

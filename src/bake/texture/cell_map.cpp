@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
+
+#include "bake/numbers/float4.h"
 
 namespace vellum
 {
@@ -35,41 +36,75 @@ struct Classes {
 
     [[nodiscard]] std::uint8_t operator()(float alpha) const
     {
-        // No branches: this runs for every texel of a texture, and becomes vector code.
-        const unsigned finite = (std::bit_cast<std::uint32_t>(alpha) & kMagnitude) < kInfinity ? 3 : 0;
-        const unsigned opaque = alpha >= opaqueFrom ? kSurelyOpaque : 0;
-        const unsigned transparent = alpha < transparentBelow ? kSurelyTransparent : 0;
-        return static_cast<std::uint8_t>((opaque | transparent) & finite);
+        if ((std::bit_cast<std::uint32_t>(alpha) & kMagnitude) >= kInfinity)
+            return 0;
+        return static_cast<std::uint8_t>((alpha >= opaqueFrom ? kSurelyOpaque : 0) |
+                                         (alpha < transparentBelow ? kSurelyTransparent : 0));
     }
 };
-
-// Bit k of the result is bit 0 of byte k.
-std::uint64_t gather(std::uint64_t bytes)
-{
-    return ((bytes & 0x0101010101010101u) * 0x0102040810204080u) >> 56;
-}
 
 // The two classes of a padded row of texels, a bit each; then those of pairs of neighbours, that is of cells.
 struct Bits {
     std::vector<std::uint64_t> opaque;
     std::vector<std::uint64_t> transparent;
 
-    void pack(const std::vector<std::uint8_t> &classes)
+    void set(std::size_t at, std::uint8_t classes)
     {
-        for (std::size_t word = 0; word < opaque.size(); ++word) {
+        const std::uint64_t bit = std::uint64_t{1} << (at % 64);
+        std::uint64_t &o = opaque[at / 64];
+        std::uint64_t &t = transparent[at / 64];
+        o = (classes & kSurelyOpaque) != 0 ? o | bit : o & ~bit;
+        t = (classes & kSurelyTransparent) != 0 ? t | bit : t & ~bit;
+    }
+
+    // Sets the bits of a row of texels from bit 0 on. Returns the largest magnitude of those that are finite.
+    float read(const float *alpha, std::size_t width, const Classes &classify)
+    {
+        const Float4 from(classify.opaqueFrom);
+        const Float4 to(classify.transparentBelow);
+        Float4 low(0.0f);
+        Float4 high(0.0f);
+        std::size_t i = 0;
+        // This runs for every texel of a texture.
+        for (std::size_t word = 0; i + 64 <= width; ++word, i += 64) {
             std::uint64_t o = 0;
             std::uint64_t t = 0;
-            for (std::size_t part = 0; part < 8; ++part) {
-                std::uint64_t bytes = 0;
-                std::memcpy(&bytes, classes.data() + word * 64 + part * 8, 8);
-                if constexpr (std::endian::native == std::endian::big)
-                    bytes = __builtin_bswap64(bytes);
-                o |= gather(bytes) << (8 * part);
-                t |= gather(bytes >> 1) << (8 * part);
+            for (std::size_t part = 0; part < 64; part += 4) {
+                const Float4 v = Float4::load(alpha + i + part);
+                o |= std::uint64_t{atLeast(v, from)} << part;
+                t |= std::uint64_t{below(v, to)} << part;
+                low = min(v, low); // and not the other way round: a NaN is passed over
+                high = max(v, high);
             }
             opaque[word] = o;
             transparent[word] = t;
         }
+        float largest = std::max(high.most(), -low.least());
+        if (largest > std::numeric_limits<float>::max()) {
+            // Infinities are classified like numbers above, which they must not be.
+            largest = 0;
+            i = 0;
+        }
+        for (; i < width; ++i) {
+            set(i, classify(alpha[i]));
+            if (std::isfinite(alpha[i]))
+                largest = std::max(largest, std::abs(alpha[i]));
+        }
+        return largest;
+    }
+
+    // Moves what is there by some bits, fewer than 64.
+    void moveUp(std::size_t count)
+    {
+        if (count == 0)
+            return;
+        for (std::vector<std::uint64_t> *bits : {&opaque, &transparent})
+            for (std::size_t word = bits->size(); word-- > 0;)
+                (*bits)[word] = (*bits)[word] << count | (word > 0 ? (*bits)[word - 1] >> (64 - count) : 0);
+    }
+
+    void toCells()
+    {
         for (std::vector<std::uint64_t> *bits : {&opaque, &transparent})
             for (std::size_t word = 0; word < bits->size(); ++word) {
                 const std::uint64_t next = word + 1 < bits->size() ? (*bits)[word + 1] : 0;
@@ -104,34 +139,29 @@ void CellMap::fill(const Thresholds &thresholds)
 
     // Words of 64 padded texels, and one for the last cell's right neighbour. What lies behind the row counts as opaque
     // and transparent, which no cell of the row sees and which leaves the rest of a word unmixed.
-    std::vector<std::uint8_t> classes(m_words * 64, kSurelyOpaque | kSurelyTransparent);
     Bits rows[2] = {{std::vector<std::uint64_t>(m_words), std::vector<std::uint64_t>(m_words)},
                     {std::vector<std::uint64_t>(m_words), std::vector<std::uint64_t>(m_words)}};
     const std::size_t width = m_texture.width;
     const auto lead = static_cast<std::size_t>(m_axisX.lead());
-    std::uint32_t largest = std::bit_cast<std::uint32_t>(m_texture.border) & kMagnitude;
-    largest = largest < kInfinity ? largest : 0;
+    float largest = std::isfinite(m_texture.border) ? std::abs(m_texture.border) : 0;
     std::uint64_t any = 0;
     for (std::size_t padded = 0; padded <= stored; ++padded) {
         Bits &now = rows[padded % 2];
         const std::int64_t row = m_rows[padded];
-        if (row < 0) {
-            std::fill_n(classes.begin(), m_columns.size(), classify(m_texture.border));
-        } else {
+        if (row >= 0) {
             const float *alpha = m_texture.alpha.data() + static_cast<std::size_t>(row) * width;
-            for (std::size_t i = 0; i < width; ++i) {
-                classes[lead + i] = classify(alpha[i]);
-                const std::uint32_t magnitude = std::bit_cast<std::uint32_t>(alpha[i]) & kMagnitude;
-                largest = std::max(largest, magnitude < kInfinity ? magnitude : 0);
-            }
-            for (std::size_t i = 0; i < m_columns.size(); ++i) {
-                if (i == lead)
-                    i += width;
-                if (i < m_columns.size())
-                    classes[i] = classify(texel(m_columns[i], row));
-            }
+            largest = std::max(largest, now.read(alpha, width, classify));
+            now.moveUp(lead);
         }
-        now.pack(classes);
+        for (std::size_t i = 0; i < m_words * 64; ++i) {
+            if (row >= 0 && i == lead)
+                i += width;
+            if (i < m_columns.size())
+                now.set(i, classify(texel(m_columns[i], row)));
+            else if (i < m_words * 64)
+                now.set(i, kSurelyOpaque | kSurelyTransparent);
+        }
+        now.toCells();
         if (padded == 0)
             continue;
         const Bits &before = rows[(padded - 1) % 2];
@@ -140,16 +170,17 @@ void CellMap::fill(const Thresholds &thresholds)
         for (std::size_t word = 0; word < m_words; ++word) {
             opaque[word] = now.opaque[word] & before.opaque[word];
             mixed[word] = ~(opaque[word] | (now.transparent[word] & before.transparent[word]));
-            any |= mixed[word];
         }
         // The cell behind the last one has but one texel that belongs to the row.
         const std::size_t last = static_cast<std::size_t>(m_axisX.cells());
         mixed[last / 64] &= (std::uint64_t{1} << (last % 64)) - 1;
-        for (std::size_t word = 0; word < m_words; ++word)
+        for (std::size_t word = 0; word < m_words; ++word) {
             m_mixed[stored * m_words + word] |= mixed[word];
+            any |= mixed[word];
+        }
     }
     m_anyMixed = any != 0;
-    m_largest = double{std::bit_cast<float>(largest)};
+    m_largest = double{largest};
 }
 
 CellMap::Rows CellMap::rowsOf(const Axis::Run &run) const

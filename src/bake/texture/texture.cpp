@@ -16,9 +16,11 @@ AlphaTexture AlphaTexture::fromUnorm8(std::uint32_t width, std::uint32_t height,
     std::array<float, 256> values;
     for (std::size_t i = 0; i < values.size(); ++i)
         values[i] = static_cast<float>(i) / 255.0f * scale;
-    texture.alpha.resize(std::size_t{width} * height);
-    for (std::size_t i = 0; i < texture.alpha.size(); ++i)
-        texture.alpha[i] = values[first[i * stride]];
+    texture.appendRows([&](std::size_t y, float *to) {
+        const std::uint8_t *row = first + y * width * stride;
+        for (std::size_t x = 0; x < width; ++x)
+            to[x] = values[row[x * stride]];
+    });
     return texture;
 }
 

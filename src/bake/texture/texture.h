@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/large_memory.h"
+
 namespace vellum
 {
 
@@ -29,6 +31,17 @@ struct AlphaTexture {
     //   scale   what the shader multiplies the filtered alpha with: glTF's baseColorFactor[3]
     static AlphaTexture fromUnorm8(std::uint32_t width, std::uint32_t height, const std::uint8_t *first,
                                    std::size_t stride, float scale = 1.0f);
+
+    // Makes `alpha` of rows that function(y, to) writes.
+    template <typename Function>
+    void appendRows(Function &&function)
+    {
+        reserveLarge(alpha, std::size_t{width} * height);
+        for (std::size_t y = 0; y < height; ++y) {
+            alpha.resize((y + 1) * width); // row by row, while the zeros are still near
+            function(y, alpha.data() + y * width);
+        }
+    }
 
     // The texel at any integer position, wrapped, or the border.
     [[nodiscard]] float texel(std::int64_t x, std::int64_t y) const;

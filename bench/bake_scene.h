@@ -1,0 +1,22 @@
+// What the benchmarks of the bakers bake, and their clock.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "bake/bake.h"
+
+namespace vellum::bench
+{
+
+// Of the process, all its threads.
+double userSeconds();
+
+// Toothed leaves with soft borders at random places of a texture that repeats, until 40 % of it is covered.
+std::vector<std::uint8_t> paintLeaves(std::uint32_t size);
+
+// Triangles with edges of 60 to 100 texels at random places, turned at random.
+std::vector<TriangleUvs> scatter(std::size_t count, std::uint32_t size);
+
+} // namespace vellum::bench

@@ -1,0 +1,429 @@
+// libvellum for C++20: the functions of vellum/vellum.h with spans, exceptions and owners. Everything here is inline,
+// so what a program and the library share is C. What members mean, their ranges and defaults, lifetimes and threads are
+// described there, by members of the same name; here is what differs.
+//
+//     const vellum::Texture texture{.texels = std::as_bytes(std::span(rgba)), .width = width, .height = height,
+//                                   .offset = 3, .pixelStride = 4};
+//     const vellum::BakeInput mesh{.textures = {&texture, 1}, .uvs = std::as_bytes(std::span(uvs)),
+//                                  .indices = std::as_bytes(std::span(indices)),
+//                                  .indexType = vellum::IndexType::Uint32};
+//     const vellum::Micromap micromap = vellum::bake(mesh, {.level = 5});
+#ifndef VELLUM_BAKE_H_
+#define VELLUM_BAKE_H_
+
+#if (defined(_MSVC_LANG) ? _MSVC_LANG : __cplusplus) < 202002L
+#error "vellum/bake.h needs C++20; vellum/vellum.h does not"
+#endif
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "vellum/vellum.h"
+
+namespace vellum
+{
+inline namespace v0
+{
+
+// What functions throw where the C function returns an error; what() is the message.
+class Error : public std::runtime_error
+{
+public:
+    Error(VellumResult result, const std::string &message) : std::runtime_error(message), m_result(result) {}
+    [[nodiscard]] VellumResult result() const noexcept { return m_result; }
+
+private:
+    VellumResult m_result;
+};
+
+// VELLUM_CANCELLED
+class Cancelled : public Error
+{
+public:
+    Cancelled() : Error(VELLUM_CANCELLED, "the bake was cancelled") {}
+};
+
+enum class AlphaFormat : std::uint32_t {
+    R8Unorm = VELLUM_FORMAT_R8_UNORM,
+    R16Unorm = VELLUM_FORMAT_R16_UNORM,
+    R16Sfloat = VELLUM_FORMAT_R16_SFLOAT,
+    R32Sfloat = VELLUM_FORMAT_R32_SFLOAT,
+};
+
+enum class UvFormat : std::uint32_t {
+    R16G16Unorm = VELLUM_FORMAT_R16G16_UNORM,
+    R16G16Sfloat = VELLUM_FORMAT_R16G16_SFLOAT,
+    R32G32Sfloat = VELLUM_FORMAT_R32G32_SFLOAT,
+};
+
+enum class IndexType : std::uint32_t {
+    None = VELLUM_INDEX_TYPE_NONE,
+    Uint8 = VELLUM_INDEX_TYPE_UINT8,
+    Uint16 = VELLUM_INDEX_TYPE_UINT16,
+    Uint32 = VELLUM_INDEX_TYPE_UINT32,
+};
+
+enum class AddressMode : std::uint32_t {
+    Repeat = VELLUM_ADDRESS_MODE_REPEAT,
+    MirroredRepeat = VELLUM_ADDRESS_MODE_MIRRORED_REPEAT,
+    ClampToEdge = VELLUM_ADDRESS_MODE_CLAMP_TO_EDGE,
+    ClampToBorder = VELLUM_ADDRESS_MODE_CLAMP_TO_BORDER,
+    MirrorClampToEdge = VELLUM_ADDRESS_MODE_MIRROR_CLAMP_TO_EDGE,
+};
+
+enum class Filter : std::uint32_t { Nearest = VELLUM_FILTER_NEAREST, Linear = VELLUM_FILTER_LINEAR };
+
+enum class CompareOp : std::uint32_t {
+    Less = VELLUM_COMPARE_OP_LESS,
+    LessOrEqual = VELLUM_COMPARE_OP_LESS_OR_EQUAL,
+    Greater = VELLUM_COMPARE_OP_GREATER,
+    GreaterOrEqual = VELLUM_COMPARE_OP_GREATER_OR_EQUAL,
+};
+
+enum class TwoStateRule : std::uint32_t {
+    Nearest = VELLUM_TWO_STATE_NEAREST,
+    UnknownIsOpaque = VELLUM_TWO_STATE_UNKNOWN_IS_OPAQUE,
+    UnknownIsTransparent = VELLUM_TWO_STATE_UNKNOWN_IS_TRANSPARENT,
+};
+
+enum class MicromapFormat : std::uint8_t {
+    TwoState = VELLUM_MICROMAP_FORMAT_2_STATE,
+    FourState = VELLUM_MICROMAP_FORMAT_4_STATE,
+};
+
+enum class State : std::uint32_t {
+    Transparent = VELLUM_STATE_TRANSPARENT,
+    Opaque = VELLUM_STATE_OPAQUE,
+    UnknownTransparent = VELLUM_STATE_UNKNOWN_TRANSPARENT,
+    UnknownOpaque = VELLUM_STATE_UNKNOWN_OPAQUE,
+};
+
+using MicromapTriangle = VellumMicromapTriangle;
+using MicromapUsage = VellumMicromapUsage;
+
+struct Texture {
+    std::span<const std::byte> texels;
+    std::uint32_t width = 0;
+    std::uint32_t height = 0;
+    AlphaFormat format = AlphaFormat::R8Unorm;
+    Filter filter = Filter::Linear;
+    AddressMode addressModeU = AddressMode::Repeat;
+    AddressMode addressModeV = AddressMode::Repeat;
+    std::size_t offset = 0;
+    std::size_t pixelStride = 0;
+    std::size_t rowStride = 0;
+    float scale = 1;
+    float border = 0;
+};
+
+// There are as many triangles as there are indices for; without indices, as many as there are vertices for. What is
+// left over is dropped.
+struct BakeInput {
+    std::span<const Texture> textures;
+    std::span<const std::byte> uvs;
+    std::size_t uvStride = 0;
+    UvFormat uvFormat = UvFormat::R32G32Sfloat;
+    std::span<const std::byte> indices{};
+    IndexType indexType = IndexType::None;
+    std::array<float, 6> uvTransform = {1, 0, 0, 0, 1, 0};
+    std::span<const std::uint8_t> levels{}; // one for each triangle, or none at all
+    std::span<const MicromapFormat> formats{};
+    double cutoff = 0.5;
+
+    [[nodiscard]] std::size_t triangleCount() const
+    {
+        const std::size_t vertex = uvFormat == UvFormat::R32G32Sfloat ? 8 : 4;
+        switch (indexType) {
+        case IndexType::None:
+            return uvs.size() < vertex ? 0 : ((uvs.size() - vertex) / (uvStride != 0 ? uvStride : vertex) + 1) / 3;
+        case IndexType::Uint8: return indices.size() / 3;
+        case IndexType::Uint16: return indices.size() / 6;
+        case IndexType::Uint32: break;
+        }
+        return indices.size() / 12;
+    }
+};
+
+struct BakeOptions {
+    MicromapFormat format = MicromapFormat::FourState;
+    TwoStateRule twoStateRule = TwoStateRule::Nearest;
+    std::optional<std::uint32_t> level{}; // none: automatic
+    std::uint32_t maxLevel = 8;
+    double texelsPerEdge = 4;
+    CompareOp compareOp = CompareOp::GreaterOrEqual;
+    bool disallowMixedSpecialIndices = false;
+    std::optional<std::uint64_t> budget{};
+    double worthwhile = 0;
+    double valueTolerance = 2.0 / 255;
+    double subtexelTolerance = 1.0 / 16;
+    double barycentricTolerance = 1e-5;
+    double interpolationTolerance = 16.0 / (1 << 24);
+    std::uint64_t maxDataSize = std::uint64_t{1} << 30;
+    std::uint32_t threads = 0;
+    // What these throw ends the bake, and is thrown by it. std::stop_token::stop_requested() does well for the second.
+    std::function<void(std::uint64_t done, std::uint64_t total)> progress{};
+    std::function<bool()> cancelled{};
+
+    // No tolerances: what is true of the texture in exact arithmetic.
+    BakeOptions &exactly()
+    {
+        valueTolerance = subtexelTolerance = barycentricTolerance = interpolationTolerance = 0;
+        return *this;
+    }
+};
+
+// The part of a result that a geometry made of one input needs.
+struct Geometry {
+    std::span<const std::int32_t> indices;
+    std::span<const MicromapUsage> usages;
+};
+
+// A result. What its spans show belongs to it, and stays where it is when it is moved. One that was moved from is
+// empty.
+class Micromap
+{
+public:
+    Micromap() = default;
+    // Takes what vellumBake() made.
+    explicit Micromap(VellumMicromap *micromap) : m_micromap(micromap)
+    {
+        m_info.structSize = sizeof m_info;
+        check(vellumGetMicromapInfo(micromap, &m_info));
+    }
+    Micromap(Micromap &&other) noexcept
+        : m_micromap(std::move(other.m_micromap)), m_info(std::exchange(other.m_info, VellumMicromapInfo{}))
+    {
+    }
+    Micromap &operator=(Micromap &&other) noexcept
+    {
+        m_micromap = std::move(other.m_micromap);
+        m_info = std::exchange(other.m_info, VellumMicromapInfo{});
+        return *this;
+    }
+
+    [[nodiscard]] std::span<const std::uint8_t> data() const { return {m_info.data, m_info.dataSize}; }
+    [[nodiscard]] std::span<const MicromapTriangle> triangles() const
+    {
+        return {m_info.triangles, m_info.triangleCount};
+    }
+    [[nodiscard]] std::span<const MicromapUsage> usages() const { return {m_info.usages, m_info.usageCount}; }
+    [[nodiscard]] std::span<const std::int32_t> indices() const { return {m_info.indices, m_info.indexCount}; }
+    [[nodiscard]] std::uint64_t stateCount(State state) const
+    {
+        return m_info.stateCounts[static_cast<std::size_t>(state)];
+    }
+    [[nodiscard]] std::uint64_t specialCount(State state) const
+    {
+        return m_info.specialCounts[static_cast<std::size_t>(state)];
+    }
+    [[nodiscard]] std::uint64_t distinctCount() const { return m_info.distinctCount; }
+
+    // Of an input of the bake; throws Error for another number.
+    [[nodiscard]] Geometry geometry(std::size_t input) const
+    {
+        VellumGeometryInfo info{};
+        info.structSize = sizeof info;
+        check(vellumGetGeometryInfo(m_micromap.get(), input, &info));
+        return {{info.indices, info.indexCount}, {info.usages, info.usageCount}};
+    }
+    // At a point of a triangle; throws Error for a triangle that there is not.
+    [[nodiscard]] State state(std::size_t triangle, float u, float v) const
+    {
+        std::uint32_t state = 0;
+        check(vellumGetState(m_micromap.get(), triangle, u, v, &state));
+        return static_cast<State>(state);
+    }
+    // For functions of vellum/vellum.h; stays the Micromap's. Null if that is empty.
+    [[nodiscard]] const VellumMicromap *get() const { return m_micromap.get(); }
+
+private:
+    struct Destroy {
+        void operator()(VellumMicromap *micromap) const { vellumDestroyMicromap(micromap); }
+    };
+    static void check(VellumResult result)
+    {
+        if (result != VELLUM_SUCCESS)
+            throw Error(result, vellumResultName(result));
+    }
+
+    std::unique_ptr<VellumMicromap, Destroy> m_micromap;
+    VellumMicromapInfo m_info{};
+};
+
+namespace detail
+{
+
+// Stands behind the callbacks of one bake: no exception may pass through C.
+class Listener
+{
+public:
+    explicit Listener(const BakeOptions &options) : m_options(options) {}
+
+    static void message(void *self, VellumResult, const char *text)
+    {
+        try {
+            static_cast<Listener *>(self)->m_message = text;
+        } catch (...) {
+            // The name of the result will have to do.
+        }
+    }
+    static int progress(void *self, std::uint64_t done, std::uint64_t total)
+    {
+        return static_cast<Listener *>(self)->caught([&](const BakeOptions &options) {
+            options.progress(done, total);
+            return false;
+        });
+    }
+    static int cancelled(void *self)
+    {
+        return static_cast<Listener *>(self)->caught([](const BakeOptions &options) { return options.cancelled(); });
+    }
+
+    void check(VellumResult result) const
+    {
+        if (m_thrown)
+            std::rethrow_exception(m_thrown);
+        if (result == VELLUM_CANCELLED)
+            throw Cancelled();
+        if (result != VELLUM_SUCCESS)
+            throw Error(result, m_message.empty() ? vellumResultName(result) : m_message);
+    }
+
+private:
+    template <typename Function>
+    int caught(Function &&function)
+    {
+        try {
+            return function(m_options) ? 1 : 0;
+        } catch (...) {
+            const std::lock_guard lock(m_mutex);
+            if (!m_thrown)
+                m_thrown = std::current_exception();
+            return 1;
+        }
+    }
+
+    const BakeOptions &m_options;
+    std::string m_message;
+    std::mutex m_mutex;
+    std::exception_ptr m_thrown;
+};
+
+inline VellumTexture toC(const Texture &texture)
+{
+    VellumTexture c;
+    vellumInitTexture(&c, sizeof c);
+    c.texels = texture.texels.data();
+    c.texelsSize = texture.texels.size();
+    c.width = texture.width;
+    c.height = texture.height;
+    c.format = static_cast<std::uint32_t>(texture.format);
+    c.filter = static_cast<std::uint32_t>(texture.filter);
+    c.addressModeU = static_cast<std::uint32_t>(texture.addressModeU);
+    c.addressModeV = static_cast<std::uint32_t>(texture.addressModeV);
+    c.offset = texture.offset;
+    c.pixelStride = texture.pixelStride;
+    c.rowStride = texture.rowStride;
+    c.scale = texture.scale;
+    c.border = texture.border;
+    return c;
+}
+
+inline VellumBakeInput toC(const BakeInput &input, const std::vector<VellumTexture> &textures)
+{
+    VellumBakeInput c;
+    vellumInitBakeInput(&c, sizeof c);
+    c.textures = textures.data();
+    c.textureCount = textures.size();
+    c.uvs = input.uvs.data();
+    c.uvsSize = input.uvs.size();
+    c.uvStride = input.uvStride;
+    c.indices = input.indices.data();
+    c.indicesSize = input.indices.size();
+    c.triangleCount = input.triangleCount();
+    c.uvFormat = static_cast<std::uint32_t>(input.uvFormat);
+    c.indexType = static_cast<std::uint32_t>(input.indexType);
+    for (std::size_t i = 0; i < input.uvTransform.size(); ++i)
+        c.uvTransform[i] = input.uvTransform[i];
+    const auto forAll = [&](std::size_t count, const char *what) {
+        if (count != 0 && count != c.triangleCount)
+            throw Error(VELLUM_ERROR_INVALID_ARGUMENT, std::string("there are ") + std::to_string(count) + " " + what +
+                                                           " for " + std::to_string(c.triangleCount) + " triangles");
+    };
+    forAll(input.levels.size(), "levels");
+    forAll(input.formats.size(), "formats");
+    c.levels = input.levels.empty() ? nullptr : input.levels.data();
+    c.formats = input.formats.empty() ? nullptr : reinterpret_cast<const std::uint8_t *>(input.formats.data());
+    c.cutoff = input.cutoff;
+    return c;
+}
+
+inline VellumBakeOptions toC(const BakeOptions &options, Listener &listener)
+{
+    VellumBakeOptions c;
+    vellumInitBakeOptions(&c, sizeof c);
+    c.format = static_cast<std::uint32_t>(options.format);
+    c.twoStateRule = static_cast<std::uint32_t>(options.twoStateRule);
+    constexpr std::uint32_t kNoLevel = 255; // which the library will refuse, as all that do not fit
+    if (options.level)
+        c.level = static_cast<std::int32_t>(*options.level < kNoLevel ? *options.level : kNoLevel);
+    c.maxLevel = options.maxLevel;
+    c.texelsPerEdge = options.texelsPerEdge;
+    c.compareOp = static_cast<std::uint32_t>(options.compareOp);
+    if (options.disallowMixedSpecialIndices)
+        c.flags |= static_cast<std::uint32_t>(VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT);
+    if (options.budget)
+        c.budget = *options.budget;
+    c.worthwhile = options.worthwhile;
+    c.valueTolerance = options.valueTolerance;
+    c.subtexelTolerance = options.subtexelTolerance;
+    c.barycentricTolerance = options.barycentricTolerance;
+    c.interpolationTolerance = options.interpolationTolerance;
+    c.maxDataSize = options.maxDataSize;
+    c.threads = options.threads;
+    c.message = Listener::message;
+    c.progress = options.progress ? Listener::progress : nullptr;
+    c.cancelled = options.cancelled ? Listener::cancelled : nullptr;
+    c.userData = &listener;
+    return c;
+}
+
+} // namespace detail
+
+// As vellumBake(). Throws Error, Cancelled, what a callback throws, and std::bad_alloc.
+inline Micromap bake(std::span<const BakeInput> inputs, const BakeOptions &options = {})
+{
+    std::vector<std::vector<VellumTexture>> textures(inputs.size());
+    std::vector<VellumBakeInput> c;
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+        for (const Texture &texture : inputs[i].textures)
+            textures[i].push_back(detail::toC(texture));
+        c.push_back(detail::toC(inputs[i], textures[i]));
+    }
+    detail::Listener listener(options);
+    const VellumBakeOptions cOptions = detail::toC(options, listener);
+    VellumMicromap *micromap = nullptr;
+    listener.check(vellumBake(c.data(), c.size(), &cOptions, &micromap));
+    return Micromap(micromap);
+}
+
+inline Micromap bake(const BakeInput &input, const BakeOptions &options = {})
+{
+    return bake(std::span(&input, 1), options);
+}
+
+} // namespace v0
+} // namespace vellum
+
+#endif

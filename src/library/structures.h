@@ -1,0 +1,96 @@
+// The structures of vellum/vellum.h in all their versions: today's form of what a caller of any other day gave.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+#include "vellum/vellum.h"
+
+namespace vellum::library
+{
+
+// What ends a call of the library.
+class Failure : public std::runtime_error
+{
+public:
+    Failure(VellumResult result, const std::string &message) : std::runtime_error(message), m_result(result) {}
+    [[nodiscard]] VellumResult result() const { return m_result; }
+
+private:
+    VellumResult m_result;
+};
+
+inline Failure invalid(const std::string &message)
+{
+    return {VELLUM_ERROR_INVALID_ARGUMENT, message};
+}
+
+// Name, default and first version of a structure.
+template <typename T>
+struct Structure;
+#define VELLUM_STRUCTURE(type, last)                                                                                   \
+    template <>                                                                                                        \
+    struct Structure<type> {                                                                                           \
+        static constexpr const char *kName = #type;                                                                    \
+        /* To where the last member of the first version ends. */                                                      \
+        static constexpr std::size_t kFirstSize = offsetof(type, last) + sizeof(type::last);                           \
+        static type defaults();                                                                                        \
+    }
+VELLUM_STRUCTURE(VellumTexture, border);
+VELLUM_STRUCTURE(VellumBakeInput, cutoff);
+VELLUM_STRUCTURE(VellumBakeOptions, userData);
+VELLUM_STRUCTURE(VellumMicromapInfo, distinctCount);
+VELLUM_STRUCTURE(VellumGeometryInfo, usageCount);
+#undef VELLUM_STRUCTURE
+
+template <typename T>
+std::size_t checkedSize(const T *structure)
+{
+    using Known = Structure<T>;
+    if (structure == nullptr)
+        throw invalid(std::string("there is no ") + Known::kName);
+    const std::size_t size = structure->structSize;
+    // No version will be as large as what chance leaves in a structure that nobody has initialized.
+    constexpr std::size_t kMost = 4096;
+    if (size < Known::kFirstSize || size > kMost)
+        throw invalid(std::string("structSize of ") + Known::kName + " is " + std::to_string(size) +
+                      "; has it been initialized?");
+    return size;
+}
+
+// The members that both sides know, and defaults for the others.
+template <typename T>
+T knownPart(const T *given)
+{
+    const std::size_t size = std::min(checkedSize(given), sizeof(T));
+    T known = Structure<T>::defaults();
+    std::memcpy(&known, given, size);
+    known.structSize = sizeof(T);
+    return known;
+}
+
+// Throws Failure where the caller uses members that this library does not know.
+template <typename T>
+void checkUnknownPart(const T *given)
+{
+    const auto *bytes = reinterpret_cast<const char *>(given);
+    const std::size_t size = checkedSize(given);
+    if (size > sizeof(T) && std::any_of(bytes + sizeof(T), bytes + size, [](char byte) { return byte != 0; }))
+        throw Failure(VELLUM_ERROR_UNSUPPORTED,
+                      std::string(Structure<T>::kName) + " uses members that this version of libvellum does not know");
+}
+
+// Fills what the caller knows of a structure; whose structSize stays.
+template <typename T>
+void fill(T *given, T values)
+{
+    const std::size_t size = checkedSize(given);
+    values.structSize = size;
+    std::memset(given, 0, size);
+    std::memcpy(given, &values, std::min(size, sizeof(T)));
+}
+
+} // namespace vellum::library

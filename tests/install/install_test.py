@@ -1,0 +1,190 @@
+#!/usr/bin/env python3
+"""Installs a build into a scratch prefix, moves that, and uses what lies there as a stranger would.
+
+Run by ctest, with the options that main() has; what comes after them goes to unittest.
+"""
+import argparse
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import unittest
+
+options = argparse.Namespace()
+SANITIZERS = ["-fsanitize=address,undefined"]
+WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
+FUNCTIONS = {"vellumBake", "vellumDestroyMicromap", "vellumGetGeometryInfo", "vellumGetMicromapInfo", "vellumGetState",
+             "vellumGetVersion", "vellumInitBakeInput", "vellumInitBakeOptions", "vellumInitTexture",
+             "vellumResultName"}
+
+
+def run(*command, environment=None, folder=None):
+    """The output of a command that must succeed."""
+    done = subprocess.run([str(word) for word in command], env={**os.environ, **(environment or {})}, cwd=folder,
+                          text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120)
+    if done.returncode != 0:
+        raise AssertionError(f"{' '.join(str(word) for word in command)}: status {done.returncode}\n{done.stdout}")
+    return done.stdout
+
+
+def flags():
+    return SANITIZERS if options.sanitize else []
+
+
+class Installation(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        shutil.rmtree(options.scratch, ignore_errors=True)
+        first = options.scratch / "first"
+        run(options.cmake, "--install", options.build, "--prefix", first)
+        # Nothing may remember where it was installed.
+        cls.prefix = options.scratch / "second place"
+        first.rename(cls.prefix)
+        cls.lib = cls.prefix / options.libdir
+        cls.examples = cls.prefix / "share/doc/vellum/examples"
+
+    def check_example(self, output):
+        """All three print these; so small a difference as rounding of the alpha makes none at a level of 5."""
+        self.assertRegex(output, r"\b\d+ bytes of data for \d of 2 triangles")
+        counts = re.search(r"micro-triangles: (\d+) transparent, (\d+) opaque, (\d+) unknown", output)
+        self.assertIsNotNone(counts, output)
+        self.assertEqual(sum(map(int, counts.groups())), 2 * 4**5)
+        self.assertGreater(min(map(int, counts.groups())), 20, output)
+
+    def build_by_cmake(self, example, compiler):
+        folder = options.scratch / f"cmake-{example}"
+        run(options.cmake, "-S", self.examples / example, "-B", folder, "-G", options.generator,
+            f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-D{compiler}",
+            f"-DCMAKE_{'C' if example == 'c' else 'CXX'}_FLAGS={' '.join(WARNINGS + flags())}")
+        run(options.cmake, "--build", folder)
+        return run(folder / "bake")
+
+    def build_by_pkg_config(self, example, *compiler):
+        program = options.scratch / f"pkg-config-{example}"
+        asked = run("pkg-config", "--cflags", "--libs", "vellum", environment={
+            "PKG_CONFIG_PATH": str(self.lib / "pkgconfig")})
+        words = asked.replace("\\ ", "\0").split()
+        source, = (self.examples / example).glob("bake.c*")
+        run(*compiler, *WARNINGS, *flags(), source, "-o", program, *(word.replace("\0", " ") for word in words))
+        return run(program, environment={"LD_LIBRARY_PATH": str(self.lib)})
+
+    def test_c_by_find_package(self):
+        self.check_example(self.build_by_cmake("c", f"CMAKE_C_COMPILER={options.cc}"))
+
+    def test_cpp_by_find_package(self):
+        self.check_example(self.build_by_cmake("cpp", f"CMAKE_CXX_COMPILER={options.cxx}"))
+
+    def test_c_by_pkg_config(self):
+        self.check_example(self.build_by_pkg_config("c", options.cc, "-std=c99"))
+
+    def test_cpp_by_pkg_config(self):
+        self.check_example(self.build_by_pkg_config("cpp", options.cxx, "-std=c++20"))
+
+    def test_python(self):
+        environment = {"VELLUM_LIBRARY": str(self.lib / "libvellum.so"), "PYTHONDONTWRITEBYTECODE": "1"}
+        if options.sanitize:
+            environment["LD_PRELOAD"] = " ".join(
+                run(options.cc, f"-print-file-name={name}").strip() for name in ("libasan.so", "libstdc++.so.6"))
+            environment["ASAN_OPTIONS"] = "detect_leaks=0"
+        output = run(sys.executable, self.examples / "python/bake.py", environment=environment)
+        self.check_example(output)
+        self.assertIn("level is 13, not 0 to 12 or VELLUM_LEVEL_AUTOMATIC", output)
+
+    def test_version_of_the_package(self):
+        project = options.scratch / "versions"
+        project.mkdir()
+        major, minor, _ = options.version.split(".")
+        (project / "CMakeLists.txt").write_text(f"""
+            cmake_minimum_required(VERSION 3.16)
+            project(versions LANGUAGES NONE)
+            find_package(Vellum {major}.{minor} REQUIRED)
+            if(NOT Vellum_VERSION STREQUAL "{options.version}")
+              message(FATAL_ERROR "version ${{Vellum_VERSION}}")
+            endif()
+            find_package(Vellum {major}.{int(minor) + 1} QUIET)
+            if(Vellum_FOUND)
+              message(FATAL_ERROR "later version found")
+            endif()
+            """)
+        run(options.cmake, "-S", project, "-B", project / "build", f"-DCMAKE_PREFIX_PATH={self.prefix}")
+        self.assertEqual(run("pkg-config", "--modversion", "vellum", environment={
+            "PKG_CONFIG_PATH": str(self.lib / "pkgconfig")}).strip(), options.version)
+
+    def test_headers_compile_alone(self):
+        include = self.prefix / "include"
+        compilers = {"c": [options.cc], "c++": [options.cxx]}
+        if shutil.which("clang"):
+            compilers["c"].append("clang")
+            compilers["c++"].append("clang++")
+        for header, language, standard in (("vellum.h", "c", "c99"), ("vellum.h", "c", "c11"),
+                                           ("vellum.h", "c++", "c++11"), ("vellum.h", "c++", "c++20"),
+                                           ("bake.h", "c++", "c++20")):
+            more = ["-Wconversion", "-Wshadow"] + (["-Wold-style-cast"] if language == "c++" else [])
+            source = options.scratch / f"alone.{'c' if language == 'c' else 'cpp'}"
+            # Twice, for the guard; and every macro of it.
+            source.write_text(f"#include <vellum/{header}>\n#include <vellum/{header}>\n"
+                              "int use(void);\nint use(void)\n{\n    return VELLUM_LEVEL_AUTOMATIC + "
+                              "(VELLUM_NO_BUDGET > VELLUM_HEADER_VERSION ? 1 : 0);\n}\n")
+            for compiler in compilers[language]:
+                run(compiler, f"-std={standard}", "-fsyntax-only", *WARNINGS, *more, f"-I{include}", source)
+
+    def test_exports(self):
+        """The functions of vellum.h under their version, and nothing else."""
+        library = self.lib / "libvellum.so"
+        lines = [line.split() for line in run("nm", "--dynamic", "--defined-only", library).splitlines()]
+        symbols = {words[2]: words[1] for words in lines if words[1] != "A"}  # A: the version itself
+        self.assertEqual(set(symbols), {f"{name}@@VELLUM_0.1" for name in FUNCTIONS})
+        self.assertEqual(set(symbols.values()), {"T"})
+        declared = re.findall(r"VELLUM_API[^;]*?\b(vellum\w+)\(", (self.prefix / "include/vellum/vellum.h").read_text())
+        self.assertEqual(set(declared), FUNCTIONS)
+        dynamic = run("readelf", "--dynamic", "--wide", library)
+        minor = ".".join(options.version.split(".")[:2])
+        self.assertIn(f"Library soname: [libvellum.so.{minor}]", dynamic)
+        self.assertTrue((self.lib / f"libvellum.so.{minor}").exists())
+        self.assertNotRegex(dynamic, "RPATH|RUNPATH")
+        for needed in re.findall(r"\(NEEDED\).*\[(.*)\]", dynamic):
+            self.assertRegex(needed, r"^(libc|libm|libgcc_s|libstdc\+\+|ld-linux-[\w-]+"
+                             + (r"|libasan|libubsan" if options.sanitize else "") + r")\.so")
+
+    def test_layer_and_command(self):
+        manifest = self.prefix / "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"
+        layer = json.loads(manifest.read_text())["layer"]
+        self.assertEqual(layer["name"], "VK_LAYER_VELLUM_opacity_micromap")
+        self.assertTrue((manifest.parent / layer["library_path"]).exists(), layer["library_path"])
+        self.assertIn("render", run(self.prefix / "bin/vellum", "--help"))
+        self.assertTrue((self.prefix / "include/vellum/vulkan_opacity_micromap.h").exists())
+
+    def test_nothing_else_is_installed(self):
+        there = {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if not path.is_dir()}
+        lib = options.libdir
+        patterns = (r"bin/vellum", r"include/vellum/\w+\.h", rf"{lib}/libvellum\.so[.\d]*",
+                    rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
+                    rf"{lib}/pkgconfig/vellum\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
+                    r"share/doc/vellum/examples/(c|cpp|python)/[\w.]+")
+        self.assertEqual([path for path in sorted(there) if not any(re.fullmatch(p, path) for p in patterns)], [])
+
+    def test_the_library_alone_needs_nothing(self):
+        """Configuring succeeds where none of the project's other dependencies is to be found."""
+        folder = options.scratch / "library-only"
+        run(options.cmake, "-S", options.source, "-B", folder, "-G", options.generator, "-DVELLUM_LIBRARY_ONLY=ON",
+            f"-DCMAKE_C_COMPILER={options.cc}", f"-DCMAKE_CXX_COMPILER={options.cxx}",
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("Vulkan", "PNG", "fmt", "TinyGLTF", "GTest",
+                                                                    "Python3")))
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    for path in ("build", "scratch", "source"):
+        parser.add_argument(f"--{path}", type=pathlib.Path, required=True)
+    for word in ("cmake", "generator", "cc", "cxx", "libdir", "version"):
+        parser.add_argument(f"--{word}", required=True)
+    parser.add_argument("--sanitize", action="store_true")
+    rest = parser.parse_known_args(namespace=options)[1]
+    unittest.main(argv=[sys.argv[0], *rest])
+
+
+if __name__ == "__main__":
+    main()

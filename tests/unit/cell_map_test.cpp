@@ -1,0 +1,82 @@
+// The bits of CellMap are what the texels of each cell say, one by one.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "bake/texture/cell_map.h"
+#include "test_random.h"
+
+using namespace vellum;
+
+namespace
+{
+
+// 1: all four texels are opaque for sure, 0: transparent for sure, -1: neither.
+int sideOf(const AlphaTexture &texture, const Thresholds &thresholds, std::int64_t x, std::int64_t y)
+{
+    bool opaque = true;
+    bool transparent = true;
+    for (const std::int64_t dx : {0, 1})
+        for (const std::int64_t dy : {0, 1}) {
+            const float alpha = texture.texel(x + dx, y + dy);
+            opaque = opaque && std::isfinite(alpha) && double{alpha} >= thresholds.opaque;
+            transparent = transparent && std::isfinite(alpha) && double{alpha} < thresholds.transparent;
+        }
+    return opaque ? 1 : transparent ? 0 : -1;
+}
+
+} // namespace
+
+TEST(BakeCellMap, IsWhatTheTexelsSay)
+{
+    test::TestRandom random(5);
+    const float infinity = std::numeric_limits<float>::infinity();
+    const float strange[] = {infinity,
+                             -infinity,
+                             std::numeric_limits<float>::quiet_NaN(),
+                             std::numeric_limits<float>::max(),
+                             -std::numeric_limits<float>::max(),
+                             -0.0f};
+    std::size_t sides[3] = {};
+    for (const std::uint32_t width : {1u, 2u, 3u, 61u, 62u, 63u, 64u, 65u, 66u, 67u, 127u, 128u, 129u, 200u})
+        for (const Wrap wrap : {Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Border, Wrap::MirrorOnce}) {
+            AlphaTexture texture;
+            texture.width = width;
+            texture.height = 1 + random() % 5;
+            texture.wrapU = wrap;
+            texture.wrapV = static_cast<Wrap>(random() % 5);
+            texture.border = random() % 4 == 0 ? infinity : static_cast<float>(random.uniform(0, 1));
+            const bool anyStrange = random() % 2 == 0;
+            double largest = std::isfinite(texture.border) ? double{texture.border} : 0;
+            for (std::size_t i = 0; i < std::size_t{width} * texture.height; ++i) {
+                // In patches, so that some cells are of one kind.
+                const bool high = (i / 7 + random() % 16 / 15) % 2 == 0;
+                const double value = high ? random.uniform(0.5, 1.0) : random.uniform(-2.0, 0.4);
+                texture.alpha.push_back(anyStrange && random() % 50 == 0 ? strange[random() % 6]
+                                                                         : static_cast<float>(value));
+                const float alpha = texture.alpha.back();
+                largest = std::max(largest, std::isfinite(alpha) ? std::abs(double{alpha}) : 0);
+            }
+            for (const Thresholds &thresholds :
+                 {Thresholds{0.45, 0.45}, Thresholds{0.4, 0.6}, Thresholds{-1e300, 1e300}}) {
+                const CellMap map(texture, thresholds);
+                EXPECT_EQ(map.largest(), largest);
+                bool any = false;
+                const auto w = static_cast<std::int64_t>(width);
+                const auto h = static_cast<std::int64_t>(texture.height);
+                for (std::int64_t y = -2 * h - 3; y <= 2 * h + 3; ++y)
+                    for (std::int64_t x = -2 * w - 3; x <= 2 * w + 3; ++x) {
+                        const int side = sideOf(texture, thresholds, x, y);
+                        ASSERT_EQ(map.side(x, y), side)
+                            << width << " x " << h << ", wrap " << static_cast<int>(wrap) << ", cell " << x << " " << y;
+                        any = any || side < 0;
+                        ++sides[side + 1];
+                    }
+                EXPECT_EQ(map.anyMixed(), any);
+            }
+        }
+    EXPECT_GT(sides[0], 10000u);
+    EXPECT_GT(sides[1], 10000u);
+    EXPECT_GT(sides[2], 10000u);
+}
