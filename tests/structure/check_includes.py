@@ -15,6 +15,7 @@ import sys
 PARTS = {
     "core": (),
     "bake": ("core",),
+    "gpubake": ("core",),
     "spirv": ("core",),
     "shaders": ("core",),
     "library": ("core", "bake"),
@@ -26,7 +27,7 @@ PARTS = {
 ROOMS = {
     "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "address",
               "door"),
-    "shaders": ("ground", "micromaps", "structures", "queries", "pipelines"),
+    "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "gpubake"),
     "bake": ("numbers", "texture", ""),
     "cli": ("base", "picture", "scene", "vulkan", "renderer", ""),
 }

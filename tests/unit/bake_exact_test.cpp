@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "bake/bake.h"
+#include "bake_cases.h"
 #include "bake_oracle.h"
 #include "test_random.h"
 
@@ -12,11 +13,10 @@ using namespace vellum;
 using test::Oracle;
 using test::OraclePoint;
 using test::Rational;
+using namespace vellum::test;
 
 namespace
 {
-
-constexpr Wrap kWraps[] = {Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Border, Wrap::MirrorOnce};
 
 BakeOptions exactly(std::uint32_t level)
 {
@@ -27,32 +27,6 @@ BakeOptions exactly(std::uint32_t level)
     return o;
 }
 
-// The corners of a micro-triangle in texels, unwrapped.
-template <typename N>
-std::vector<OraclePoint<N>> cornersOf(const AlphaTexture &texture, const TriangleUvs &uvs, std::uint32_t index,
-                                      std::uint32_t level)
-{
-    std::vector<OraclePoint<N>> points;
-    for (const Barycentrics &b : microTriangleCorners(index, level)) {
-        const auto along = [&](float TexCoord::*axis, std::uint32_t size) {
-            const N first = test::numberOf(double{uvs[0].*axis}, N{});
-            const N second = test::numberOf(double{uvs[1].*axis}, N{});
-            const N third = test::numberOf(double{uvs[2].*axis}, N{});
-            return N(std::int64_t{size}) * (first + test::numberOf(double{b.u}, N{}) * (second - first) +
-                                            test::numberOf(double{b.v}, N{}) * (third - first));
-        };
-        points.push_back({along(&TexCoord::u, texture.width), along(&TexCoord::v, texture.height)});
-    }
-    return points;
-}
-
-struct Tally {
-    std::size_t all = 0;
-    std::size_t mixed = 0;    // as they should be
-    std::size_t wrong = 0;    // claims that the oracle contradicts
-    std::size_t needless = 0; // unknown states that it does not find mixed
-};
-
 State stateOf(const BakeResult &result, std::uint32_t triangle, std::uint32_t index, std::uint32_t level)
 {
     const std::int32_t special = result.micromap.indices[triangle];
@@ -61,24 +35,6 @@ State stateOf(const BakeResult &result, std::uint32_t triangle, std::uint32_t in
     const MicromapTriangle &t = result.micromap.triangles[static_cast<std::size_t>(special)];
     EXPECT_EQ(t.subdivisionLevel, level);
     return readState(result.micromap.data.data() + t.dataOffset, index, t.format);
-}
-
-// Compares a state with the extremes of the alpha values that it stands for. Within `hidden` of the thresholds both
-// answers pass.
-template <typename N>
-void tally(Tally &tally, State state, const N &least, const N &most, const N &transparent, const N &opaque,
-           const N &hidden)
-{
-    ++tally.all;
-    const bool isOpaque = !(least < opaque);
-    const bool isTransparent = most < transparent;
-    tally.mixed += isOpaque || isTransparent ? 0u : 1u;
-    if (state == State::Opaque)
-        tally.wrong += least < opaque - hidden ? 1u : 0u;
-    else if (state == State::Transparent)
-        tally.wrong += most < transparent + hidden ? 0u : 1u;
-    else
-        tally.needless += !(least < opaque + hidden) || most < transparent - hidden ? 1u : 0u;
 }
 
 template <typename N>
@@ -100,103 +56,6 @@ void compareAll(Tally &sum, const AlphaTexture &texture, const std::vector<Trian
                 << static_cast<double>(oracle.least()) << " to " << static_cast<double>(oracle.most());
         }
     }
-}
-
-// Small textures with values of a few bits, so that alpha equals the cutoff all the time.
-AlphaTexture coarseTexture(test::TestRandom &random, std::uint32_t width, std::uint32_t height)
-{
-    AlphaTexture t;
-    t.width = width;
-    t.height = height;
-    const unsigned kind = random() % 3;
-    for (std::uint32_t i = 0; i < width * height; ++i) {
-        const unsigned bits = random();
-        t.alpha.push_back(kind == 0 ? static_cast<float>(bits % 2)
-                                    : static_cast<float>(bits % (kind == 1 ? 5 : 17)) / (kind == 1 ? 4.0f : 16.0f));
-    }
-    t.border = static_cast<float>(random() % 3) / 2;
-    return t;
-}
-
-// Soft blobs, hard ones, or noise.
-AlphaTexture smoothTexture(test::TestRandom &random, std::uint32_t width, std::uint32_t height)
-{
-    AlphaTexture t;
-    t.width = width;
-    t.height = height;
-    const unsigned kind = random() % 3;
-    const double cell = random.uniform(3, 12);
-    for (std::uint32_t i = 0; i < width * height; ++i) {
-        const double x = i % width / cell;
-        const double y = i / width / cell;
-        const double wave = 0.5 + 0.5 * std::sin(x) * std::sin(y + std::sin(x * 0.7));
-        const double alpha = kind == 0 ? random.uniform(0, 1) : kind == 1 ? wave : std::round(wave);
-        t.alpha.push_back(static_cast<float>(std::lround(alpha * 255)) / 255.0f);
-    }
-    t.border = static_cast<float>(random() % 3) / 2;
-    return t;
-}
-
-// Near the origin and up to 1000 away, from a part of a texel to some twenty texels or the whole texture; some of them
-// slivers.
-std::vector<TriangleUvs> randomTriangles(test::TestRandom &random, std::uint32_t width, std::uint32_t height)
-{
-    std::vector<TriangleUvs> triangles;
-    for (int n = 0; n < 3; ++n) {
-        const double far = random() % 3 == 0 ? 1000 : 1.5;
-        const double u = random.uniform(-far, far);
-        const double v = random.uniform(-far, far);
-        const double texels[] = {0.3, 3, 20, 40};
-        const double size = texels[random() % std::size(texels)];
-        TriangleUvs uvs;
-        for (TexCoord &uv : uvs)
-            uv = {static_cast<float>(u + random.uniform(0, size) / width),
-                  static_cast<float>(v + random.uniform(0, size) / height)};
-        if (random() % 4 == 0) { // a sliver, or no area at all
-            const float along = static_cast<float>(random.uniform(0, 1));
-            uvs[2] = {uvs[0].u + along * (uvs[1].u - uvs[0].u), uvs[0].v + along * (uvs[1].v - uvs[0].v)};
-            if (random() % 2 == 0)
-                uvs[2].v = std::nextafter(uvs[2].v, 2000.0f);
-        }
-        triangles.push_back(uvs);
-    }
-    return triangles;
-}
-
-// The Minkowski sum of a triangle and a box: the convex hull of the sums of their corners.
-std::vector<OraclePoint<long double>> widened(const std::vector<OraclePoint<long double>> &corners, long double x,
-                                              long double y)
-{
-    using P = OraclePoint<long double>;
-    std::vector<P> points;
-    for (const P &p : corners)
-        for (const int corner : {0, 1, 2, 3})
-            points.push_back({p.x + (corner % 2 == 0 ? -x : x), p.y + (corner / 2 == 0 ? -y : y)});
-    std::sort(points.begin(), points.end(), [](const P &a, const P &b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
-    std::vector<P> hull;
-    for (const bool back : {false, true}) {
-        const std::size_t start = hull.size();
-        for (const P &p : points) {
-            const auto turnsRight = [&] {
-                const P &a = hull[hull.size() - 2];
-                const P &b = hull.back();
-                return (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x) <= 0;
-            };
-            while (hull.size() >= start + 2 && turnsRight())
-                hull.pop_back();
-            hull.push_back(p);
-        }
-        hull.pop_back();
-        std::reverse(points.begin(), points.end());
-        static_cast<void>(back);
-    }
-    return hull;
-}
-
-void describe(testing::Message &message, const AlphaTexture &t)
-{
-    message << t.width << " x " << t.height << ", wraps " << static_cast<int>(t.wrapU) << ' '
-            << static_cast<int>(t.wrapV) << (t.filter == Filter::Nearest ? ", nearest" : ", bilinear");
 }
 
 } // namespace
@@ -301,17 +160,7 @@ TEST(BakeExact, TolerancesCostNoMoreThanTheyAskFor)
         const BakeResult result = bake(t, triangles, options);
         for (std::uint32_t k = 0; k < triangles.size(); ++k) {
             const TriangleUvs &uvs = triangles[k];
-            // As docs/baking.md has it.
-            const auto margin = [&](float TexCoord::*axis, double texels) {
-                const double largest =
-                    std::max({std::abs(uvs[0].*axis), std::abs(uvs[1].*axis), std::abs(uvs[2].*axis)});
-                const double slope =
-                    std::abs(double{uvs[1].*axis} - uvs[0].*axis) + std::abs(double{uvs[2].*axis} - uvs[0].*axis);
-                return options.subtexelTolerance +
-                       texels * (largest * options.interpolationTolerance + slope * options.barycentricTolerance);
-            };
-            const long double marginX = margin(&TexCoord::u, width);
-            const long double marginY = margin(&TexCoord::v, height);
+            const auto [marginX, marginY] = test::marginsOf(options, t, uvs);
             for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
                 Oracle<long double> oracle(t);
                 oracle.addPolygon(widened(cornersOf<long double>(t, uvs, i, *options.level), marginX, marginY));

@@ -1,0 +1,259 @@
+// vellum-gpu-bake-bench: the baker on the GPU beside the one on the CPU, on the triangles and texture of
+// vellum-bake-bench. On a driver that is the CPU itself (lavapipe), compare seconds of work; on others, the time that
+// passes.
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+#include <memory>
+
+#include "bake/bake.h"
+#include "bake_work.h"
+#include "cli/vulkan/context.h"
+#include "cli/vulkan/resources.h"
+#include "core/curve.h"
+#include "vellum/gpu_bake.h"
+
+namespace
+{
+
+using namespace vellum;
+using cli::Buffer;
+
+struct Settings {
+    std::size_t triangles = 10000;
+    std::uint32_t size = 1024;
+    unsigned threads = 1;
+    unsigned rounds = 3;
+    bool exact = false;
+    std::vector<std::string> levels = {"3", "5", "auto", "7"};
+    std::string device;
+};
+
+// Seconds of the process's work, of all threads, and of the clock; the best of all rounds.
+struct Times {
+    double cpu = 1e300;
+    double wall = 1e300;
+};
+
+template <typename Function>
+void measure(Times &times, Function &&function)
+{
+    const auto cpu = [] {
+        timespec time{};
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+        return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
+    };
+    const double before = cpu();
+    const auto start = std::chrono::steady_clock::now();
+    function();
+    times.cpu = std::min(times.cpu, cpu() - before);
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    times.wall = std::min(times.wall, wall.count());
+}
+
+// A micromap from the GPU's buffers.
+class GpuBake
+{
+public:
+    GpuBake(cli::Device &device, const cli::Texture &texture, std::uint32_t size,
+            const std::vector<TriangleUvs> &triangles)
+        : m_device(device), m_count(static_cast<std::uint32_t>(triangles.size())),
+          m_uvs(cli::uploadBuffer(device, std::as_bytes(std::span(triangles)), kUsage)),
+          m_result(device, sizeof(GpuBakeResult), kUsage, Buffer::Place::Device),
+          m_indices(device, 4 * VkDeviceSize{m_count}, kUsage, Buffer::Place::Device)
+    {
+        cli::check(GpuBaker::create({device.handle(), vkGetDeviceProcAddr}, m_baker), "creating the GPU baker");
+        GpuAlphaInfo info;
+        info.view = texture.view();
+        info.width = info.height = size;
+        cli::check(m_baker->createAlpha(info, m_alpha), "creating the GPU baker's image");
+        m_scratch = Buffer(device, GpuBaker::scratchBytes(info, m_count), kUsage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                           Buffer::Place::Device);
+    }
+
+    // Sizes first, as room for all would be most of the memory that there is.
+    void prepare(const GpuBakeOptions &options)
+    {
+        m_device.run([&](VkCommandBuffer commands) {
+            if (!m_baker->recordSizes(commands, *m_alpha, input(), options, scratch(), m_result.address()))
+                throw cli::Error("the GPU baker does not take these options");
+        });
+        GpuBakeResult result{};
+        const std::vector<std::uint32_t> words = cli::downloadWords(m_device, m_result, sizeof result / 4);
+        std::memcpy(&result, words.data(), sizeof result);
+        m_room.triangles = result.triangles;
+        m_data = Buffer(m_device, GpuBaker::dataBytes(m_room, options.format), kUsage, Buffer::Place::Device);
+        m_records = Buffer(m_device, GpuBaker::recordBytes(m_room), kUsage, Buffer::Place::Device);
+        m_room.data = m_data.address();
+        m_room.records = m_records.address();
+        m_room.indices = m_indices.address();
+    }
+
+    void run(const GpuBakeOptions &options)
+    {
+        m_device.run([&](VkCommandBuffer commands) {
+            if (!m_baker->record(commands, *m_alpha, input(), options, scratch(), m_room, m_result.address()))
+                throw cli::Error("the GPU baker does not take these options");
+            const VkMemoryBarrier all{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_SHADER_WRITE_BIT,
+                                      VK_ACCESS_MEMORY_READ_BIT};
+            vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0,
+                                 1, &all, 0, nullptr, 0, nullptr);
+        });
+    }
+
+    [[nodiscard]] Micromap read()
+    {
+        Micromap micromap;
+        const std::vector<std::uint32_t> indices = cli::downloadWords(m_device, m_indices, m_count);
+        micromap.indices.assign(indices.begin(), indices.end());
+        const std::vector<std::uint32_t> records =
+            cli::downloadWords(m_device, m_records, static_cast<std::size_t>(GpuBaker::recordBytes(m_room) / 4));
+        for (std::size_t i = 0; i + 1 < records.size(); i += 2)
+            micromap.triangles.push_back({records[i], static_cast<std::uint16_t>(records[i + 1] & 0xffffu),
+                                          static_cast<Format>(records[i + 1] >> 16)});
+        const std::vector<std::uint32_t> data = cli::downloadWords(
+            m_device, m_data,
+            static_cast<std::size_t>(GpuBaker::dataBytes(m_room, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) / 4));
+        micromap.data.resize(data.size() * 4);
+        std::memcpy(micromap.data.data(), data.data(), micromap.data.size());
+        return micromap;
+    }
+
+private:
+    static constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
+                                                 VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                                                 VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
+
+    [[nodiscard]] GpuBakeInput input() const
+    {
+        GpuBakeInput input;
+        input.uvs = m_uvs.address();
+        input.indexType = VK_INDEX_TYPE_NONE_KHR;
+        input.triangles = m_count;
+        input.vertices = 3 * m_count;
+        return input;
+    }
+    [[nodiscard]] GpuBaker::Scratch scratch() const { return {m_scratch.handle(), 0, m_scratch.address()}; }
+
+    cli::Device &m_device;
+    std::uint32_t m_count;
+    Buffer m_uvs, m_result, m_indices, m_scratch, m_data, m_records;
+    std::unique_ptr<GpuBaker> m_baker;
+    std::unique_ptr<GpuAlpha> m_alpha;
+    GpuBakeRoom m_room;
+};
+
+// Shares of all micro-triangles, all triangles counting the same.
+struct Score {
+    double unknown = 0;
+    double needless = 0;   // unknown where the CPU baker knows
+    double more = 0;       // known where it does not know
+    std::size_t wrong = 0; // micro-triangles that are the contrary of what the CPU baker knows
+};
+
+Score score(const Micromap &gpu, const Micromap &cpu)
+{
+    const auto stateOf = [](const Micromap &micromap, std::size_t triangle, std::uint32_t index) {
+        const std::int32_t special = micromap.indices[triangle];
+        if (const auto state = specialState(special))
+            return *state;
+        const MicromapTriangle &t = micromap.triangles[static_cast<std::size_t>(special)];
+        return readState(micromap.data.data() + t.dataOffset, index, t.format);
+    };
+    const auto levelOf = [](const Micromap &micromap, std::size_t triangle) {
+        const std::int32_t index = micromap.indices[triangle];
+        return index < 0 ? 0u : std::uint32_t{micromap.triangles[static_cast<std::size_t>(index)].subdivisionLevel};
+    };
+    const auto known = [](State state) { return state == State::Opaque || state == State::Transparent; };
+    Score score;
+    for (std::size_t t = 0; t < gpu.indices.size(); ++t) {
+        const std::uint32_t count = microTriangleCount(std::max(levelOf(gpu, t), levelOf(cpu, t)));
+        const double each = 1.0 / static_cast<double>(gpu.indices.size()) / count;
+        for (std::uint32_t i = 0; i < count; ++i) {
+            const State a = stateOf(gpu, t, i);
+            const State b = stateOf(cpu, t, i);
+            score.unknown += known(a) ? 0 : each;
+            score.needless += !known(a) && known(b) ? each : 0;
+            score.more += known(a) && !known(b) ? each : 0;
+            score.wrong += known(a) && known(b) && a != b ? 1u : 0u;
+        }
+    }
+    return score;
+}
+
+void compare(const Settings &settings, const std::string &level, const bench::BakeMesh &mesh, GpuBake &gpu)
+{
+    BakeOptions options;
+    options.threads = settings.threads;
+    if (settings.exact)
+        options.exactly();
+    GpuBakeOptions gpuOptions;
+    gpuOptions.automatic = level == "auto";
+    gpuOptions.level = options.maxLevel;
+    if (!gpuOptions.automatic)
+        options.level = gpuOptions.level = static_cast<std::uint32_t>(std::stoul(level));
+    gpuOptions.valueTolerance = options.valueTolerance;
+    gpuOptions.subtexelTolerance = options.subtexelTolerance;
+    gpuOptions.barycentricTolerance = options.barycentricTolerance;
+    gpuOptions.interpolationTolerance = options.interpolationTolerance;
+
+    gpu.prepare(gpuOptions);
+    gpu.run(gpuOptions); // the driver compiles shaders when they first run
+    Times cpuTimes;
+    Times gpuTimes;
+    Micromap cpu;
+    for (unsigned round = 0; round < settings.rounds; ++round) {
+        measure(cpuTimes, [&] {
+            const AlphaTexture texture = mesh.texture();
+            cpu = bake(texture, mesh.triangles, options).micromap;
+        });
+        measure(gpuTimes, [&] { gpu.run(gpuOptions); });
+    }
+    const Score result = score(gpu.read(), cpu);
+    fmt::print("{:>5} {:>10.3f} s {:>8.3f} s {:>10.3f} s {:>8.3f} s {:>8.3f} % {:>12.1f} {:>6} {:>12.1f}\n", level,
+               cpuTimes.cpu, cpuTimes.wall, gpuTimes.cpu, gpuTimes.wall, 100 * result.unknown, 1e6 * result.needless,
+               result.wrong, 1e6 * result.more);
+    std::fflush(stdout);
+}
+
+} // namespace
+
+int main(int argc, char **argv)
+try {
+    Settings settings;
+    CLI::App app("Measures the baker on the GPU beside the one on the CPU.");
+    app.add_option("--triangles", settings.triangles, "Triangles, with edges of 60 to 100 texels [10000]");
+    app.add_option("--texture", settings.size, "Texels along a side of the texture [1024]");
+    app.add_option("--threads", settings.threads, "Worker threads of the baker on the CPU [1]");
+    app.add_option("--rounds", settings.rounds, "Runs of each, of which the best counts [3]");
+    app.add_option("--levels", settings.levels, "Levels, 0 to 12 or auto [3,5,auto,7]")->delimiter(',');
+    app.add_flag("--exact", settings.exact, "Without tolerances");
+    app.add_option("--device", settings.device, "Number or part of the name of the Vulkan device");
+    CLI11_PARSE(app, argc, argv);
+
+    const cli::Instance instance(false);
+    const cli::DeviceInfo info = cli::chooseDevice(
+        instance, settings.device.empty() ? std::nullopt : std::optional<std::string>(settings.device));
+    cli::Device device(info, cli::DeviceNeeds{});
+    const bench::BakeWork work = bench::leaves(settings.size, settings.triangles);
+    const bench::BakeMesh &mesh = work.meshes.front();
+    Image image;
+    image.width = image.height = settings.size;
+    image.rgba.assign(std::size_t{settings.size} * settings.size * 4, 255);
+    for (std::size_t i = 0; i < mesh.alpha.size(); ++i)
+        image.rgba[4 * i + 3] = mesh.alpha[i];
+    const cli::Texture texture(device, image, Material{});
+    GpuBake gpu(device, texture, settings.size, mesh.triangles);
+    fmt::print("{}\n{:>5} {:>12} {:>10} {:>12} {:>10} {:>10} {:>12} {:>6} {:>12}\n", info.name, "level", "CPU baker",
+               "wall", "GPU baker", "wall", "unknown", "needless/M", "wrong", "more/M");
+    for (const std::string &level : settings.levels)
+        compare(settings, level, mesh, gpu);
+    return 0;
+} catch (const std::exception &e) {
+    fmt::print(stderr, "vellum-gpu-bake-bench: {}\n", e.what());
+    return 1;
+}

@@ -1,0 +1,87 @@
+#include "gpubake/pipelines.h"
+
+#include <span>
+
+#include "shaders/bake_begin.h"
+#include "shaders/bake_blocks.h"
+#include "shaders/bake_cells.h"
+#include "shaders/bake_count.h"
+#include "shaders/bake_measure.h"
+#include "shaders/bake_params.h"
+#include "shaders/bake_place.h"
+#include "shaders/bake_plan.h"
+#include "shaders/bake_probe.h"
+#include "shaders/bake_records.h"
+#include "shaders/bake_scan.h"
+#include "shaders/bake_write.h"
+
+namespace vellum::gpubake
+{
+namespace
+{
+
+using Code = std::span<const std::uint32_t>;
+
+// By Shader.
+constexpr std::array<Code, kShaders> kCode = {
+    Code(bake_params), Code(bake_begin), Code(bake_cells), Code(bake_blocks),  Code(bake_plan),  Code(bake_count),
+    Code(bake_scan),   Code(bake_place), Code(bake_probe), Code(bake_measure), Code(bake_write), Code(bake_records)};
+
+} // namespace
+
+Pipelines::~Pipelines()
+{
+    if (!m_loaded)
+        return;
+    for (VkPipeline pipeline : m_pipelines)
+        m_functions.DestroyPipeline(m_device, pipeline, m_allocator);
+    m_functions.DestroyPipelineLayout(m_device, m_layout, m_allocator);
+    m_functions.DestroyDescriptorSetLayout(m_device, m_setLayout, m_allocator);
+}
+
+VkResult Pipelines::createLayouts()
+{
+    const VkDescriptorSetLayoutBinding image{0, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, 1, VK_SHADER_STAGE_COMPUTE_BIT,
+                                             nullptr};
+    const VkDescriptorSetLayoutCreateInfo set{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, 1,
+                                              &image};
+    const VkResult result = m_functions.CreateDescriptorSetLayout(m_device, &set, m_allocator, &m_setLayout);
+    if (result != VK_SUCCESS)
+        return result;
+    const VkPushConstantRange push{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};
+    VkPipelineLayoutCreateInfo layout{};
+    layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    layout.setLayoutCount = 1;
+    layout.pSetLayouts = &m_setLayout;
+    layout.pushConstantRangeCount = 1;
+    layout.pPushConstantRanges = &push;
+    return m_functions.CreatePipelineLayout(m_device, &layout, m_allocator, &m_layout);
+}
+
+VkResult Pipelines::create(PFN_vkGetDeviceProcAddr getDeviceProcAddr, VkPipelineCache cache)
+{
+    m_loaded = m_functions.load(m_device, getDeviceProcAddr);
+    if (!m_loaded)
+        return VK_ERROR_INITIALIZATION_FAILED;
+    VkResult result = createLayouts();
+    for (std::size_t i = 0; i < kShaders && result == VK_SUCCESS; ++i) {
+        const VkShaderModuleCreateInfo code{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0,
+                                            kCode[i].size_bytes(), kCode[i].data()};
+        VkShaderModule module = VK_NULL_HANDLE;
+        result = m_functions.CreateShaderModule(m_device, &code, m_allocator, &module);
+        if (result != VK_SUCCESS)
+            break;
+        VkComputePipelineCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+        info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+        info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+        info.stage.module = module;
+        info.stage.pName = "main";
+        info.layout = m_layout;
+        result = m_functions.CreateComputePipelines(m_device, cache, 1, &info, m_allocator, &m_pipelines[i]);
+        m_functions.DestroyShaderModule(m_device, module, m_allocator);
+    }
+    return result;
+}
+
+} // namespace vellum::gpubake
