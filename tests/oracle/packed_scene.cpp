@@ -276,9 +276,7 @@ std::unique_ptr<vt::Structure> PackedScene::reloaded(const vt::Structure &source
         [&](VkCommandBuffer commands) { vt::recordSerialize(gpu_, commands, source, data.address()); });
     std::uint64_t bytes = 0;
     std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
-    // How many instances data holds is known on the device only: the layer builds a top level for as many as the handle
-    // has room for (docs/limits.md).
-    target->create(bytes, &source == top_.get() ? vt::Structure::Reach::Exact : vt::Structure::Reach::OfMemory);
+    target->create(bytes);
     run("loaded", {target->range()}, [&](VkCommandBuffer commands) {
         VkCopyMemoryToAccelerationStructureInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;

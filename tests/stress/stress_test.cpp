@@ -142,9 +142,7 @@ protected:
         });
         std::uint64_t size = 0;
         std::memcpy(&size, memory.bytes() + 40, 8);
-        // How many instances data holds is known on the device only: the layer builds a top level for as many as the
-        // handle has room for (docs/limits.md).
-        copied.create(size, Structure::Reach::Exact);
+        copied.create(size);
         gpu().submit([&](VkCommandBuffer commands) {
             VkCopyMemoryToAccelerationStructureInfoKHR info{};
             info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;

@@ -205,7 +205,7 @@ ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
     if (!state_)
         return {};
     state_->scratch.restart();
-    return state_->scratch.place(device_.buffers.gpu, bytes);
+    return state_->scratch.place(bytes);
 }
 
 // A dispatch of nothing, with what the application has pushed; zeros, as in a new command buffer, where it has not.

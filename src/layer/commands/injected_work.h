@@ -193,7 +193,7 @@ private:
 
     DeviceCommands &device_;
     VkCommandBuffer commandBuffer_;
-    std::shared_ptr<CommandState> state_;
+    CommandState *state_; // null of a command buffer that is not the application's
     bool disturbed_ = false;
 };
 

@@ -1,6 +1,7 @@
 #include "layer/door/device.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstring>
 #include <shared_mutex>
@@ -18,8 +19,29 @@ namespace vellum::layer
 namespace
 {
 
+// Every intercepted command looks its device up, on all threads at once: a lock that they share, even one for readers,
+// would be written by each of them. So the first devices, which are all that most processes have, lie in places that
+// are read without one. A place changes only while its device is made or destroyed, when no command may name it; what
+// others read there meanwhile is another key than theirs.
+struct DevicePlace {
+    std::atomic<void *> key = nullptr;
+    std::atomic<Device *> device = nullptr;
+};
+std::array<DevicePlace, 16> devicePlaces;
+
 std::shared_mutex devicesMutex;
 std::unordered_map<void *, std::unique_ptr<Device>> devices;
+
+void setPlace(void *oldKey, void *key, Device *device)
+{
+    for (DevicePlace &place : devicePlaces) {
+        if (place.key.load(std::memory_order_relaxed) != oldKey)
+            continue;
+        place.device.store(device, std::memory_order_relaxed);
+        place.key.store(key, std::memory_order_release);
+        return;
+    }
+}
 
 bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
 {
@@ -113,9 +135,40 @@ VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const
     return VK_ERROR_EXTENSION_NOT_PRESENT;
 }
 
+// Whether the application wants addresses to be captured and replayed.
+bool asksForReplay(const VkDeviceCreateInfo &info)
+{
+    const auto *core =
+        featuresIn<VkPhysicalDeviceVulkan12Features>(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
+    const auto *own = featuresIn<VkPhysicalDeviceBufferDeviceAddressFeatures>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES);
+    const auto *old = featuresIn<VkPhysicalDeviceBufferDeviceAddressFeaturesEXT>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES_EXT);
+    return (core && core->bufferDeviceAddressCaptureReplay) || (own && own->bufferDeviceAddressCaptureReplay) ||
+           (old && old->bufferDeviceAddressCaptureReplay);
+}
+
+// The begin of the path of files about where tables of this device and driver lay (memory/kept_addresses.h).
+std::string keptAddresses(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    if (instance.settings.cacheFolder.empty())
+        return {};
+    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    std::string path = instance.settings.cacheFolder + "/";
+    for (const auto *uuid : {&id.deviceUUID, &properties.properties.pipelineCacheUUID}) {
+        for (const uint8_t byte : *uuid) {
+            constexpr const char *kDigits = "0123456789abcdef";
+            path += {kDigits[byte >> 4], kDigits[byte & 15]};
+        }
+    }
+    return path;
+}
+
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
-    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, bool importsHostMemory)
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, const GpuContext &gpu)
         : info(application), chain(application.pNext)
     {
         const auto provided = [ownAddressCommands](const char *name) {
@@ -129,7 +182,7 @@ struct DriverDeviceInfo {
             if (!provided(application.ppEnabledExtensionNames[i]))
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
-        if (importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
+        if (gpu.importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
             extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
@@ -143,12 +196,15 @@ struct DriverDeviceInfo {
         if (auto *core =
                 chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
             core->bufferDeviceAddress = VK_TRUE;
+            core->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
         } else if (auto *own = chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(
                        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
             own->bufferDeviceAddress = VK_TRUE;
+            own->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
         } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES) &&
                    !findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
             addresses.bufferDeviceAddress = VK_TRUE;
+            addresses.bufferDeviceAddressCaptureReplay = VkBool32{gpu.replaysAddresses};
             chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
         }
         info.pNext = chain.head();
@@ -199,6 +255,10 @@ VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
 
 Device *deviceOfKey(void *key)
 {
+    for (const DevicePlace &place : devicePlaces) {
+        if (place.key.load(std::memory_order_acquire) == key)
+            return place.device.load(std::memory_order_relaxed);
+    }
     std::shared_lock lock(devicesMutex);
     const auto it = devices.find(key);
     return it == devices.end() ? nullptr : it->second.get();
@@ -243,8 +303,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->driver.ownAddressCommands =
             device->driver.asked.addressCommands && provided.have.addressCommands == Implementation::Emulation;
         device->buffers.gpu.importsHostMemory = facts.importsHostMemory;
-        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands,
-                                          device->buffers.gpu.importsHostMemory);
+        // An application that replays addresses has all of them to itself.
+        device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
+                                               replaysAddresses(instance, physicalDevice);
+        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands, device->buffers.gpu);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -271,7 +333,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) {
             bufferHasAddress(objects, buffer);
         };
-        result = device->objects.root.create(device->buffers.gpu);
+        result = device->objects.root.create(device->buffers.gpu, keptAddresses(instance, physicalDevice));
         if (result == VK_SUCCESS)
             result = device->commands.injected.create(
                 device->buffers.gpu, facts.isLavapipeBefore26 ? facts.maxPushConstantsSize : kPushBytes);
@@ -294,6 +356,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);
+    setPlace(nullptr, dispatchKey(*handle), device.get());
     devices[dispatchKey(*handle)] = std::move(device);
     return VK_SUCCESS;
 }
@@ -310,6 +373,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
             return;
         device = std::move(it->second);
         devices.erase(it);
+        setPlace(dispatchKey(handle), nullptr, nullptr);
     }
     reportNotices(device->objects);
     device->commands.complaints.drain(device->driver.report());

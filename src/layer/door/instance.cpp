@@ -347,12 +347,17 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
     const Unlinked displacement = take(have.ext, newer::kDisplacementMicromapProperties);
     instance.next.GetPhysicalDeviceProperties2(device, properties);
-    // Shader binaries of other processes are refused (shader_binary.h), so the UUID that tells whether they fit is
-    // another.
+    // Shader binaries of other versions of the layer are refused, and where tables do not lie at the same addresses in
+    // the next run, those of other processes, too (shader_binary.h). The UUID that tells whether they fit is another.
     auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
         findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
-    for (size_t i = 0; shaderObjects && have.anyEmulated() && i < VK_UUID_SIZE; ++i)
-        shaderObjects->shaderBinaryUUID[i] ^= processUuid()[i];
+    if (shaderObjects && have.anyEmulated()) {
+        const bool stable =
+            driverFactsOf(instance, device, driverExtensions(instance, device)).importsHostMemory ||
+            replaysAddresses(instance, device);
+        for (size_t i = 0; i < VK_UUID_SIZE; ++i)
+            shaderObjects->shaderBinaryUUID[i] ^= stable ? rewriterUuid()[i] : processUuid()[i];
+    }
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>()) {
         own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
         own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;

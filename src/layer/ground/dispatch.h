@@ -49,6 +49,8 @@ namespace vellum::layer
     X(FlushMappedMemoryRanges, FlushMappedMemoryRanges)                                                                \
     X(InvalidateMappedMemoryRanges, InvalidateMappedMemoryRanges)                                                      \
     X(GetBufferDeviceAddress, GetBufferDeviceAddressKHR)                                                               \
+    X(GetBufferOpaqueCaptureAddress, GetBufferOpaqueCaptureAddressKHR)                                                 \
+    X(GetDeviceMemoryOpaqueCaptureAddress, GetDeviceMemoryOpaqueCaptureAddressKHR)                                     \
     X(CreateShaderModule, CreateShaderModule)                                                                          \
     X(DestroyShaderModule, DestroyShaderModule)                                                                        \
     X(CreatePipelineLayout, CreatePipelineLayout)                                                                      \

@@ -10,6 +10,7 @@
 #include "layer/memory/address_map.h"
 #include "layer/memory/gpu_memory.h"
 #include "layer/memory/host_memory.h"
+#include "layer/memory/scratch_memory.h"
 
 namespace vellum::layer
 {
@@ -27,6 +28,7 @@ struct DeviceBuffers {
     std::atomic<uint64_t> numbers{0};
     AddressMap addresses{};
     HostMemory host{};
+    MemoryPool scratch{gpu, kScratchAlignment, scratchUsage}; // of command buffers
     // Called when a buffer has got memory, or its address is asked for.
     std::function<void(VkBuffer)> onAddress{};
 };

@@ -66,7 +66,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT 
     push.micromap = micromapAddress(device.driver, info.dstMicromap);
     push.triangleArray = info.triangleArray.deviceAddress;
     push.data = info.data.deviceAddress;
-    push.scratch = (info.scratchData.deviceAddress + kScratchAlignment - 1) / kScratchAlignment * kScratchAlignment;
+    push.scratch = (info.scratchData.deviceAddress + kBuildScratchAlignment - 1) / kBuildScratchAlignment * kBuildScratchAlignment;
     push.log = device.commands.complaints.address();
     push.object = complaintObject(info.dstMicromap);
     push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);

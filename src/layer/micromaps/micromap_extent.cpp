@@ -52,7 +52,7 @@ uint64_t MicromapExtent::coarsenedBytes() const
 
 uint64_t MicromapExtent::scratchBytes() const
 {
-    return kScratchAlignment +
+    return kBuildScratchAlignment +
            (lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
                   : coarsenedOffset());
 }

@@ -33,7 +33,7 @@ constexpr uint64_t blocksOf(uint64_t triangles)
 // What shaders need of scratch memory. Drivers may ask for less (minAccelerationStructureScratchOffsetAlignment;
 // lavapipe says 8), so a build begins at the first such address, and needs so many bytes more. Less than the other no
 // driver asks for.
-inline constexpr uint64_t kScratchAlignment = 16;
+inline constexpr uint64_t kBuildScratchAlignment = 16;
 inline constexpr uint64_t kLeastScratchAlignment = 4;
 
 // What a micromap of these usage counts takes.

@@ -1,6 +1,7 @@
 #include "layer/objects/root_table.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <new>
 
@@ -28,8 +29,13 @@ constexpr VkDeviceSize wholePages(VkDeviceSize bytes)
     return alignUp(bytes, FixedMemory::kAlignment);
 }
 
-constexpr std::size_t kFirstPagesPlace = wholePages(kRootBytes); // in the fixed memory, behind the root
-static_assert(kFirstPagesPlace + wholePages(kPagesBytes) <= FixedMemory::kMostBytes);
+// The tables that rewritten shaders have the address of, and their places in the fixed memory.
+constexpr std::size_t kRoot = 0;
+constexpr std::size_t kFirstPages = 1;
+constexpr std::array<VkDeviceSize, KeptAddresses::kTables> kTableBytes{kRootBytes, kPagesBytes};
+constexpr std::array<std::size_t, KeptAddresses::kTables> kTablePlaces{0, wholePages(kRootBytes)};
+constexpr std::size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPagesBytes);
+static_assert(kFixedBytes <= FixedMemory::kMostBytes);
 
 // The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's cell before its
 // key.
@@ -59,12 +65,14 @@ SlotRange::~SlotRange()
     }
 }
 
-VkResult RootTable::create(const GpuContext &context)
+VkResult RootTable::create(const GpuContext &context, const std::string &keptAddresses)
 {
     context_ = context;
     if (context.importsHostMemory)
-        fixed_.reserve(kFirstPagesPlace + wholePages(kPagesBytes));
-    const VkResult result = createTable(root_, kRootBytes, 0);
+        fixed_.reserve(kFixedBytes);
+    else if (context.replaysAddresses && !keptAddresses.empty())
+        kept_.open(keptAddresses, kTableBytes);
+    const VkResult result = createTable(root_, kRoot);
     if (result != VK_SUCCESS)
         return result;
     if (const VkResult made = notices_.create(context, kNoticeCounters * 4); made != VK_SUCCESS)
@@ -73,13 +81,22 @@ VkResult RootTable::create(const GpuContext &context)
     freeSlots_ = {{0, kSlots}};
     if (!addPages(0) || !growHashTable())
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    kept_.write();
     return VK_SUCCESS;
 }
 
-VkResult RootTable::createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place)
+VkResult RootTable::createTable(GpuBuffer &buffer, std::size_t table)
 {
-    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + place, wholePages(bytes)) == VK_SUCCESS)
+    const VkDeviceSize bytes = kTableBytes[table];
+    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + kTablePlaces[table], wholePages(bytes)) == VK_SUCCESS)
         return VK_SUCCESS;
+    if (kept_.isOpen()) {
+        ReplayAddress address = kept_.known(table);
+        if (buffer.createAgain(context_, bytes, address) == VK_SUCCESS) {
+            kept_.set(table, address);
+            return VK_SUCCESS;
+        }
+    }
     return buffer.create(context_, bytes);
 }
 
@@ -90,7 +107,7 @@ bool RootTable::addPages(uint32_t lastPage)
     while (pageCount_ <= lastPage) {
         GpuBuffer buffer;
         const VkResult result =
-            pages_.empty() ? createTable(buffer, kPagesBytes, kFirstPagesPlace) : buffer.create(context_, kPagesBytes);
+            pages_.empty() ? createTable(buffer, kFirstPages) : buffer.create(context_, kPagesBytes);
         if (result != VK_SUCCESS)
             return false;
         for (uint32_t i = 0; i < kPagesPerBuffer && pageCount_ < kDirectoryPages; ++i, ++pageCount_)

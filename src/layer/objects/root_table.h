@@ -11,12 +11,14 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
 #include "core/records.h"
 #include "layer/memory/fixed_memory.h"
 #include "layer/memory/gpu_memory.h"
+#include "layer/memory/kept_addresses.h"
 #include "layer/objects/cell_pool.h"
 
 namespace vellum::layer
@@ -44,7 +46,9 @@ private:
 class RootTable
 {
 public:
-    VkResult create(const GpuContext &context);
+    // `keptAddresses`: begin of the path of files that say where the tables lay before (memory/kept_addresses.h);
+    // empty: there are none.
+    VkResult create(const GpuContext &context, const std::string &keptAddresses = {});
     [[nodiscard]] VkDeviceAddress address() const { return root_.address(); }
     // Of the instance records of the first kFirstSlots slots.
     [[nodiscard]] VkDeviceAddress firstSlots() const { return pages_.front().address(); }
@@ -79,10 +83,11 @@ private:
     void removeBucket(VkDeviceAddress reference);
 
     // Tables that rewritten shaders have the address of: at the same address in every run, where that can be had.
-    VkResult createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place);
+    VkResult createTable(GpuBuffer &buffer, std::size_t table);
 
     GpuContext context_;
     FixedMemory fixed_; // outlives the buffers on it
+    KeptAddresses kept_;
     std::mutex mutex_;
     GpuBuffer root_, notices_;
     uint32_t seenNotices_[shared::kNoticeCounters] = {};

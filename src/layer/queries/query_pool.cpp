@@ -97,8 +97,8 @@ void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuf
                    const QueryPool &pool, uint32_t first, uint32_t count)
 {
     work.barrier(true);
-    device.driver.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityOffset(first), count * 4ull,
-                                     1);
+    device.driver.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityInBuffer(first),
+                                     count * 4ull, 1);
     work.barrier(true);
 }
 
@@ -174,10 +174,10 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
     auto pool = std::make_shared<QueryPool>();
     pool->type = info->queryType;
     pool->count = info->queryCount;
-    const VkResult created = pool->memory.create(device.buffers.gpu, info->queryCount * 12ull + 4,
-                                                 VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
-    if (created != VK_SUCCESS)
-        return created;
+    pool->memory = PooledMemory(device.memory, info->queryCount * 12ull + 4);
+    if (!pool->memory.address())
+        return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    std::memset(pool->memory.words(), 0, pool->memory.bytes());
     VkQueryPoolCreateInfo driverInfo = *info;
     if (micromaps)
         driverInfo.queryType = VK_QUERY_TYPE_OCCLUSION;
@@ -215,9 +215,10 @@ void cmdResetQueryPool(DeviceQueries &device, VkCommandBuffer commandBuffer, VkQ
     if (pool && count > 0) {
         InjectedWork work(device.commands, commandBuffer);
         work.barrier();
-        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->availabilityOffset(first),
+        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->availabilityInBuffer(first),
                                          count * 4ull, 0);
-        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), first * 8ull, count * 8ull, 0);
+        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->valueInBuffer(first), count * 8ull,
+                                         0);
         work.barrier(true);
     }
     device.driver.next.CmdResetQueryPool(commandBuffer, queryPool, first, count);
@@ -355,7 +356,7 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
             device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, end - begin, fitted.data(),
                                                                            type, queryPool, first + begin);
             device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first + begin, end - begin,
-                                                       pool->memory.buffer(), (first + begin) * 8ull, 8,
+                                                       pool->memory.buffer(), pool->valueInBuffer(first + begin), 8,
                                                        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
         }
         begin = end + 1;

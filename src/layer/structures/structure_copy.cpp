@@ -188,8 +188,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     const auto state = device.commands.states.get(commandBuffer);
     const VkDeviceSize scratchBytes =
         alignUp(topLevelDriverSizes(device.driver, 0, most).buildScratchSize, kPartAlignment);
-    const VkDeviceAddress scratch =
-        state ? state->scratch.allocate(device.buffers.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
+    const VkDeviceAddress scratch = state ? state->scratch.allocate(scratchBytes + patchedInstancesBytes(most)) : 0;
     if (!slots || !scratch)
         return refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
     const VkDeviceSize bytes = topLevelBytes(device.driver, 0, most);

@@ -5,7 +5,7 @@
 // size. So everything is recorded that data can need, and the device lets one way have an effect.
 #include <algorithm>
 #include <array>
-#include <cstring>
+#include <optional>
 #include <string>
 
 #include "core/records.h"
@@ -32,7 +32,7 @@ struct Restore {
     VkCommandBuffer commandBuffer;
     const VkCopyMemoryToAccelerationStructureInfoKHR &info;
     std::shared_ptr<AccelerationStructure> target;
-    std::shared_ptr<CommandState> state;
+    CommandState *state;
 
     [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(info.src.deviceAddress); }
 
@@ -80,9 +80,30 @@ struct Restore {
         return false;
     }
 
+    // The instances of the data, by its header: what the host can see of it, and where it is there already. A build for
+    // more would take more of the memory that a GENERIC structure reaches over than the header names.
+    [[nodiscard]] std::optional<uint32_t> instancesInHeader() const
+    {
+        constexpr VkDeviceSize kBytes = kSerializedHeaderWords * 4;
+        const AddressMap::Place place = device.buffers.addresses.find(info.src.deviceAddress);
+        if (!place.buffer || place.bytes < kBytes)
+            return std::nullopt;
+        std::array<uint32_t, kSerializedHeaderWords> words;
+        if (!device.buffers.host.peek(place.buffer, place.offset, words.data(), kBytes))
+            return std::nullopt;
+        const uint32_t *blank = blankStructure(device).memory.words();
+        for (uint32_t w = 0; w < 2 * VK_UUID_SIZE / 4; ++w) {
+            if (words[w] != (w < VK_UUID_SIZE / 4 ? blank[w] : blank[w] ^ kCompatibilityWord))
+                return std::nullopt;
+        }
+        return words[10] % 256 == kTopLevelSizeMark ? words[12] : 0;
+    }
+
     // The instances that the data can hold and the structure, up to the next one in the buffer, has room for.
     [[nodiscard]] uint32_t mostInstances() const
     {
+        if (const auto known = kind() == kCellUnbuilt ? instancesInHeader() : std::nullopt)
+            return std::min(topLevelCapacity(device.driver, target->size), *known);
         constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
         const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
         return std::min(topLevelCapacity(device.driver, roomOf(device.objects, *target)),
@@ -136,8 +157,8 @@ struct Restore {
         if (state)
             state->scratch.restart();
         StructureRestorePush push = pushFor(cell.address, stagingBytes);
-        push.staging = state && cell.address ? state->scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes) : 0;
-        push.kept = push.staging && keptBytes > 0 ? state->scratch.allocate(device.buffers.gpu, keptBytes) : 0;
+        push.staging = state && cell.address ? state->scratch.allocate(kPlanBytes + stagingBytes) : 0;
+        push.kept = push.staging && keptBytes > 0 ? state->scratch.allocate(keptBytes) : 0;
         if (!push.staging || (keptBytes > 0 && !push.kept)) {
             refused("VELLUM-out-of-memory", "no memory for the serialized data");
             return;

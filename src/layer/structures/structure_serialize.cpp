@@ -55,7 +55,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     const VkAccelerationStructureKHR fitted = fittedHandle(device, info.src);
     const VkDeviceSize stagingBytes = (fitted == info.src ? source.size : lastBytes(source)) + kDriverOverhead;
     state.scratch.restart();
-    const VkDeviceAddress staging = state.scratch.allocate(device.buffers.gpu, kPlanBytes + stagingBytes);
+    const VkDeviceAddress staging = state.scratch.allocate(kPlanBytes + stagingBytes);
     if (!staging) {
         judgeOf(device, "vkCmdCopyAccelerationStructureToMemoryKHR", info.src)
             .refuse("VELLUM-out-of-memory", "no memory for the driver's serialized data");

@@ -230,14 +230,14 @@ void Gpu::createInstance()
         layers.push_back(kSpyLayer);
     if (options_.capable)
         layers.push_back(kCapableLayer);
-    const char *extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
+    const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
     info.pApplicationInfo = &application;
     info.enabledLayerCount = static_cast<std::uint32_t>(layers.size());
     info.ppEnabledLayerNames = layers.data();
-    info.enabledExtensionCount = 1;
-    info.ppEnabledExtensionNames = &extension;
+    info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    info.ppEnabledExtensionNames = extensions.data();
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
@@ -376,6 +376,7 @@ void Gpu::createDevice()
             chain(newer[i], kNewerExtensions[i].features);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
+    vulkan12.bufferDeviceAddressCaptureReplay &= VkBool32{options_.addressReplay};
     if (!options_.micromapFeature)
         micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;

@@ -72,6 +72,7 @@ struct Options {
     bool nullIndexBuffer = false; // VK_KHR_maintenance6
     bool micromapFeature = true;  // where the extension is enabled, its feature too
     bool shared = false;          // by all tests of the process that ask for the same
+    bool addressReplay = true;    // enable bufferDeviceAddressCaptureReplay, where it is there
     Memory memory = memoryOfTests();
     bool declaresMode = true; // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 

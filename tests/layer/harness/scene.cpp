@@ -192,7 +192,7 @@ void Structure::placeIn(VkBuffer buffer, VkDeviceSize offset)
     placedOffset_ = offset;
 }
 
-void Structure::create(VkDeviceSize size, Reach reach)
+void Structure::create(VkDeviceSize size)
 {
     if (structure_ != VK_NULL_HANDLE) {
         checkGuards();
@@ -207,7 +207,7 @@ void Structure::create(VkDeviceSize size, Reach reach)
     create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
     create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer();
     create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset();
-    create.size = placedBuffer_ != VK_NULL_HANDLE || reach == Reach::Exact ? size_ : storage_->handleSize();
+    create.size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_->handleSize();
     create.type = create.size != size_ ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR : type_;
     VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
     VkAccelerationStructureDeviceAddressInfoKHR query{};

@@ -121,10 +121,8 @@ public:
     void useRoomOf(const Structure &other) { room_ = other.storage_; }
     // Uses that scratch memory instead of memory of its own; null: its own again.
     void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
-    // Makes the structure, of that size, instead of the one there is. Its handle reaches as far as Options::memory
-    // says, or is no larger.
-    enum class Reach { OfMemory, Exact };
-    void create(VkDeviceSize size, Reach reach = Reach::OfMemory);
+    // Makes the structure, of that size, instead of the one there is.
+    void create(VkDeviceSize size);
     // Where it lies, if not placed, and what a build writes to beside that.
     [[nodiscard]] Arena::Range range() const { return {address_, size_}; }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
