@@ -87,10 +87,7 @@ protected:
             VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
     }
     // As the device: all words of a cell.
-    void write(std::uint32_t cell, std::uint32_t value)
-    {
-        std::fill_n(pool_.words(cell), kCellWords, value);
-    }
+    void write(std::uint32_t cell, std::uint32_t value) { std::fill_n(pool_.words(cell), kCellWords, value); }
     [[nodiscard]] bool holds(std::uint32_t cell, std::uint32_t value) const
     {
         return std::count(pool_.words(cell), pool_.words(cell) + kCellWords, value) == kCellWords;

@@ -59,7 +59,7 @@ TEST_F(StructurePlaces, DataOfEitherLevelIntoHandlesOfAnySize)
     for (const bool top : {false, true}) {
         const Serialized data = serialize(gpu(), top ? static_cast<const Structure &>(tlas) : blas);
         const VkDeviceSize least = data.deserializedSize();
-        for (const VkDeviceSize more : {0, 16, 64, 128, 192, 65536}) {
+        for (const VkDeviceSize more : {0u, 16u, 64u, 128u, 192u, 65536u}) {
             SCOPED_TRACE(std::to_string(top) + " + " + std::to_string(more));
             std::memset(room_.bytes(), kUntouched, kRoomBytes);
             const auto loaded = placed(256, least + more);
@@ -151,7 +151,8 @@ TEST_F(StructurePlaces, TopLevelsSideBySide)
     const VkDeviceSize size = (source.size() + 255) / 256 * 256;
     for (std::size_t i = packed.size(); i-- > 0;) { // each one's handle reaches over those before it
         packed[i] = toTheEnd(256 + i * size);
-        copy(gpu(), i + 1 < packed.size() ? *packed[i + 1] : source, *packed[i]);
+        const Structure &from = i + 1 < packed.size() ? *packed[i + 1] : static_cast<const Structure &>(source);
+        copy(gpu(), from, *packed[i]);
     }
     for (const auto &structure : packed)
         EXPECT_EQ(seenIn(*structure), expected);
