@@ -140,9 +140,9 @@ VELLUM_CONST uint kFirstSlots = 65536u;
 VELLUM_CONST uint kRootHeaderWords = 16u;
 VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash table
 
-VELLUM_CONST uint kRootNotices = 2u; // word 2: bits of the notices that the GPU has for the host
+VELLUM_CONST uint kRootNotices = 2u; // words 2, 3: address of the counters of notices that the GPU has for the host
 
-// Notices: what only the GPU can find out about a copy. Bit numbers.
+// Notices: what only the GPU can find out about a copy. Numbers of counters, one word each, which only the GPU writes.
 VELLUM_CONST uint kNoticeForeignData = 0u;      // UUIDs of another driver or layer version
 VELLUM_CONST uint kNoticeDamagedData = 1u;      // serialized data that is no such data, or not all of it
 VELLUM_CONST uint kNoticeWrongType = 2u;        // serialized data of the other type of structure
@@ -157,6 +157,8 @@ VELLUM_CONST uint kNoticeMicromapNotBuilt = 10u; // copy of a micromap that was 
 VELLUM_CONST uint kNoticeMicromapData = 11u;     // serialized data of a micromap that is no such data, or not all of it
 VELLUM_CONST uint kNoticeMicromapOverlap = 12u;  // source and target of a copy of a micromap overlap
 VELLUM_CONST uint kNotices = 13u;
+VELLUM_CONST uint kNoticeTotal = kNotices; // counts all of them, after the one's own counter
+VELLUM_CONST uint kNoticeCounters = kNotices + 1u;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
@@ -165,7 +167,7 @@ VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- cell: what is at an acceleration structure's address; written by the GPU when a build or a copy executes ---
-// word 0, 1: address of the tail
+// word 0, 1: address of the tail; of a BLAS without records, where the driver's part ends, if that is known
 // word 2: kCell*
 // word 3: 16-byte units of the tail
 // word 4: number of geometry records or of instances
@@ -180,7 +182,9 @@ VELLUM_CONST uint kCellBottom = 1u;   // a BLAS with geometry records
 VELLUM_CONST uint kCellTop = 2u;      // a TLAS
 VELLUM_CONST uint kCellBroken = 3u;   // a copy that was not carried out: not to be instanced
 VELLUM_CONST uint kCellPlain = 4u;    // a BLAS without geometry records
-VELLUM_CONST uint kCellMicromap = 6u; // at the address of a micromap + kMicromapKey: word 3: units of its memory
+// At the address of a micromap + kMicromapKey: word 3: units of its memory. At an address, only the kind: serialized data
+// that was deserialized there held a micromap.
+VELLUM_CONST uint kCellMicromap = 6u;
 VELLUM_CONST uint kMicromapKey = 1u;
 VELLUM_CONST uint kCellBoxes = 5u; // the same, of boxes of which it is known which geometries are opaque
 
@@ -207,8 +211,7 @@ VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the cell
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
-// The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that the type is known of a
-// VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR structure that was made for serialized data.
+// The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that it is known what serialized data holds.
 VELLUM_CONST uint kTopLevelSizeMark = 128u;
 // And sizes of micromaps as acceleration structures are this modulo 256.
 VELLUM_CONST uint kMicromapSizeMark = 64u;
@@ -220,6 +223,7 @@ VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
 VELLUM_CONST uint kMoveCopy = 2u;   // clone or compact: what is in use
 VELLUM_CONST uint kMoveMarked = 4u; // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
+VELLUM_CONST uint kMoveOnlyMicromaps = 8u; // a bit: data of anything else is left alone, it is not a mistake
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 
 // --- values of queries (shaders/query_value.comp) ---

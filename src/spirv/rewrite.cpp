@@ -78,6 +78,14 @@ RewriteResult failed(std::string error)
 
 } // namespace
 
+std::uint64_t linkedCodeHash()
+{
+    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
+    for (const std::uint32_t word : lookup)
+        hash = (hash ^ word) * 0x100000001b3u;
+    return hash;
+}
+
 bool hasRayTracingStages(std::span<const std::uint32_t> words)
 {
     return declares(words, [](std::uint32_t opcode, std::uint32_t model) {

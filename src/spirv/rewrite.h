@@ -83,6 +83,9 @@ bool hasRayTracingStages(std::span<const std::uint32_t> words);
 // no SPIR-V.
 bool tracesRays(std::span<const std::uint32_t> words);
 
+// Tells apart what is linked into rewritten modules: modules with the same hash read tables of the same layout.
+std::uint64_t linkedCodeHash();
+
 // Modules for which tracesRays() is false are Unchanged, whatever they hold, but for pipeline stages. Reads nothing
 // outside `words` and throws nothing but std::bad_alloc.
 RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options);

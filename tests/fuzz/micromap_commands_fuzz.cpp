@@ -1,9 +1,13 @@
 #include <algorithm>
+#include <functional>
+#include <map>
+#include <optional>
 #include <vector>
 
 #include "check.h"
 #include "core/records.h"
 #include "fake_device.h"
+#include "harness/arena/pieces.h"
 #include "layer/micromaps/micromap.h"
 #include "micromap_fuzz.h"
 #include "micromap_model.h"
@@ -17,6 +21,7 @@ namespace
 constexpr std::uint64_t kMostBytes = 1u << 18; // of a micromap that is built
 constexpr std::uint16_t kMostOtherLevel = 8;   // of triangles that are not of a level that was counted
 constexpr std::uint64_t kHeaderBytes = 64;     // of a micromap, and of a serialized one
+constexpr std::size_t kPackedBytes = 1u << 16;
 
 // The commands on one device, for one input.
 class Commands
@@ -36,9 +41,17 @@ public:
 
 private:
     void readUsages();
-    bool readTriangles();
-    // A micromap of that size at the end of a buffer; null where it is refused.
+    void readTriangles();
+    // A micromap with so much room: at the end of a buffer of its own, so that AddressSanitizer sees where it ends, or
+    // beside others in one that they share, by a handle that reaches to the end of that.
     VkMicromapEXT make(std::uint64_t size);
+    // Of a target that shall be too small: where handles reach to the end of a buffer, none is.
+    [[nodiscard]] std::uint64_t small(std::uint64_t size, std::uint64_t enough) const
+    {
+        return packed_ ? enough : size;
+    }
+    // Nothing in the shared buffer changes meanwhile but the room of the target.
+    VkResult writingTo(VkMicromapEXT target, const std::function<VkResult()> &command);
     [[nodiscard]] std::span<std::uint8_t> bytesOf(VkMicromapEXT micromap) const;
     VkMicromapEXT build(std::uint64_t size);
     std::uint64_t property(VkMicromapEXT micromap, VkQueryType type);
@@ -57,6 +70,9 @@ private:
     FakeDevice &device_;
     Reader &input_;
     std::vector<VkMicromapEXT> micromaps_;
+    std::map<VkMicromapEXT, std::size_t> room_; // bytes
+    std::optional<vt::Pieces> packed_;
+    VkBuffer packedBuffer_ = VK_NULL_HANDLE;
     std::vector<VkMicromapUsageEXT> usages_;
     std::vector<const VkMicromapUsageEXT *> usagePointers_;
     VkMicromapBuildInfoEXT info_{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
@@ -86,20 +102,21 @@ void Commands::readUsages()
 }
 
 // As many triangles as the counts say, mostly of their levels and formats, with data that is there: no size of the data
-// is known to these commands. False where the stride is none that can be read with.
-bool Commands::readTriangles()
+// is known to these commands.
+void Commands::readTriangles()
 {
     std::uint64_t count = 0;
     std::uint64_t most = 0;
     for (const VkMicromapUsageEXT &usage : usages_) {
+        if (usage.count == 0)
+            continue;
+        // A format that there is not counts as the one that takes most.
         const SourceTriangle one{0, static_cast<std::uint16_t>(usage.subdivisionLevel),
-                                 static_cast<std::uint16_t>(usage.format)};
+                                 static_cast<std::uint16_t>(usage.format == 1 ? 1 : 2)};
         count += usage.count;
         model_.capacityUnits += static_cast<std::uint32_t>(usage.count * dataUnits(one));
-        if (usage.count > 0) {
-            model_.maxLevel = std::max(model_.maxLevel, usage.subdivisionLevel);
-            most = std::max(most, dataBytes(one));
-        }
+        model_.maxLevel = std::max(model_.maxLevel, usage.subdivisionLevel);
+        most = std::max(most, dataBytes(one));
     }
     model_.share = (info_.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                    (info_.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
@@ -109,10 +126,13 @@ bool Commands::readTriangles()
     input_.part(input_.byte()).fill(data_);
     model_.data = data_;
 
+    // Triangles that overlap would have data anywhere, except where all are the same.
     info_.triangleArrayStride = input_.oneIn(8) ? input_.below(40) : 8;
+    if (info_.triangleArrayStride < 8)
+        info_.triangleArrayStride = 0;
     const std::uint64_t stride = info_.triangleArrayStride;
     model_.triangles.resize(count);
-    array_.resize(count == 0 ? 0 : (count - 1) * std::max<std::uint64_t>(stride, 8) + 8);
+    array_.resize(count == 0 ? 0 : (count - 1) * stride + 8);
     std::size_t usage = 0;
     std::uint32_t left = 0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -127,28 +147,51 @@ bool Commands::readTriangles()
         t.dataOffset = input_.below(places);
         if (input_.flag())
             t.dataOffset = t.dataOffset / 16 * 16;
-        std::memcpy(array_.data() + i * std::max<std::uint64_t>(stride, 8), &t, 8);
+        if (stride == 0)
+            t = model_.triangles[0];
+        std::memcpy(array_.data() + i * stride, &t, 8);
     }
-    return stride >= 8 || count <= 1;
 }
 
 VkMicromapEXT Commands::make(std::uint64_t size)
 {
     VkMicromapCreateInfoEXT create{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT};
-    create.offset = 256u + input_.below(2) * 256u; // a buffer is never empty, a micromap may be
-    create.size = size;
     create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    create.buffer = device_.makeBuffer(create.offset + size);
+    const auto place = packed_ ? packed_->take(size, 256) : std::nullopt;
+    if (place) {
+        create.buffer = packedBuffer_;
+        create.offset = *place;
+        create.size = kPackedBytes - *place;
+    } else {
+        create.offset = 256u + input_.below(2) * 256u; // a buffer is never empty, a micromap may be
+        create.size = size;
+        create.buffer = device_.makeBuffer(create.offset + size);
+    }
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     FUZZ_CHECK(layer::createMicromap(device_.micromaps(), device_.handle(), &create, nullptr, &micromap) == VK_SUCCESS);
     micromaps_.push_back(micromap);
+    room_[micromap] = size;
     return micromap;
 }
 
 std::span<std::uint8_t> Commands::bytesOf(VkMicromapEXT micromap) const
 {
     const layer::Micromap &m = *layer::micromapOf(micromap);
-    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, m.size);
+    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, room_.at(micromap));
+}
+
+VkResult Commands::writingTo(VkMicromapEXT target, const std::function<VkResult()> &command)
+{
+    if (!packed_)
+        return command();
+    std::vector<std::uint8_t> before(packed_->bytes().begin(), packed_->bytes().end());
+    const VkResult result = command();
+    const layer::Micromap *const m = layer::micromapOf(target);
+    if (m != nullptr && m->buffer == packedBuffer_)
+        std::ranges::copy(bytesOf(target), before.begin() + static_cast<std::ptrdiff_t>(m->offset));
+    FUZZ_CHECK(std::ranges::equal(before, packed_->bytes()));
+    FUZZ_CHECK(!packed_->damage());
+    return result;
 }
 
 VkMicromapEXT Commands::build(std::uint64_t size)
@@ -158,7 +201,9 @@ VkMicromapEXT Commands::build(std::uint64_t size)
     info_.dstMicromap = micromap;
     info_.triangleArray.hostAddress = array_.data();
     info_.data.hostAddress = data_.data();
-    const VkResult result = layer::buildMicromaps(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, 1, &info_);
+    const VkResult result = writingTo(micromap, [&] {
+        return layer::buildMicromaps(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, 1, &info_);
+    });
     checkTold(result);
     return result == VK_SUCCESS ? micromap : VK_NULL_HANDLE;
 }
@@ -191,10 +236,17 @@ void Commands::copy(VkMicromapEXT source, std::uint64_t used)
     info.src = source;
     info.dst = exact;
     info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-    checkTold(layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info));
+    const auto run = [&] {
+        checkTold(writingTo(info.dst, [&] {
+            return layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info);
+        }));
+    };
+    run();
     checkBuilt(model_, bytesOf(exact));
+    if (packed_)
+        return;
     info.dst = make(input_.below(static_cast<std::uint32_t>(used)));
-    checkTold(layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info));
+    run();
     checkMicromap(info.dst);
     // It is no micromap then: what is asked of it, and copied from it, is nothing's.
     FUZZ_CHECK(property(info.dst, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT) == kHeaderBytes);
@@ -209,14 +261,18 @@ void Commands::serialize(VkMicromapEXT source, std::uint64_t used)
     out.src = source;
     out.dst.hostAddress = serialized.data();
     out.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    checkTold(layer::copyMicromapToMemory(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &out));
+    checkTold(writingTo(VK_NULL_HANDLE, [&] {
+        return layer::copyMicromapToMemory(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &out);
+    }));
 
     const VkMicromapEXT target = make(used);
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
     in.dst = target;
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(writingTo(in.dst, [&] {
+        return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
+    }));
     checkBuilt(model_, bytesOf(target));
 
     const VkMicromapVersionInfoEXT version{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, serialized.data()};
@@ -236,10 +292,12 @@ void Commands::deserializeDamaged(std::vector<std::uint8_t> serialized, std::uin
     }
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
-    in.dst = make(input_.flag() ? used : input_.below(static_cast<std::uint32_t>(used) + 64));
+    in.dst = make(input_.flag() ? used : small(input_.below(static_cast<std::uint32_t>(used) + 64), used));
     std::ranges::fill(bytesOf(in.dst), input_.byte());
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(writingTo(in.dst, [&] {
+        return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
+    }));
     checkMicromap(in.dst);
 }
 
@@ -255,15 +313,21 @@ void Commands::deserializeAnything()
     layer::getDeviceMicromapCompatibility(device_.micromaps(), device_.handle(), &version, &compatibility);
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
-    in.dst = make(serialized[0]);
+    in.dst = make(small(serialized[0], size - kHeaderBytes));
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in));
+    checkTold(writingTo(in.dst, [&] {
+        return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
+    }));
     checkMicromap(in.dst);
 }
 
 void Commands::run()
 {
     FakeDevice::takeMessages();
+    if (input_.flag()) {
+        packedBuffer_ = device_.makeBuffer(kPackedBytes);
+        packed_.emplace(FakeDevice::bytes(packedBuffer_), 0);
+    }
     if (input_.oneIn(16))
         return deserializeAnything();
     model_.maxLevel = 0;
@@ -271,16 +335,17 @@ void Commands::run()
     VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
     layer::getMicromapBuildSizes(device_.micromaps(), device_.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR,
                                  &info_, &sizes);
-    FUZZ_CHECK((sizes.micromapSize == 0) == (FakeDevice::takeMessages() > 0));
+    // What does no harm is told, and measured.
+    FUZZ_CHECK(FakeDevice::takeMessages() > 0 || sizes.micromapSize > 0);
     if (sizes.micromapSize == 0 || sizes.micromapSize > kMostBytes)
         return;
-    const std::uint64_t missing = input_.oneIn(16) ? 1 + input_.below(600) : 0;
-    const bool hasStride = readTriangles();
+    const std::uint64_t missing = input_.oneIn(16) ? small(1 + input_.below(600), 0) : 0;
+    readTriangles();
     const std::uint64_t count = model_.triangles.size();
     const std::uint64_t exact = kHeaderBytes + (count + count % 2) * 8 + std::uint64_t{model_.capacityUnits} * 16;
     FUZZ_CHECK(sizes.micromapSize >= exact && sizes.micromapSize < exact + 256);
     const VkMicromapEXT micromap = build(exact - std::min(exact, missing));
-    FUZZ_CHECK((micromap != VK_NULL_HANDLE) == (missing == 0 && hasStride));
+    FUZZ_CHECK((micromap != VK_NULL_HANDLE) == (missing == 0));
     if (!micromap)
         return;
     const std::uint64_t used = property(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);

@@ -18,43 +18,47 @@ std::uint32_t recordOffset(const Scene &scene, std::uint32_t instance)
     return instance % kRecordOffsets + (boxes ? kBoxRecords : 0);
 }
 
-Built build(vt::Gpu &gpu, const Scene &scene)
+std::vector<vt::Geometry> geometriesOf(const Object &object,
+                                       const std::function<const vt::Micromap *(vt::MicromapInput)> &makeMicromap)
 {
-    Built built;
-    for (const Object &object : scene.objects) {
-        std::vector<vt::Geometry> geometries;
-        for (const Mesh &mesh : object.meshes) {
-            vt::Geometry geometry;
-            geometry.vertices = mesh.vertices;
-            geometry.boxes = mesh.boxes;
-            geometry.flags = mesh.opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
-            if (mesh.micromap) {
-                const MeshMicromap &from = *mesh.micromap;
-                vt::Attachment attachment;
-                attachment.indexType = from.indexType;
-                attachment.indices = from.indices;
-                attachment.base = from.base;
-                if (!from.null) {
-                    vt::MicromapInput input;
-                    for (const MicromapTriangle &triangle : from.triangles)
-                        input.add(triangle.level, triangle.format, triangle.states);
-                    built.micromaps.push_back(std::make_unique<vt::Micromap>(gpu, std::move(input)));
-                    built.micromaps.back()->build();
-                    attachment.micromap = built.micromaps.back().get();
-                }
-                geometry.micromap = std::move(attachment);
+    std::vector<vt::Geometry> geometries;
+    for (const Mesh &mesh : object.meshes) {
+        vt::Geometry geometry;
+        geometry.vertices = mesh.vertices;
+        geometry.boxes = mesh.boxes;
+        geometry.flags = mesh.opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
+        if (mesh.micromap) {
+            const MeshMicromap &from = *mesh.micromap;
+            vt::Attachment attachment;
+            attachment.indexType = from.indexType;
+            attachment.indices = from.indices;
+            attachment.base = from.base;
+            if (!from.null) {
+                vt::MicromapInput input;
+                for (const MicromapTriangle &triangle : from.triangles)
+                    input.add(triangle.level, triangle.format, triangle.states);
+                attachment.micromap = makeMicromap(std::move(input));
             }
-            geometries.push_back(std::move(geometry));
+            geometry.micromap = std::move(attachment);
         }
-        built.objects.push_back(std::make_unique<vt::Blas>(
-            gpu, std::move(geometries),
-            gpu.options().micromaps
-                ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT}
-                : 0));
+        geometries.push_back(std::move(geometry));
     }
+    return geometries;
+}
+
+VkBuildAccelerationStructureFlagsKHR structureFlags(const vt::Gpu &gpu)
+{
+    return gpu.options().micromaps
+               ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT}
+               : 0;
+}
+
+std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
+                                                            std::span<const vt::Structure *const> objects)
+{
     std::vector<VkAccelerationStructureInstanceKHR> instances;
     for (const Instance &from : scene.instances) {
-        auto instance = vt::instance(*built.objects[from.object], {}, from.customIndex, from.flags, from.mask);
+        auto instance = vt::instance(*objects[from.object], {}, from.customIndex, from.flags, from.mask);
         instance.transform = from.transform;
         instance.instanceShaderBindingTableRecordOffset =
             recordOffset(scene, static_cast<std::uint32_t>(instances.size())) & 0xffffffu;
@@ -62,7 +66,23 @@ Built build(vt::Gpu &gpu, const Scene &scene)
             instance.accelerationStructureReference = 0;
         instances.push_back(instance);
     }
-    built.scene = std::make_unique<vt::Tlas>(gpu, instances);
+    return instances;
+}
+
+Built build(vt::Gpu &gpu, const Scene &scene)
+{
+    Built built;
+    std::vector<const vt::Structure *> objects;
+    for (const Object &object : scene.objects) {
+        std::vector<vt::Geometry> geometries = geometriesOf(object, [&](vt::MicromapInput input) {
+            built.micromaps.push_back(std::make_unique<vt::Micromap>(gpu, std::move(input)));
+            built.micromaps.back()->build();
+            return built.micromaps.back().get();
+        });
+        built.objects.push_back(std::make_unique<vt::Blas>(gpu, std::move(geometries), structureFlags(gpu)));
+        objects.push_back(built.objects.back().get());
+    }
+    built.scene = std::make_unique<vt::Tlas>(gpu, instancesOf(scene, objects));
     return built;
 }
 
@@ -106,11 +126,10 @@ void compareScenes(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std
         Scene scene = randomScene(random, limits);
         if (gpu.onLavapipe26())
             showBeforeOthers(scene);
-        const Built built = build(gpu, scene);
         std::vector<Hits> hits;
         for (const vt::Ray &ray : scene.rays)
             hits.push_back(allHits(scene, ray));
-        const std::vector<Traced> traced = trace(built, scene, hits);
+        const std::vector<Traced> traced = trace(scene, hits);
         for (std::size_t i = 0; i < traced.size(); ++i) {
             if (hits[i].unsure) {
                 ++unsure;

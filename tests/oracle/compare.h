@@ -27,6 +27,12 @@ inline constexpr std::uint32_t kRecordOffsets = 6;
 inline constexpr std::uint32_t kBoxRecords = 8; // an object has up to three geometries
 std::uint32_t recordOffset(const Scene &scene, std::uint32_t instance);
 Built build(vt::Gpu &gpu, const Scene &scene);
+// The parts of that. makeMicromap is called for each geometry with a micromap.
+std::vector<vt::Geometry> geometriesOf(const Object &object,
+                                       const std::function<const vt::Micromap *(vt::MicromapInput)> &makeMicromap);
+VkBuildAccelerationStructureFlagsKHR structureFlags(const vt::Gpu &gpu);
+std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
+                                                            std::span<const vt::Structure *const> objects);
 
 // What the shader does with a candidate.
 bool confirms(const vt::Ray &ray, const Hit &hit);
@@ -44,7 +50,7 @@ struct Traced {
     std::uint32_t candidates;
     bool hit;
 };
-using TraceScene = std::function<std::vector<Traced>(const Built &, const Scene &, std::span<const Hits>)>;
+using TraceScene = std::function<std::vector<Traced>(const Scene &, std::span<const Hits>)>;
 // Traces that many random scenes and expects no fault, and at least `minimum` rays that could be judged.
 void compareScenes(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint64_t minimum,
                    const TraceScene &trace);

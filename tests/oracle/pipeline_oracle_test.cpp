@@ -210,16 +210,16 @@ void compare(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint
         gpu, {.groups = {{}, {.anyHit = false}, {.closestHit = false}, {.box = true}, {.box = true, .anyHit = false}},
               .records = {kRecords.begin(), kRecords.end()},
               .sbtStride = 1});
-    compareScenes(gpu, limits, scenes, minimum,
-                  [&](const Built &built, const Scene &scene, std::span<const Hits> hits) {
-                      const std::vector<vt::PipelineResult> results = tracer.trace(*built.scene, scene.rays, kCapacity);
-                      std::vector<Traced> traced;
-                      for (std::size_t i = 0; i < results.size(); ++i) {
-                          const std::string fault = Judge(scene, scene.rays[i], hits[i].hits, results[i]).fault();
-                          traced.push_back({fault, results[i].candidateCount, results[i].committed != vt::kNone});
-                      }
-                      return traced;
-                  });
+    compareScenes(gpu, limits, scenes, minimum, [&](const Scene &scene, std::span<const Hits> hits) {
+        const Built built = build(gpu, scene);
+        const std::vector<vt::PipelineResult> results = tracer.trace(*built.scene, scene.rays, kCapacity);
+        std::vector<Traced> traced;
+        for (std::size_t i = 0; i < results.size(); ++i) {
+            const std::string fault = Judge(scene, scene.rays[i], hits[i].hits, results[i]).fault();
+            traced.push_back({fault, results[i].candidateCount, results[i].committed != vt::kNone});
+        }
+        return traced;
+    });
 }
 
 class PipelineOracle : public vt::PipelineTest

@@ -23,7 +23,9 @@ constexpr float kApart = 10; // of instances, in z
 class Stress : public GpuTest
 {
 protected:
-    Stress() : GpuTest({.validation = false, .spy = false}) {}
+    explicit Stress(Memory memory = Memory::Packed) : GpuTest({.validation = false, .spy = false, .memory = memory}) {}
+
+    void changingScene();
 
     struct Shown {
         std::uint32_t blas, customIndex, flags;
@@ -156,7 +158,13 @@ protected:
     std::uint64_t compared_ = 0, hits_ = 0;
 };
 
-TEST_F(Stress, ChangingScene)
+class StressToTheEnd : public Stress
+{
+protected:
+    StressToTheEnd() : Stress(Memory::PackedToTheEnd) {}
+};
+
+void Stress::changingScene()
 {
     const char *setting = std::getenv("VELLUM_STRESS");
     const Extent extent = setting != nullptr && std::string(setting) == "full" ? kFull : kShort;
@@ -183,6 +191,8 @@ TEST_F(Stress, ChangingScene)
         copyScene(scene, copied, frame % 3);
         scene.build(scatter(random, world, extent), flags);
         expectSeen(tracer, copied, looks, kept, "copy in frame " + std::to_string(frame));
+        if (frame % (extent.frames / 50 + 1) == 0)
+            gpu().arena()->expectIntact("frame " + std::to_string(frame));
         if (frame == extent.warmUp)
             warm = Footprint::now();
         if (extent.frames >= 500 && frame % 100 == 99)
@@ -198,11 +208,25 @@ TEST_F(Stress, ChangingScene)
                 static_cast<unsigned long long>(warm.resident >> 10),
                 static_cast<unsigned long long>(end.resident >> 10), static_cast<unsigned long long>(warm.mappings),
                 static_cast<unsigned long long>(end.mappings));
+    const Arena::Counts counts = gpu().arena()->counts();
+    std::printf("arena: %llu buffers, %llu pieces, %llu guard bytes checked\n",
+                static_cast<unsigned long long>(counts.buffers), static_cast<unsigned long long>(counts.pieces),
+                static_cast<unsigned long long>(counts.guardBytes));
     EXPECT_GT(hits_, compared_ / 4);
     if (kResidentTells) {
         EXPECT_LT(end.resident, warm.resident + warm.resident / 50 + (4 << 20));
     }
     EXPECT_LE(end.mappings, warm.mappings + 16);
+}
+
+TEST_F(Stress, ChangingScene)
+{
+    changingScene();
+}
+
+TEST_F(StressToTheEnd, ChangingScene)
+{
+    changingScene();
 }
 
 } // namespace

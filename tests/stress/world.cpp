@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <stdexcept>
+#include <utility>
 
 namespace stress
 {
@@ -17,17 +17,8 @@ constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
 constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+constexpr VkBufferUsageFlags kSerializedUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress;
 constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | kAddress;
-
-VkDeviceSize up(VkDeviceSize value)
-{
-    return (value + 255) / 256 * 256;
-}
-
-VkDeviceAddress up(const Buffer &buffer)
-{
-    return up(buffer.address());
-}
 
 std::uint32_t dataBytes(std::uint32_t level, std::uint16_t format)
 {
@@ -91,8 +82,8 @@ struct World::Description {
         info.mode = mode;
         info.geometryCount = extent.geometries;
         info.pGeometries = geometries.data();
-        if (world.scratch_.handle() != VK_NULL_HANDLE)
-            info.scratchData.deviceAddress = up(world.scratch_);
+        if (world.scratch_.size() != 0)
+            info.scratchData.deviceAddress = world.scratch_.address();
     }
     Description(const Description &) = delete;
     Description &operator=(const Description &) = delete;
@@ -189,10 +180,9 @@ World::World(Gpu &gpu, const Extent &extent)
     for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
         const MicromapDescription description(m, extent_.triangles);
         const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, description.info);
-        micromapBytes_ = std::max(micromapBytes_, up(sizes.micromapSize));
+        micromapBytes_ = std::max(micromapBytes_, sizes.micromapSize);
         scratch = std::max(scratch, sizes.buildScratchSize);
     }
-    micromapRoom_ = Buffer(gpu_, 2 * micromapBytes_ * extent_.micromaps(), micromapStorageUsage(gpu_));
     {
         const Description description(*this, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
         VkAccelerationStructureBuildSizesInfoKHR sizes{};
@@ -202,27 +192,29 @@ World::World(Gpu &gpu, const Extent &extent)
         blasBytes_ = sizes.accelerationStructureSize;
         scratch = std::max({scratch, sizes.buildScratchSize, sizes.updateScratchSize});
     }
-    // A loaded structure holds its micromaps' data.
-    blasRoomBytes_ = up(blasBytes_) + micromapBytes_ * extent_.geometries + 4096;
-    blasRoom_ = Buffer(gpu_, 2 * blasRoomBytes_ * extent_.blases,
-                       VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
-    scratch_ = Buffer(gpu_, scratch + 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
-    serialized_ = Buffer(gpu_, blasRoomBytes_ + 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
-    sizes_ = QueryPool(gpu_, micromapQueryType(gpu_, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
+    scratch_ = Guarded(gpu_, scratch, gpu_.scratchAlignment(), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
     for (std::uint32_t m = 0; m < extent_.micromaps(); ++m)
         buildMicromap(m);
-    for (std::uint32_t b = 0; b < extent_.blases; ++b) {
-        replace(b, createBlas(b, 0, blasBytes_));
+    for (std::uint32_t b = 0; b < extent_.blases; ++b)
         build(b, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
-    }
 }
 
 World::~World()
 {
-    for (const Bottom &blas : blases_)
-        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
-    for (const Map &micromap : micromaps_)
-        destroyMicromap(gpu_, micromap.handle);
+    for (Bottom &blas : blases_)
+        destroy(std::move(blas));
+    for (Map &micromap : micromaps_)
+        destroy(std::move(micromap));
+}
+
+void World::destroy(Bottom blas)
+{
+    gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), blas.handle, nullptr);
+}
+
+void World::destroy(Map micromap)
+{
+    destroyMicromap(gpu_, micromap.handle);
 }
 
 void World::makeGeometry()
@@ -235,19 +227,19 @@ void World::makeGeometry()
         for (std::uint32_t t = 0; t < extent_.triangles; ++t)
             indices.push_back(indexOf(g, t, extent_.triangles));
     }
-    vertices_ = gpu_.upload(std::span<const Vec3>(vertices), kInput);
-    indices_ = gpu_.upload(std::span<const std::int32_t>(indices), kInput);
-    data_ =
-        Buffer(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState) + 512, micromapInputUsage(gpu_));
-    triangles_ =
-        Buffer(gpu_, VkDeviceSize{extent_.triangles} * sizeof(VkMicromapTriangleEXT) + 512, micromapInputUsage(gpu_));
+    vertices_ = uploadAligned(gpu_, vertices.data(), vertices.size() * sizeof(Vec3), kInput, 4);
+    indices_ = uploadAligned(gpu_, indices.data(), indices.size() * sizeof(std::int32_t), kInput, 4);
+    const VkDeviceSize alignment = micromapInputAlignment(gpu_);
+    data_ = Guarded(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState), alignment,
+                    micromapInputUsage(gpu_));
+    triangles_ = Guarded(gpu_, VkDeviceSize{extent_.triangles} * sizeof(VkMicromapTriangleEXT), alignment,
+                         micromapInputUsage(gpu_));
 }
 
 void World::fillInput(std::uint32_t micromap, std::uint32_t version)
 {
-    std::uint8_t *data = data_.bytes() + (up(data_) - data_.address());
-    auto *triangles =
-        reinterpret_cast<VkMicromapTriangleEXT *>(triangles_.bytes() + (up(triangles_) - triangles_.address()));
+    std::uint8_t *const data = data_.bytes();
+    auto *const triangles = reinterpret_cast<VkMicromapTriangleEXT *>(triangles_.bytes());
     std::uint32_t offset = 0;
     for (std::uint32_t t = 0; t < extent_.triangles; ++t) {
         const std::uint32_t level = levelOf(micromap, t);
@@ -263,95 +255,104 @@ void World::fillInput(std::uint32_t micromap, std::uint32_t version)
     }
 }
 
-MicromapHandle World::replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes)
+World::Map World::replaceMicromap(std::uint32_t micromap, VkDeviceSize bytes)
 {
-    Map &map = micromaps_[micromap];
-    const MicromapHandle old = map.handle;
-    map.handle = createMicromap(gpu_, micromapRoom_.handle(), micromapRoom_.address(),
-                                (2 * VkDeviceSize{micromap} + half) * micromapBytes_, bytes);
-    map.half = half;
-    map.bytes = bytes;
-    return old;
+    Map map;
+    map.version = micromaps_[micromap].version;
+    map.room = Guarded(gpu_, bytes, 256, micromapStorageUsage(gpu_));
+    map.handle = createMicromap(gpu_, map.room.buffer(), map.room.address() - map.room.offset(), map.room.offset(),
+                                map.room.handleSize(),
+                                map.room.handleSize() != bytes ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+                                                               : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    return std::exchange(micromaps_[micromap], std::move(map));
 }
 
 void World::buildMicromap(std::uint32_t micromap)
 {
-    Map &map = micromaps_[micromap];
-    if (map.bytes < micromapBytes_)
-        destroyMicromap(gpu_, replaceMicromap(micromap, map.half, micromapBytes_));
-    fillInput(micromap, map.version);
+    // One that was compacted or loaded has too little room.
+    if (micromaps_[micromap].room.size() < micromapBytes_)
+        destroy(replaceMicromap(micromap, micromapBytes_));
+    fillInput(micromap, micromaps_[micromap].version);
     MicromapDescription description(micromap, extent_.triangles);
-    description.info.data.deviceAddress = up(data_);
-    description.info.triangleArray.deviceAddress = up(triangles_);
+    description.info.data.deviceAddress = data_.address();
+    description.info.triangleArray.deviceAddress = triangles_.address();
     description.info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
-    description.info.scratchData.deviceAddress = up(scratch_);
-    const MicromapBuild build{description.info, map.handle};
+    description.info.scratchData.deviceAddress = scratch_.address();
+    const MicromapBuild build{description.info, micromaps_[micromap].handle};
     gpu_.submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, std::span(&build, 1)); });
 }
 
-VkDeviceSize World::compactedBytes(std::uint32_t micromap)
+VkDeviceSize World::askedOf(std::uint32_t micromap, VkQueryType type)
 {
+    const QueryPool pool(gpu_, micromapQueryType(gpu_, type));
     gpu_.submit([&](VkCommandBuffer commands) {
-        vkCmdResetQueryPool(commands, sizes_, 0, 1);
-        recordMicromapProperties(gpu_, commands, std::span(&micromaps_[micromap].handle, 1), sizes_.type(), sizes_, 0);
+        vkCmdResetQueryPool(commands, pool, 0, 1);
+        recordMicromapProperties(gpu_, commands, std::span(&micromaps_[micromap].handle, 1), pool.type(), pool, 0);
     });
-    VkDeviceSize bytes = 0;
-    VT_CHECK(vkGetQueryPoolResults(gpu_.device(), sizes_, 0, 1, sizeof bytes, &bytes, sizeof bytes,
-                                   VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
-    return bytes;
+    return pool.value();
+}
+
+VkDeviceSize World::askedOf(VkAccelerationStructureKHR blas, VkQueryType type)
+{
+    const QueryPool pool(gpu_, type);
+    gpu_.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 1);
+        gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &blas, type, pool, 0);
+    });
+    return pool.value();
 }
 
 void World::copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode)
 {
-    Map &map = micromaps_[micromap];
-    const bool compact = mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-    const MicromapHandle old = replaceMicromap(micromap, map.half ^ 1, compact ? compactedBytes(micromap) : map.bytes);
-    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapCopy(gpu_, commands, old, map.handle, mode); });
-    destroyMicromap(gpu_, old);
+    const Map &map = micromaps_[micromap];
+    const VkDeviceSize bytes = mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT
+                                   ? askedOf(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
+                                   : map.room.size();
+    Map old = replaceMicromap(micromap, bytes);
+    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapCopy(gpu_, commands, old.handle, map.handle, mode); });
+    destroy(std::move(old));
 }
 
 void World::reloadMicromap(std::uint32_t micromap)
 {
-    Map &map = micromaps_[micromap];
-    const VkDeviceAddress memory = up(serialized_);
-    gpu_.submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, map.handle, memory); });
+    const Map &map = micromaps_[micromap];
+    const Guarded memory(gpu_, askedOf(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
+    gpu_.submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, map.handle, memory.address()); });
     std::uint64_t size = 0;
-    std::memcpy(&size, serialized_.bytes() + (memory - serialized_.address()) + 40, 8);
-    destroyMicromap(gpu_, replaceMicromap(micromap, map.half ^ 1, size));
-    gpu_.submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, memory, map.handle); });
+    std::memcpy(&size, memory.bytes() + 40, 8);
+    destroy(replaceMicromap(micromap, size));
+    gpu_.submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, memory.address(), map.handle); });
 }
 
-VkAccelerationStructureKHR World::createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size)
+World::Bottom World::replaceBlas(std::uint32_t blas, VkDeviceSize bytes)
 {
-    if (size > blasRoomBytes_)
-        throw std::runtime_error("a structure is larger than its room");
+    Bottom bottom;
+    bottom.room = Guarded(gpu_, bytes, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
     VkAccelerationStructureCreateInfoKHR info{};
     info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    info.buffer = blasRoom_.handle();
-    info.offset = up((2 * VkDeviceSize{blas} + half) * blasRoomBytes_);
-    info.size = size;
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-    VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
-    VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &handle));
-    return handle;
-}
-
-void World::replace(std::uint32_t blas, VkAccelerationStructureKHR handle)
-{
-    Bottom &bottom = blases_[blas];
-    gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), bottom.handle, nullptr);
-    bottom.handle = handle;
+    info.buffer = bottom.room.buffer();
+    info.offset = bottom.room.offset();
+    info.size = bottom.room.handleSize();
+    info.type = info.size != bytes ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+                                   : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &bottom.handle));
     VkAccelerationStructureDeviceAddressInfoKHR query{};
     query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-    query.accelerationStructure = handle;
+    query.accelerationStructure = bottom.handle;
     bottom.address = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
+    return std::exchange(blases_[blas], std::move(bottom));
 }
 
 void World::build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
 {
+    const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    if (blases_[blas].room.size() < blasBytes_ && !update)
+        destroy(replaceBlas(blas, blasBytes_));
     Description description(*this, blas, mode);
     description.info.dstAccelerationStructure = blases_[blas].handle;
-    if (mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR)
+    if (update)
         description.info.srcAccelerationStructure = blases_[blas].handle;
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = description.ranges.data();
     gpu_.submit([&](VkCommandBuffer commands) {
@@ -361,43 +362,46 @@ void World::build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
 
 void World::copy(std::uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
 {
-    blases_[blas].half ^= 1;
-    const VkAccelerationStructureKHR target = createBlas(blas, blases_[blas].half, blasRoomBytes_);
+    const VkDeviceSize bytes =
+        mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR
+            ? askedOf(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+            : blases_[blas].room.size();
+    Bottom old = replaceBlas(blas, bytes);
     gpu_.submit([&](VkCommandBuffer commands) {
         VkCopyAccelerationStructureInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-        info.src = blases_[blas].handle;
-        info.dst = target;
+        info.src = old.handle;
+        info.dst = blases_[blas].handle;
         info.mode = mode;
         gpu_.vk().CmdCopyAccelerationStructureKHR(commands, &info);
     });
-    replace(blas, target);
+    destroy(std::move(old));
 }
 
 void World::reload(std::uint32_t blas)
 {
-    const VkDeviceAddress memory = up(serialized_);
+    const Guarded memory(gpu_,
+                         askedOf(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
+                         256, kSerializedUsage);
     gpu_.submit([&](VkCommandBuffer commands) {
         VkCopyAccelerationStructureToMemoryInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
         info.src = blases_[blas].handle;
-        info.dst.deviceAddress = memory;
+        info.dst.deviceAddress = memory.address();
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
         gpu_.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
     });
     std::uint64_t size = 0;
-    std::memcpy(&size, serialized_.bytes() + (memory - serialized_.address()) + 40, 8);
-    blases_[blas].half ^= 1;
-    const VkAccelerationStructureKHR target = createBlas(blas, blases_[blas].half, size);
+    std::memcpy(&size, memory.bytes() + 40, 8);
+    destroy(replaceBlas(blas, size));
     gpu_.submit([&](VkCommandBuffer commands) {
         VkCopyMemoryToAccelerationStructureInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
-        info.src.deviceAddress = memory;
-        info.dst = target;
+        info.src.deviceAddress = memory.address();
+        info.dst = blases_[blas].handle;
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
         gpu_.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info);
     });
-    replace(blas, target);
 }
 
 void World::change(std::uint32_t blas, Change change, std::uint32_t geometry)

@@ -1,5 +1,6 @@
 // Many micromaps in many bottom-level structures, whose every state is known without being kept: it is a function of
-// the micromap's number and version. Objects lie in a few large buffers and change places when they are copied.
+// the micromap's number and version. Objects are packed into the arena of the device, which must have one, and change
+// places when they are copied: into room that has become free, as large as they are told to need.
 #pragma once
 
 #include <cstdint>
@@ -58,14 +59,13 @@ public:
 private:
     struct Map {
         vt::MicromapHandle handle;
+        vt::Guarded room;
         std::uint32_t version = 0;
-        std::uint32_t half = 0; // of its room
-        VkDeviceSize bytes = 0; // of a compacted or loaded one too few for a build
     };
     struct Bottom {
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         VkDeviceAddress address = 0;
-        std::uint32_t half = 0;
+        vt::Guarded room;
     };
     struct Description;
 
@@ -74,12 +74,14 @@ private:
     void buildMicromap(std::uint32_t micromap);
     void copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode);
     void reloadMicromap(std::uint32_t micromap);
-    VkDeviceSize compactedBytes(std::uint32_t micromap);
-    // Puts a new micromap of that size into half of the room; the handle of the old one is returned.
-    vt::MicromapHandle replaceMicromap(std::uint32_t micromap, std::uint32_t half, VkDeviceSize bytes);
-    VkAccelerationStructureKHR createBlas(std::uint32_t blas, std::uint32_t half, VkDeviceSize size);
+    VkDeviceSize askedOf(std::uint32_t micromap, VkQueryType type);
+    VkDeviceSize askedOf(VkAccelerationStructureKHR blas, VkQueryType type);
+    // Puts a new one of that size into a new place, and gives back the old one.
+    Map replaceMicromap(std::uint32_t micromap, VkDeviceSize bytes);
+    Bottom replaceBlas(std::uint32_t blas, VkDeviceSize bytes);
+    void destroy(Map micromap);
+    void destroy(Bottom blas);
     void build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode);
-    void replace(std::uint32_t blas, VkAccelerationStructureKHR handle);
     void copy(std::uint32_t blas, VkCopyAccelerationStructureModeKHR mode);
     void reload(std::uint32_t blas);
 
@@ -87,10 +89,8 @@ private:
     Extent extent_;
     std::vector<Map> micromaps_;
     std::vector<Bottom> blases_;
-    vt::Buffer vertices_, indices_, data_, triangles_;
-    vt::Buffer micromapRoom_, blasRoom_, scratch_, serialized_;
-    vt::QueryPool sizes_; // one query of a compacted size
-    VkDeviceSize micromapBytes_ = 0, blasBytes_ = 0, blasRoomBytes_ = 0;
+    vt::Guarded vertices_, indices_, data_, triangles_, scratch_;
+    VkDeviceSize micromapBytes_ = 0, blasBytes_ = 0;
 };
 
 } // namespace stress

@@ -103,7 +103,8 @@ void cmdUpdateMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, con
                                              .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                              .usageId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dstRange-13005",
                                              .least = size,
-                                             .leastId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dataSize-13008"});
+                                             .leastId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dataSize-13008",
+                                             .part = AddressLookup::Part::Least});
     if (target)
         device.driver.next.CmdUpdateBuffer(commandBuffer, target->buffer, target->offset, size, data);
 }
@@ -138,7 +139,8 @@ void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer co
                              .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                              .usageId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13080",
                              .least = tooMany ? UINT64_MAX : (count - 1) * range->stride + value * (both ? 2 : 1),
-                             .leastId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079"});
+                             .leastId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079",
+                             .part = AddressLookup::Part::Least});
     if (target)
         cmdCopyQueryPoolResults(device.queries, commandBuffer, pool, first, count, target->buffer, target->offset,
                                 range->stride, flags);
@@ -151,7 +153,8 @@ void cmdWriteMarkerToMemory(DeviceAddresses &device, VkCommandBuffer commandBuff
                                                      .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                                      .usageId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13039",
                                                      .least = sizeof(uint32_t),
-                                                     .leastId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13041"});
+                                                     .leastId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13041",
+                                                     .part = AddressLookup::Part::Least});
     if (target)
         cmdWriteBufferMarker2(device.commands, commandBuffer, info->stage, target->buffer, target->offset,
                               info->marker);

@@ -31,25 +31,29 @@ struct Kind {
     const char *command;
     VkDeviceSize commandBytes; // of what the device reads for each draw
     const char *leastId;       // message where a range has too few of them
+    // Messages about the stride: of several draws it is 0, smaller than what is read, or no multiple of 4.
+    const char *noStrideId, *smallStrideId, *unalignedStrideId;
 };
 
-// The stride as the older commands take it; nothing, with a message, where it is wrong. It is 0 only where there is no
-// second draw, and they want a true one all the same (VUID-vkCmdDrawIndirectCount-stride-03110).
+// The stride as the older commands take it; nothing, with a message, where it is wrong and there is a second draw.
+// Where there is none it may be 0, and they want a true one all the same (VUID-vkCmdDrawIndirectCount-stride-03110).
 std::optional<uint32_t> strideOf(const AddressLookup &lookup, const Kind &kind, VkDeviceSize stride, uint32_t draws)
 {
-    const auto vuid = [&kind](const char *rule) { return std::string("VELLUM-VUID-") + kind.command + rule; };
-    if (draws > 1 && stride == 0) {
-        lookup.refuse(vuid("-pInfo-13111"), "several draws with a stride of 0");
-    } else if (stride != 0 && stride < kind.commandBytes) {
-        lookup.refuse(vuid("-pInfo-13112"), "the stride is smaller than what the device reads for each draw");
-    } else if (stride % 4 != 0) {
-        lookup.refuse(vuid("-pInfo-13113"), "the stride is not a multiple of 4");
-    } else if (draws > 1 && stride > UINT32_MAX) {
-        lookup.refuse("VELLUM-not-available", "strides of 4 GiB and more are not available");
-    } else {
-        return static_cast<uint32_t>(draws > 1 ? stride : kind.commandBytes);
+    const bool several = draws > 1;
+    if (several && stride == 0) {
+        lookup.refuse(kind.noStrideId, "several draws with a stride of 0");
+        return std::nullopt;
     }
-    return std::nullopt;
+    if (stride != 0 && stride < kind.commandBytes &&
+        !lookup.weigh(!several, kind.smallStrideId, "the stride is smaller than what the device reads for each draw"))
+        return std::nullopt;
+    if (stride % 4 != 0 && !lookup.weigh(!several, kind.unalignedStrideId, "the stride is not a multiple of 4"))
+        return std::nullopt;
+    if (several && stride > UINT32_MAX) {
+        lookup.refuse("VELLUM-not-available", "strides of 4 GiB and more are not available");
+        return std::nullopt;
+    }
+    return static_cast<uint32_t>(several ? stride : kind.commandBytes);
 }
 
 struct Draws {
@@ -68,7 +72,8 @@ std::optional<Draws> findDraws(const AddressLookup &lookup, const Kind &kind,
                                            .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                            .usageId = usageId,
                                            .least = (draws - VkDeviceSize{1}) * *stride + kind.commandBytes,
-                                           .leastId = kind.leastId});
+                                           .leastId = kind.leastId,
+                                           .part = AddressLookup::Part::Least});
     return found ? std::optional(Draws{*found, *stride}) : std::nullopt;
 }
 
@@ -100,7 +105,8 @@ void drawIndirectCount(const DeviceAddresses &device, VkCommandBuffer commandBuf
                                     .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                     .usageId = "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13114",
                                     .least = sizeof(uint32_t),
-                                    .leastId = "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13117"});
+                                    .leastId = "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13117",
+                                    .part = AddressLookup::Part::Least});
     if (draws && count)
         next(commandBuffer, draws->at.buffer, draws->at.offset, count->buffer, count->offset, info.maxDrawCount,
              draws->stride);
@@ -136,13 +142,14 @@ void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                                            .usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
                                            .usageId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051",
                                            .least = 1,
-                                           .leastId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13056"});
+                                           .leastId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13056",
+                                           .part = AddressLookup::Part::UpToEnd});
     if (!found)
         return;
     if (!device.driver.next.CmdBindIndexBuffer2)
         return device.driver.next.CmdBindIndexBuffer(commandBuffer, found->buffer, found->offset, info->indexType);
     // Whole indices (VUID-vkCmdBindIndexBuffer2-size-08767).
-    const VkDeviceSize size = range.size - range.size % indexBytes(info->indexType);
+    const VkDeviceSize size = found->size - found->size % indexBytes(info->indexType);
     device.driver.next.CmdBindIndexBuffer2(commandBuffer, found->buffer, found->offset, size, info->indexType);
 }
 
@@ -162,12 +169,13 @@ void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffe
                                                .usageId = "VELLUM-VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074",
                                                .least = 1,
                                                .leastId = "VELLUM-VUID-VkBindVertexBuffer3InfoKHR-addressRange-13075",
-                                               .index = i});
+                                               .index = i,
+                                               .part = AddressLookup::Part::UpToEnd});
         if (!found)
             return;
         buffers[i] = found->buffer;
         offsets[i] = found->offset;
-        sizes[i] = range.size;
+        sizes[i] = found->size;
     }
     if (!device.driver.next.CmdBindVertexBuffers2) // no dynamic strides either
         return device.driver.next.CmdBindVertexBuffers(commandBuffer, first, count, buffers.data(), offsets.data());
@@ -183,17 +191,21 @@ void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffe
 
 void cmdDrawIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(
-        device, commandBuffer, *info,
-        {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand), "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13110"},
-        device.driver.next.CmdDrawIndirect);
+    drawIndirect(device, commandBuffer, *info,
+                 {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand),
+                  "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13110", "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13111",
+                  "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13112", "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13113"},
+                 device.driver.next.CmdDrawIndirect);
 }
 
 void cmdDrawIndexedIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
     drawIndirect(device, commandBuffer, *info,
                  {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand),
-                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110"},
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110",
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13111",
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13112",
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13113"},
                  device.driver.next.CmdDrawIndexedIndirect);
 }
 
@@ -202,17 +214,22 @@ void cmdDrawMeshTasksIndirect2(DeviceAddresses &device, VkCommandBuffer commandB
 {
     drawIndirect(device, commandBuffer, *info,
                  {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
-                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13110"},
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13110",
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13111",
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13112",
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13113"},
                  device.driver.next.CmdDrawMeshTasksIndirectEXT);
 }
 
 void cmdDrawIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                            const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(device, commandBuffer, *info,
-                      {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
-                       "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110"},
-                      device.driver.next.CmdDrawIndirectCount);
+    drawIndirectCount(
+        device, commandBuffer, *info,
+        {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
+         "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110", "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13111",
+         "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13112", "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13113"},
+        device.driver.next.CmdDrawIndirectCount);
 }
 
 void cmdDrawIndexedIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
@@ -220,7 +237,10 @@ void cmdDrawIndexedIndirectCount2(DeviceAddresses &device, VkCommandBuffer comma
 {
     drawIndirectCount(device, commandBuffer, *info,
                       {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand),
-                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110"},
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110",
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13111",
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13112",
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13113"},
                       device.driver.next.CmdDrawIndexedIndirectCount);
 }
 
@@ -229,7 +249,10 @@ void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &device, VkCommandBuffer com
 {
     drawIndirectCount(device, commandBuffer, *info,
                       {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
-                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13110"},
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13110",
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13111",
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13112",
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13113"},
                       device.driver.next.CmdDrawMeshTasksIndirectCountEXT);
 }
 
@@ -242,7 +265,8 @@ void cmdDispatchIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer
                                          .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                          .usageId = "VELLUM-VUID-VkDispatchIndirect2InfoKHR-addressRange-13107",
                                          .least = sizeof(VkDispatchIndirectCommand),
-                                         .leastId = "VELLUM-VUID-vkCmdDispatchIndirect2KHR-pInfo-13050"});
+                                         .leastId = "VELLUM-VUID-vkCmdDispatchIndirect2KHR-pInfo-13050",
+                                         .part = AddressLookup::Part::Least});
     if (found)
         device.driver.next.CmdDispatchIndirect(commandBuffer, found->buffer, found->offset);
 }
@@ -256,7 +280,8 @@ void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer comm
                                     .usage = VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT,
                                     .usageId = "VELLUM-VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13064",
                                     .least = sizeof(uint32_t),
-                                    .leastId = "VELLUM-VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13066"});
+                                    .leastId = "VELLUM-VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13066",
+                                    .part = AddressLookup::Part::Least});
     if (!found)
         return;
     // The layer's own, which remembers it for injected work.

@@ -1,5 +1,6 @@
 #include "layer/address/address_lookup.h"
 
+#include <algorithm>
 #include <cinttypes>
 #include <cstdio>
 
@@ -8,44 +9,67 @@
 namespace vellum::layer
 {
 
-void AddressLookup::refuse(const std::string &id, const std::string &text) const
+void AddressLookup::refuse(const char *id, const std::string &text) const
 {
-    device_.driver.report().error(id.c_str(), std::string(command_) + ": " + text + "; " + otherwise_,
+    device_.driver.report().error(id, std::string(command_) + ": " + text + "; " + otherwise_,
                                   VK_OBJECT_TYPE_COMMAND_BUFFER, reinterpret_cast<uint64_t>(commandBuffer_));
 }
 
-std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,
-                                                        const char *structure) const
+bool AddressLookup::weigh(bool harmless, const char *id, const std::string &text) const
 {
-    const auto refuseRange = [&](const std::string &id, const char *what) {
+    if (harmless)
+        return device_.driver.report().tolerates(id, std::string(command_) + ": " + text, VK_OBJECT_TYPE_COMMAND_BUFFER,
+                                                 reinterpret_cast<uint64_t>(commandBuffer_));
+    refuse(id, text);
+    return false;
+}
+
+std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,
+                                                        const Rules &rules) const
+{
+    const auto mayGoOn = [&](bool harmless, const char *id, const char *what) {
         char text[256];
         std::snprintf(text, sizeof text, "%s (element %" PRIu32 "), %" PRIu64 " bytes at address 0x%" PRIx64 ", %s",
                       need.member, need.index, range.size, range.address, what);
-        refuse(id, text);
-        return std::nullopt;
+        return weigh(harmless, id, text);
     };
-    const auto vuid = [structure](const char *rule) { return std::string("VELLUM-VUID-") + structure + rule; };
-    if (range.address == 0)
-        return refuseRange(vuid("-size-11411"), "is a null range");
-    if (range.size < need.least)
-        return refuseRange(need.leastId, "is smaller than what the command accesses");
-    const AddressMap::Place place = device_.addresses.covering(range.address, range.size, need.usage);
+    if (range.address == 0) {
+        mayGoOn(false, rules.null, "is a null range");
+        return std::nullopt;
+    }
+    const AddressMap &addresses = device_.addresses;
+    const VkDeviceSize wanted = std::max(range.size, need.least);
+    if (range.size < need.least && !mayGoOn(range.size > 0 && addresses.covering(range.address, need.least, 0).buffer,
+                                            need.leastId, "is smaller than what the command accesses"))
+        return std::nullopt;
+    AddressMap::Place place = addresses.covering(range.address, wanted, need.usage);
     if (place.buffer)
-        return Found{place.buffer, place.offset};
-    if (device_.addresses.covering(range.address, range.size, 0).buffer)
-        return refuseRange(need.usageId, "lies in no buffer with the usage that the command needs");
-    return refuseRange(vuid("-address-11365"), "does not lie in one buffer");
+        return Found{place.buffer, place.offset, range.size};
+    place = addresses.covering(range.address, wanted, 0);
+    if (place.buffer)
+        return mayGoOn(true, need.usageId, "lies in no buffer with the usage that the command needs")
+                   ? std::optional(Found{place.buffer, place.offset, range.size})
+                   : std::nullopt;
+    if (need.part != Part::All)
+        place = addresses.covering(range.address, std::max(need.least, VkDeviceSize{1}), need.usage);
+    return mayGoOn(place.buffer, rules.buffer, "does not lie in one buffer")
+               ? std::optional(Found{place.buffer, place.offset, place.bytes})
+               : std::nullopt;
 }
 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need) const
 {
-    return find(range, need, "VkDeviceAddressRangeKHR");
+    return find(
+        range, need,
+        {"VELLUM-VUID-VkDeviceAddressRangeKHR-size-11411", "VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365"});
 }
 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkStridedDeviceAddressRangeKHR &range,
                                                         const Need &need) const
 {
-    return find({range.address, range.size}, need, "VkStridedDeviceAddressRangeKHR");
+    return find({range.address, range.size}, need,
+                {"VELLUM-VUID-VkStridedDeviceAddressRangeKHR-size-11411",
+                 "VELLUM-VUID-VkStridedDeviceAddressRangeKHR-address-11365"});
 }
 
 } // namespace vellum::layer

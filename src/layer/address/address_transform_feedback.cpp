@@ -37,7 +37,8 @@ std::optional<Counters> findCounters(const AddressLookup &lookup, uint32_t count
                                                 .usageId = usageId,
                                                 .least = sizeof(uint32_t),
                                                 .leastId = leastId,
-                                                .index = i});
+                                                .index = i,
+                                                .part = AddressLookup::Part::Least});
         if (!found)
             return std::nullopt;
         counters.buffers[i] = found->buffer;
@@ -59,12 +60,13 @@ void cmdBindTransformFeedbackBuffers2(DeviceAddresses &device, VkCommandBuffer c
             infos[i].addressRange, {.member = "addressRange of pBindingInfos",
                                     .usage = VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT,
                                     .usageId = "VELLUM-VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091",
-                                    .index = i});
+                                    .index = i,
+                                    .part = AddressLookup::Part::UpToEnd});
         if (!found)
             return;
         buffers[i] = found->buffer;
         offsets[i] = found->offset;
-        sizes[i] = infos[i].addressRange.size;
+        sizes[i] = found->size;
     }
     device.driver.next.CmdBindTransformFeedbackBuffersEXT(commandBuffer, first, count, buffers.data(), offsets.data(),
                                                           sizes.data());
@@ -111,7 +113,8 @@ void cmdDrawIndirectByteCount2(DeviceAddresses &device, VkCommandBuffer commandB
                                          .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
                                          .usageId = "VELLUM-VUID-vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
                                          .least = sizeof(uint32_t),
-                                         .leastId = "VELLUM-counter-range"});
+                                         .leastId = "VELLUM-counter-range",
+                                         .part = AddressLookup::Part::Least});
     if (found)
         device.driver.next.CmdDrawIndirectByteCountEXT(commandBuffer, instanceCount, firstInstance, found->buffer,
                                                        found->offset, counterOffset, vertexStride);

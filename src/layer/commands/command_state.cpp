@@ -1,6 +1,6 @@
 #include "layer/commands/command_state.h"
 
-#include <cstring>
+#include <atomic>
 
 #include "layer/commands/device_commands.h"
 #include "layer/ground/pnext.h"
@@ -10,22 +10,92 @@ namespace vellum::layer
 namespace
 {
 
-bool covers(const CommandState::PushedConstants &later, const CommandState::PushedConstants &earlier)
+bool covers(VkShaderStageFlags stages, uint32_t offset, uint32_t size, const CommandState::PushedConstants &earlier)
 {
-    return (earlier.stages & ~later.stages) == 0 && later.offset <= earlier.offset &&
-           later.offset + later.bytes.size() >= earlier.offset + earlier.bytes.size();
+    return (earlier.stages & ~stages) == 0 && offset <= earlier.offset &&
+           offset + size >= earlier.offset + earlier.bytes.size();
 }
 
 void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFlags stages, uint32_t offset,
                   uint32_t size, const void *values)
 {
-    CommandState::PushedConstants push{layout, stages, offset, std::vector<std::byte>(size)};
-    std::memcpy(push.bytes.data(), values, size);
-    std::erase_if(state.pushes, [&push](const auto &earlier) { return covers(push, earlier); });
+    CommandState::PushedConstants push{layout, stages, offset, {}};
+    // Mostly the same is pushed again: then its memory is used again.
+    std::erase_if(state.pushes, [&](auto &earlier) {
+        const bool gone = covers(stages, offset, size, earlier);
+        if (gone && push.bytes.capacity() < earlier.bytes.capacity())
+            std::swap(push.bytes, earlier.bytes);
+        return gone;
+    });
+    const auto *const bytes = static_cast<const std::byte *>(values);
+    push.bytes.assign(bytes, bytes + size);
     state.pushes.push_back(std::move(push));
 }
 
+// What each thread looked up last is right for as long as no command buffer of this process was allocated or freed
+// since.
+std::atomic<uint64_t> changes{1};
+
+struct LastState {
+    const CommandStates *states = nullptr;
+    VkCommandBuffer commandBuffer = VK_NULL_HANDLE;
+    uint64_t changes = 0;
+    CommandState *state = nullptr;
+};
+thread_local LastState last;
+
 } // namespace
+
+void CommandStates::changed()
+{
+    changes.fetch_add(1, std::memory_order_relaxed);
+}
+
+void CommandStates::add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandState> state)
+{
+    changed();
+    {
+        std::lock_guard lock(poolsMutex_);
+        pools_[state->pool].insert(commandBuffer);
+    }
+    states_.set(commandBuffer, std::move(state));
+}
+
+void CommandStates::remove(VkCommandPool pool, VkCommandBuffer commandBuffer)
+{
+    changed();
+    {
+        std::lock_guard lock(poolsMutex_);
+        if (const auto found = pools_.find(pool); found != pools_.end())
+            found->second.erase(commandBuffer);
+    }
+    states_.take(commandBuffer);
+}
+
+void CommandStates::removePool(VkCommandPool pool)
+{
+    changed();
+    std::unordered_set<VkCommandBuffer> buffers;
+    {
+        std::lock_guard lock(poolsMutex_);
+        if (auto node = pools_.extract(pool))
+            buffers = std::move(node.mapped());
+    }
+    for (const VkCommandBuffer commandBuffer : buffers)
+        states_.take(commandBuffer);
+}
+
+// Freeing a command buffer and using its handle again are ordered by the application, so whoever uses the new one sees
+// the count that the free left behind, or a later one.
+CommandState *CommandStates::get(VkCommandBuffer commandBuffer) const
+{
+    const uint64_t now = changes.load(std::memory_order_relaxed);
+    if (last.commandBuffer == commandBuffer && last.changes == now && last.states == this)
+        return last.state;
+    CommandState *const state = states_.get(commandBuffer).get();
+    last = {this, commandBuffer, now, state};
+    return state;
+}
 
 void CommandState::forgetBindings()
 {
@@ -40,10 +110,10 @@ VkResult allocateCommandBuffers(DeviceCommands &device, VkDevice handle, const V
 {
     const VkResult result = device.driver.next.AllocateCommandBuffers(handle, info, buffers);
     for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i) {
-        auto state = std::make_shared<CommandState>();
+        auto state = std::make_shared<CommandState>(device.buffers.scratch);
         state->pool = info->commandPool;
         state->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-        device.states.set(buffers[i], std::move(state));
+        device.states.add(buffers[i], std::move(state));
     }
     return result;
 }
@@ -52,7 +122,7 @@ void freeCommandBuffers(DeviceCommands &device, VkDevice handle, VkCommandPool p
                         const VkCommandBuffer *buffers)
 {
     for (uint32_t i = 0; i < count; ++i)
-        device.states.take(buffers[i]);
+        device.states.remove(pool, buffers[i]);
     device.driver.next.FreeCommandBuffers(handle, pool, count, buffers);
 }
 
@@ -60,7 +130,7 @@ void destroyCommandPool(DeviceCommands &device, VkDevice handle, VkCommandPool p
                         const VkAllocationCallbacks *allocator)
 {
     if (pool)
-        device.states.removeIf([&](const auto &state) { return state->pool == pool; });
+        device.states.removePool(pool);
     device.driver.next.DestroyCommandPool(handle, pool, allocator);
 }
 

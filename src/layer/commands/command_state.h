@@ -3,11 +3,15 @@
 
 #include <cstddef>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include <vulkan/vulkan.h>
 
+#include "layer/ground/handle_map.h"
 #include "layer/ground/vulkan_newer.h"
 #include "layer/memory/scratch_memory.h"
 
@@ -23,6 +27,8 @@ struct CommandState {
         uint32_t offset;
         std::vector<std::byte> bytes;
     };
+    explicit CommandState(MemoryPool &scratchPool) : scratch(scratchPool) {}
+
     VkCommandPool pool = VK_NULL_HANDLE;
     bool secondary = false;
 
@@ -37,6 +43,31 @@ struct CommandState {
     ScratchMemory scratch;  // of injected work; lives as long as what is recorded
 
     void forgetBindings();
+};
+
+// The states of all command buffers of a device. Every recorded command looks one up, mostly that of the command buffer
+// that its thread recorded into before.
+class CommandStates
+{
+public:
+    CommandStates() = default;
+    ~CommandStates() { changed(); }
+    CommandStates(const CommandStates &) = delete;
+    CommandStates &operator=(const CommandStates &) = delete;
+
+    void add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandState> state);
+    void remove(VkCommandPool pool, VkCommandBuffer commandBuffer);
+    void removePool(VkCommandPool pool); // with all command buffers in it
+    // Null of one that the application did not allocate. It is there until the command buffer is freed, which is not
+    // while something is recorded into it.
+    [[nodiscard]] CommandState *get(VkCommandBuffer commandBuffer) const;
+
+private:
+    static void changed();
+
+    HandleMap<VkCommandBuffer, std::shared_ptr<CommandState>> states_;
+    std::mutex poolsMutex_;
+    std::unordered_map<VkCommandPool, std::unordered_set<VkCommandBuffer>> pools_;
 };
 
 VkResult allocateCommandBuffers(DeviceCommands &, VkDevice, const VkCommandBufferAllocateInfo *, VkCommandBuffer *);

@@ -20,7 +20,7 @@ struct DeviceCommands {
     DeviceObjects &objects;
     InjectedPipelines injected{};
     Complaints complaints{};
-    HandleMap<VkCommandBuffer, std::shared_ptr<CommandState>> states{};
+    CommandStates states{};
     HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations{};
     TrialQueue trials{}; // the last one: what is still running may use the others
 };

@@ -1,5 +1,8 @@
 #include "layer/commands/injected_work.h"
 
+#include <algorithm>
+#include <vector>
+
 #include "layer/commands/device_commands.h"
 #include "shaders/blas_records.h"
 #include "shaders/hit_records.h"
@@ -74,10 +77,11 @@ constexpr uint32_t kMaxGroups = 65535; // the least maxComputeWorkGroupCount
 
 } // namespace
 
-VkResult InjectedPipelines::create(const GpuContext &context)
+VkResult InjectedPipelines::create(const GpuContext &context, uint32_t pushBytes)
 {
     context_ = context;
-    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};
+    pushBytes_ = pushBytes;
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes};
     VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
     info.pushConstantRangeCount = 1;
     info.pPushConstantRanges = &range;
@@ -201,20 +205,20 @@ ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
     if (!state_)
         return {};
     state_->scratch.restart();
-    return state_->scratch.place(device_.buffers.gpu, bytes);
+    return state_->scratch.place(bytes);
 }
 
 // A dispatch of nothing, with what the application has pushed; zeros, as in a new command buffer, where it has not.
 void InjectedWork::uploadPushConstants()
 {
-    std::array<std::byte, kPushBytes> bytes{};
+    std::vector<std::byte> bytes(device_.injected.pushBytes());
     for (const CommandState::PushedConstants &push : state_->pushes) {
         if (push.offset < bytes.size())
             std::copy_n(push.bytes.begin(), std::min(push.bytes.size(), bytes.size() - push.offset),
-                        bytes.begin() + push.offset);
+                        bytes.data() + push.offset);
     }
     device_.driver.next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
-                                         kPushBytes, bytes.data());
+                                         device_.injected.pushBytes(), bytes.data());
     device_.driver.next.CmdDispatch(commandBuffer_, 0, 1, 1);
 }
 

@@ -70,10 +70,11 @@ struct QueryCopyPush {
     uint32_t count, flags;
 };
 struct BlasRecordsPush {
-    VkDeviceAddress geometryRecord, triangleRecords, micromap, indices, cell, firstGeometryRecord, log, range;
+    VkDeviceAddress tail, micromap, indices, cell, log, range;
     uint64_t object;
+    VkDeviceAddress source, sourceBegin, begin;
     uint32_t triangleCount, indexBytes, indexStride, readable, baseTriangle, geometryWord, geometryCount, tailUnits,
-        geometry, named, micromapSize;
+        geometry, named, micromapSize, commonUnits;
 };
 enum class InstancesFrom : uint32_t { Array, Pointers, Structure, Serialized };
 struct TlasInstancesPush {
@@ -85,15 +86,18 @@ struct TlasInstancesPush {
 };
 struct StructureCopyPush {
     VkDeviceAddress sourceCell, targetCell, sourceBegin, targetBegin, root;
-    uint32_t sourceUnits, targetUnits, compact;
+    uint32_t sourceUnits, targetUnits, compact, whole;
 };
 struct StructureSavePush {
     VkDeviceAddress cell, begin, staging, blob, root;
     uint32_t structureUnits, stagingUnits, leastUnits, capacity, wholeCopies, pass, blocks, padding;
 };
+enum class RestorePass : uint32_t { Check, AddUp, Decide, Stage, Finish, Keep, GiveBack, GiveBackLast };
 struct StructureRestorePush {
-    VkDeviceAddress blob, staging, cell, begin, root, blank;
-    uint32_t blankUnits, capacity, stagingUnits, targetUnits, kind, pass;
+    VkDeviceAddress blob, staging, cell, begin, root, blank, kept;
+    uint32_t blankUnits, capacity, stagingUnits, targetUnits, kind, keptUnits, blankBuiltUnits, topWay;
+    RestorePass pass;
+    uint32_t padding;
 };
 struct StructureSizePush {
     VkDeviceAddress cell, begin, value;
@@ -119,13 +123,16 @@ class InjectedPipelines
 {
 public:
     ~InjectedPipelines();
-    VkResult create(const GpuContext &context);
+    // `pushBytes`: of the layout, kPushBytes or more.
+    VkResult create(const GpuContext &context, uint32_t pushBytes);
     // VK_NULL_HANDLE where the driver could not make it.
     VkPipeline get(InjectedShader shader);
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+    [[nodiscard]] uint32_t pushBytes() const { return pushBytes_; }
 
 private:
     GpuContext context_;
+    uint32_t pushBytes_ = kPushBytes;
     std::mutex mutex_;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
     std::array<VkPipeline, static_cast<size_t>(InjectedShader::Count)> pipelines_{};
@@ -186,7 +193,7 @@ private:
 
     DeviceCommands &device_;
     VkCommandBuffer commandBuffer_;
-    std::shared_ptr<CommandState> state_;
+    CommandState *state_; // null of a command buffer that is not the application's
     bool disturbed_ = false;
 };
 

@@ -1,8 +1,8 @@
 #include "layer/door/device.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
-#include <cstdio>
 #include <cstring>
 #include <shared_mutex>
 #include <string>
@@ -19,8 +19,29 @@ namespace vellum::layer
 namespace
 {
 
+// Every intercepted command looks its device up, on all threads at once: a lock that they share, even one for readers,
+// would be written by each of them. So the first devices, which are all that most processes have, lie in places that
+// are read without one. A place changes only while its device is made or destroyed, when no command may name it; what
+// others read there meanwhile is another key than theirs.
+struct DevicePlace {
+    std::atomic<void *> key = nullptr;
+    std::atomic<Device *> device = nullptr;
+};
+std::array<DevicePlace, 16> devicePlaces;
+
 std::shared_mutex devicesMutex;
 std::unordered_map<void *, std::unique_ptr<Device>> devices;
+
+void setPlace(void *oldKey, void *key, Device *device)
+{
+    for (DevicePlace &place : devicePlaces) {
+        if (place.key.load(std::memory_order_relaxed) != oldKey)
+            continue;
+        place.device.store(device, std::memory_order_relaxed);
+        place.key.store(key, std::memory_order_release);
+        return;
+    }
+}
 
 bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
 {
@@ -29,14 +50,6 @@ bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
             return true;
     }
     return false;
-}
-
-// 0 of a device that is no CPU.
-uint32_t threadsOf(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    VkPhysicalDeviceProperties properties{};
-    instance.next.GetPhysicalDeviceProperties(physicalDevice, &properties);
-    return properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
 }
 
 template <typename T>
@@ -83,15 +96,24 @@ Asked askedFor(const VkDeviceCreateInfo &info)
     return asked;
 }
 
-// Whether the layer has to provide something; with VK_ERROR_EXTENSION_NOT_PRESENT where nobody can.
-VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info, bool &emulated)
+// What a device that is being made may need of the layer.
+struct Provided {
+    bool emulated = false; // there is something that the layer provides
+    Implementations have;
+    std::vector<VkExtensionProperties> extensions; // the driver's; empty where nothing was asked for
+};
+
+// VK_ERROR_EXTENSION_NOT_PRESENT where nobody can provide what is asked for.
+VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info,
+                      Provided &provided)
 {
-    emulated = false;
     const Asked asked = askedFor(info);
     const bool displacement = asksFor(info, newer::kDisplacementMicromapExtension);
     if (!asked.ext && !asked.khr && !asked.addressCommands && !displacement)
         return VK_SUCCESS;
-    const Implementations have = implementationsOn(instance, physicalDevice);
+    provided.extensions = driverExtensions(instance, physicalDevice);
+    const Implementations have = provided.have = implementationsOf(instance, physicalDevice, provided.extensions);
+    bool &emulated = provided.emulated;
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
         emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
     // Micromaps are all the driver's or all the layer's.
@@ -113,9 +135,40 @@ VkResult emulates(Instance &instance, VkPhysicalDevice physicalDevice, const VkD
     return VK_ERROR_EXTENSION_NOT_PRESENT;
 }
 
+// Whether the application wants addresses to be captured and replayed.
+bool asksForReplay(const VkDeviceCreateInfo &info)
+{
+    const auto *core =
+        featuresIn<VkPhysicalDeviceVulkan12Features>(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
+    const auto *own = featuresIn<VkPhysicalDeviceBufferDeviceAddressFeatures>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES);
+    const auto *old = featuresIn<VkPhysicalDeviceBufferDeviceAddressFeaturesEXT>(
+        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES_EXT);
+    return (core && core->bufferDeviceAddressCaptureReplay) || (own && own->bufferDeviceAddressCaptureReplay) ||
+           (old && old->bufferDeviceAddressCaptureReplay);
+}
+
+// The begin of the path of files about where tables of this device and driver lay (memory/kept_addresses.h).
+std::string keptAddresses(const Instance &instance, VkPhysicalDevice physicalDevice)
+{
+    if (instance.settings.cacheFolder.empty())
+        return {};
+    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    std::string path = instance.settings.cacheFolder + "/";
+    for (const auto *uuid : {&id.deviceUUID, &properties.properties.pipelineCacheUUID}) {
+        for (const uint8_t byte : *uuid) {
+            constexpr const char *kDigits = "0123456789abcdef";
+            path += {kDigits[byte >> 4], kDigits[byte & 15]};
+        }
+    }
+    return path;
+}
+
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
-    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, bool importsHostMemory)
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, const GpuContext &gpu)
         : info(application), chain(application.pNext)
     {
         const auto provided = [ownAddressCommands](const char *name) {
@@ -129,7 +182,7 @@ struct DriverDeviceInfo {
             if (!provided(application.ppEnabledExtensionNames[i]))
                 extensions.push_back(application.ppEnabledExtensionNames[i]);
         }
-        if (importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
+        if (gpu.importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
             extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
@@ -143,12 +196,15 @@ struct DriverDeviceInfo {
         if (auto *core =
                 chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
             core->bufferDeviceAddress = VK_TRUE;
+            core->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
         } else if (auto *own = chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(
                        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
             own->bufferDeviceAddress = VK_TRUE;
+            own->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
         } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES) &&
                    !findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
             addresses.bufferDeviceAddress = VK_TRUE;
+            addresses.bufferDeviceAddressCaptureReplay = VkBool32{gpu.replaysAddresses};
             chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
         }
         info.pNext = chain.head();
@@ -159,27 +215,6 @@ struct DriverDeviceInfo {
     VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
-
-// Driver::keepsOldPushConstants. Only its text tells the version: driverVersion is always 0.0.1.
-bool isLavapipeBefore26(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    VkPhysicalDeviceDriverProperties driver{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES};
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &driver, {}};
-    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
-    unsigned major = 0;
-    return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && std::sscanf(driver.driverInfo, "Mesa %u", &major) == 1 &&
-           major < 26;
-}
-
-std::array<uint8_t, VK_UUID_SIZE> driverUuidOf(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
-    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
-    std::array<uint8_t, VK_UUID_SIZE> uuid;
-    std::memcpy(uuid.data(), id.driverUUID, VK_UUID_SIZE);
-    return uuid;
-}
 
 std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, VkPhysicalDevice physicalDevice)
 {
@@ -220,9 +255,21 @@ VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
 
 Device *deviceOfKey(void *key)
 {
+    for (const DevicePlace &place : devicePlaces) {
+        if (place.key.load(std::memory_order_acquire) == key)
+            return place.device.load(std::memory_order_relaxed);
+    }
     std::shared_lock lock(devicesMutex);
     const auto it = devices.find(key);
     return it == devices.end() ? nullptr : it->second.get();
+}
+
+bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle)
+{
+    std::shared_lock lock(devicesMutex);
+    return std::any_of(devices.begin(), devices.end(), [&](const auto &entry) {
+        return entry.second->instance == &instance && entry.second->objects.own(type, handle);
+    });
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
@@ -239,24 +286,27 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (!nextCreate)
         return VK_ERROR_INITIALIZATION_FAILED;
 
-    bool emulated = false;
-    VkResult result = emulates(instance, physicalDevice, *info, emulated);
+    Provided provided;
+    VkResult result = findProvided(instance, physicalDevice, *info, provided);
     if (result != VK_SUCCESS)
         return result;
     auto device = std::make_unique<Device>();
-    device->driver.emulated = emulated;
-    if (emulated) {
+    device->driver.emulated = provided.emulated;
+    DriverFacts facts;
+    if (provided.emulated) {
+        facts = driverFactsOf(instance, physicalDevice, provided.extensions);
         device->driver.asked = askedFor(*info);
         if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;
         }
         device->driver.ownAddressCommands =
-            device->driver.asked.addressCommands &&
-            implementationsOn(instance, physicalDevice).addressCommands == Implementation::Emulation;
-        device->buffers.gpu.importsHostMemory = importsHostMemory(instance, physicalDevice);
-        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands,
-                                          device->buffers.gpu.importsHostMemory);
+            device->driver.asked.addressCommands && provided.have.addressCommands == Implementation::Emulation;
+        device->buffers.gpu.importsHostMemory = facts.importsHostMemory;
+        // An application that replays addresses has all of them to itself.
+        device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
+                                               replaysAddresses(instance, physicalDevice);
+        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands, device->buffers.gpu);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -283,14 +333,15 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) {
             bufferHasAddress(objects, buffer);
         };
-        result = device->objects.root.create(device->buffers.gpu);
+        result = device->objects.root.create(device->buffers.gpu, keptAddresses(instance, physicalDevice));
         if (result == VK_SUCCESS)
-            result = device->commands.injected.create(device->buffers.gpu);
+            result = device->commands.injected.create(
+                device->buffers.gpu, facts.isLavapipeBefore26 ? facts.maxPushConstantsSize : kPushBytes);
         if (result == VK_SUCCESS && instance.settings.validate)
             result = device->commands.complaints.create(device->buffers.gpu);
-        device->driver.threads = threadsOf(instance, physicalDevice);
-        device->driver.keepsOldPushConstants = isLavapipeBefore26(instance, physicalDevice);
-        device->driver.driverUuid = driverUuidOf(instance, physicalDevice);
+        device->driver.threads = facts.isCpu ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
+        device->driver.clearsWholeHandles = device->driver.keepsOldPushConstants = facts.isLavapipeBefore26;
+        device->driver.driverUuid = facts.driverUuid;
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
             const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
@@ -305,6 +356,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
     }
     std::unique_lock lock(devicesMutex);
+    setPlace(nullptr, dispatchKey(*handle), device.get());
     devices[dispatchKey(*handle)] = std::move(device);
     return VK_SUCCESS;
 }
@@ -321,6 +373,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
             return;
         device = std::move(it->second);
         devices.erase(it);
+        setPlace(dispatchKey(handle), nullptr, nullptr);
     }
     reportNotices(device->objects);
     device->commands.complaints.drain(device->driver.report());

@@ -34,6 +34,9 @@ Device &deviceOf(DispatchableHandle handle)
     return *deviceOfKey(dispatchKey(handle));
 }
 
+// Whether an object of some device of the instance is the layer's own, which means nothing to the driver.
+bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle);
+
 // What a room has of a device: its commands take that as their first parameter.
 template <typename Room>
 Room &roomOf(Device &device)

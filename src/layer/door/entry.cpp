@@ -7,6 +7,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "layer/commands/sync.h"
+#include "layer/door/debug_messages.h"
 #include "layer/door/device.h"
 #include "layer/memory/buffers.h"
 #include "layer/micromaps/micromap.h"
@@ -105,6 +106,8 @@ const Row kRows[] = {
     row<getPhysicalDeviceExternalBufferProperties>("vkGetPhysicalDeviceExternalBufferPropertiesKHR", Scope::Instance),
     row<createDebugUtilsMessenger>("vkCreateDebugUtilsMessengerEXT", Scope::Instance),
     row<destroyDebugUtilsMessenger>("vkDestroyDebugUtilsMessengerEXT", Scope::Instance),
+    row<submitDebugUtilsMessage>("vkSubmitDebugUtilsMessageEXT", Scope::Instance),
+    row<debugReportMessage>("vkDebugReportMessageEXT", Scope::Instance),
 
     row<getDeviceProcAddr>("vkGetDeviceProcAddr", Scope::Device),
     row<destroyDevice>("vkDestroyDevice", Scope::Device),

@@ -1,6 +1,7 @@
 #include "layer/door/instance.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <mutex>
@@ -63,25 +64,17 @@ VkResult giveList(const std::vector<T> &list, uint32_t *count, T *out)
     return n < list.size() ? VK_INCOMPLETE : VK_SUCCESS;
 }
 
-std::vector<VkExtensionProperties> driverExtensions(Instance &instance, VkPhysicalDevice device)
-{
-    std::vector<VkExtensionProperties> list;
-    VkResult result = VK_INCOMPLETE;
-    while (result == VK_INCOMPLETE) {
-        uint32_t count = 0;
-        if (instance.next.EnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr) != VK_SUCCESS)
-            return {};
-        list.resize(count);
-        result = instance.next.EnumerateDeviceExtensionProperties(device, nullptr, &count, list.data());
-        list.resize(count);
-    }
-    return list;
-}
-
 bool contains(const std::vector<VkExtensionProperties> &list, const char *name)
 {
     return std::any_of(list.begin(), list.end(),
                        [name](const auto &e) { return std::strcmp(e.extensionName, name) == 0; });
+}
+
+bool isVulkan13(Instance &instance, VkPhysicalDevice device)
+{
+    VkPhysicalDeviceProperties properties{};
+    instance.next.GetPhysicalDeviceProperties(device, &properties);
+    return properties.apiVersion >= VK_API_VERSION_1_3;
 }
 
 // What the layer's way of having micromaps takes.
@@ -92,9 +85,7 @@ bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<V
         !instance.next.GetPhysicalDeviceFeatures2)
         return false;
     // VK_EXT_opacity_micromap depends on VK_KHR_synchronization2 or Vulkan 1.3.
-    VkPhysicalDeviceProperties properties{};
-    instance.next.GetPhysicalDeviceProperties(device, &properties);
-    if (properties.apiVersion < VK_API_VERSION_1_3 && !contains(list, VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME))
+    if (!contains(list, VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME) && !isVulkan13(instance, device))
         return false;
     VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR};
@@ -110,6 +101,46 @@ bool isVulkan11(const VkInstanceCreateInfo &info)
     return info.pApplicationInfo && info.pApplicationInfo->apiVersion >= VK_API_VERSION_1_1;
 }
 
+bool canImportHostMemory(Instance &instance, VkPhysicalDevice device)
+{
+    if (!instance.next.GetPhysicalDeviceExternalBufferProperties)
+        return false;
+    const VkPhysicalDeviceExternalBufferInfo info{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO, nullptr, 0,
+                                                  VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                                                      VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+                                                  VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT};
+    VkExternalBufferProperties buffers{VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES, nullptr, {}};
+    instance.next.GetPhysicalDeviceExternalBufferProperties(device, &info, &buffers);
+    const VkExternalMemoryFeatureFlags features = buffers.externalMemoryProperties.externalMemoryFeatures;
+    return (features & VK_EXTERNAL_MEMORY_FEATURE_IMPORTABLE_BIT) != 0 &&
+           (features & VK_EXTERNAL_MEMORY_FEATURE_DEDICATED_ONLY_BIT) == 0;
+}
+
+// Driver::keepsOldPushConstants. Only its text tells the version: driverVersion is always 0.0.1.
+bool isLavapipeBefore26(const VkPhysicalDeviceDriverProperties &driver)
+{
+    unsigned major = 0;
+    return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && std::sscanf(driver.driverInfo, "Mesa %u", &major) == 1 &&
+           major < 26;
+}
+
+} // namespace
+
+std::vector<VkExtensionProperties> driverExtensions(Instance &instance, VkPhysicalDevice device)
+{
+    std::vector<VkExtensionProperties> list;
+    VkResult result = VK_INCOMPLETE;
+    while (result == VK_INCOMPLETE) {
+        uint32_t count = 0;
+        if (instance.next.EnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr) != VK_SUCCESS)
+            return {};
+        list.resize(count);
+        result = instance.next.EnumerateDeviceExtensionProperties(device, nullptr, &count, list.data());
+        list.resize(count);
+    }
+    return list;
+}
+
 Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
                                   const std::vector<VkExtensionProperties> &list)
 {
@@ -123,7 +154,27 @@ Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
     return result;
 }
 
-} // namespace
+DriverFacts driverFactsOf(Instance &instance, VkPhysicalDevice physicalDevice,
+                          const std::vector<VkExtensionProperties> &extensions)
+{
+    VkPhysicalDeviceExternalMemoryHostPropertiesEXT host{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_MEMORY_HOST_PROPERTIES_EXT};
+    const bool knowsHost = contains(extensions, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
+    VkPhysicalDeviceDriverProperties driver{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES,
+                                            knowsHost ? &host : nullptr};
+    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES, &driver};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
+    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
+    DriverFacts facts;
+    facts.isCpu = properties.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+    facts.isLavapipeBefore26 = isLavapipeBefore26(driver);
+    facts.maxPushConstantsSize = properties.properties.limits.maxPushConstantsSize;
+    std::memcpy(facts.driverUuid.data(), id.driverUUID, VK_UUID_SIZE);
+    facts.importsHostMemory = knowsHost && facts.isCpu &&
+                              host.minImportedHostPointerAlignment <= FixedMemory::kAlignment &&
+                              canImportHostMemory(instance, physicalDevice);
+    return facts;
+}
 
 bool replaysAddresses(Instance &instance, VkPhysicalDevice device)
 {
@@ -132,28 +183,6 @@ bool replaysAddresses(Instance &instance, VkPhysicalDevice device)
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(device, &features);
     return addresses.bufferDeviceAddressCaptureReplay;
-}
-
-bool importsHostMemory(Instance &instance, VkPhysicalDevice device)
-{
-    if (!contains(driverExtensions(instance, device), VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME) ||
-        !instance.next.GetPhysicalDeviceProperties2 || !instance.next.GetPhysicalDeviceExternalBufferProperties)
-        return false;
-    VkPhysicalDeviceExternalMemoryHostPropertiesEXT host{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_MEMORY_HOST_PROPERTIES_EXT};
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &host, {}};
-    instance.next.GetPhysicalDeviceProperties2(device, &properties);
-    const VkPhysicalDeviceExternalBufferInfo info{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO, nullptr, 0,
-                                                  VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
-                                                      VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
-                                                  VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT};
-    VkExternalBufferProperties buffers{VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES, nullptr, {}};
-    instance.next.GetPhysicalDeviceExternalBufferProperties(device, &info, &buffers);
-    const VkExternalMemoryFeatureFlags features = buffers.externalMemoryProperties.externalMemoryFeatures;
-    return properties.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU &&
-           host.minImportedHostPointerAlignment <= FixedMemory::kAlignment &&
-           (features & VK_EXTERNAL_MEMORY_FEATURE_IMPORTABLE_BIT) != 0 &&
-           (features & VK_EXTERNAL_MEMORY_FEATURE_DEDICATED_ONLY_BIT) == 0;
 }
 
 Instance *instanceOfKey(void *key)
@@ -202,7 +231,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
 
     auto instance = std::make_unique<Instance>();
     instance->settings = readSettings(info->pNext);
-    instance->report.setLevel(instance->settings.report);
+    instance->report.apply(instance->settings);
     const VkResult result = nextCreate(info, allocator, handle);
     if (result != VK_SUCCESS)
         return result;
@@ -318,12 +347,17 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
     const Unlinked displacement = take(have.ext, newer::kDisplacementMicromapProperties);
     instance.next.GetPhysicalDeviceProperties2(device, properties);
-    // Shader binaries of other processes are refused (shader_binary.h), so the UUID that tells whether they fit is
-    // another.
+    // Shader binaries of other versions of the layer are refused, and where tables do not lie at the same addresses in
+    // the next run, those of other processes, too (shader_binary.h). The UUID that tells whether they fit is another.
     auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
         findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
-    for (size_t i = 0; shaderObjects && have.anyEmulated() && i < VK_UUID_SIZE; ++i)
-        shaderObjects->shaderBinaryUUID[i] ^= processUuid()[i];
+    if (shaderObjects && have.anyEmulated()) {
+        const bool stable =
+            driverFactsOf(instance, device, driverExtensions(instance, device)).importsHostMemory ||
+            replaysAddresses(instance, device);
+        for (size_t i = 0; i < VK_UUID_SIZE; ++i)
+            shaderObjects->shaderBinaryUUID[i] ^= stable ? rewriterUuid()[i] : processUuid()[i];
+    }
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>()) {
         own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
         own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;

@@ -1,8 +1,10 @@
 // Per-instance state: what the layer knows of the instance and its physical devices.
 #pragma once
 
+#include <array>
 #include <map>
 #include <mutex>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -56,13 +58,26 @@ struct Implementations {
     [[nodiscard]] bool anyEmulated() const;
 };
 Implementations implementationsOn(Instance &instance, VkPhysicalDevice physicalDevice);
+// The same, of a device whose extensions are known.
+std::vector<VkExtensionProperties> driverExtensions(Instance &instance, VkPhysicalDevice physicalDevice);
+Implementations implementationsOf(Instance &instance, VkPhysicalDevice physicalDevice,
+                                  const std::vector<VkExtensionProperties> &extensions);
+
+// What the layer asks once of a physical device that it emulates on.
+struct DriverFacts {
+    bool isCpu = false;
+    bool isLavapipeBefore26 = false;
+    uint32_t maxPushConstantsSize = 0;
+    std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
+    // Whether buffers can be made on memory of the host's (VK_EXT_external_memory_host) whose device addresses may well
+    // be the host's: on a CPU.
+    bool importsHostMemory = false;
+};
+DriverFacts driverFactsOf(Instance &instance, VkPhysicalDevice physicalDevice,
+                          const std::vector<VkExtensionProperties> &extensions);
 
 // Whether the driver gives buffers the addresses that they had before: then micromaps have theirs.
 bool replaysAddresses(Instance &instance, VkPhysicalDevice physicalDevice);
-
-// Whether buffers can be made on memory of the host's (VK_EXT_external_memory_host) whose device addresses may well be
-// the host's: on a CPU.
-bool importsHostMemory(Instance &instance, VkPhysicalDevice device);
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance);

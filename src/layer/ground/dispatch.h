@@ -20,7 +20,9 @@ namespace vellum::layer
     X(GetPhysicalDeviceProperties2, GetPhysicalDeviceProperties2KHR)                                                   \
     X(GetPhysicalDeviceToolProperties, GetPhysicalDeviceToolPropertiesEXT)                                             \
     X(CreateDebugUtilsMessengerEXT, CreateDebugUtilsMessengerEXT)                                                      \
-    X(DestroyDebugUtilsMessengerEXT, DestroyDebugUtilsMessengerEXT)
+    X(DestroyDebugUtilsMessengerEXT, DestroyDebugUtilsMessengerEXT)                                                    \
+    X(SubmitDebugUtilsMessageEXT, SubmitDebugUtilsMessageEXT)                                                          \
+    X(DebugReportMessageEXT, DebugReportMessageEXT)
 
 #define VELLUM_DEVICE_COMMANDS(X)                                                                                      \
     X(DestroyDevice, DestroyDevice)                                                                                    \
@@ -47,6 +49,8 @@ namespace vellum::layer
     X(FlushMappedMemoryRanges, FlushMappedMemoryRanges)                                                                \
     X(InvalidateMappedMemoryRanges, InvalidateMappedMemoryRanges)                                                      \
     X(GetBufferDeviceAddress, GetBufferDeviceAddressKHR)                                                               \
+    X(GetBufferOpaqueCaptureAddress, GetBufferOpaqueCaptureAddressKHR)                                                 \
+    X(GetDeviceMemoryOpaqueCaptureAddress, GetDeviceMemoryOpaqueCaptureAddressKHR)                                     \
     X(CreateShaderModule, CreateShaderModule)                                                                          \
     X(DestroyShaderModule, DestroyShaderModule)                                                                        \
     X(CreatePipelineLayout, CreatePipelineLayout)                                                                      \

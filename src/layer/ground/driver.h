@@ -58,7 +58,10 @@ struct Driver {
     bool nullIndexBuffer = false;      // VK_NULL_HANDLE may be bound as index buffer
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
     std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
-    // Lavapipe before Mesa 26: the rays of a pipeline that consists of libraries only see the push constants of the
+    // Lavapipe before Mesa 26: a build clears all that the handle reaches over, and a copy is one of that many bytes as
+    // they are. What lies behind the structure is not the build's to write: structures/fitted_handle.h.
+    bool clearsWholeHandles = false;
+    // The same: the rays of a pipeline that consists of libraries only see the push constants of the
     // last dispatch, not those that are set. They are to be the application's.
     bool keepsOldPushConstants = false;
     uint32_t threads = 0; // of a device that is a CPU; 0: it is none

@@ -44,15 +44,6 @@ public:
         shard.values.erase(it);
         return value;
     }
-    // Removes every entry whose value satisfies the predicate.
-    template <typename Predicate>
-    void removeIf(Predicate predicate)
-    {
-        for (Shard &shard : shards_) {
-            std::unique_lock lock(shard.mutex);
-            std::erase_if(shard.values, [&](const auto &entry) { return predicate(entry.second); });
-        }
-    }
 
 private:
     struct Shard {

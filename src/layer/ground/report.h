@@ -17,7 +17,11 @@ namespace vellum::layer
 class Reporter
 {
 public:
-    void setLevel(ReportLevel level) { level_ = level; }
+    void apply(const Settings &settings)
+    {
+        level_ = settings.report;
+        strict_ = settings.strict;
+    }
     void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
     void removeMessenger(VkDebugUtilsMessengerEXT handle);
 
@@ -29,6 +33,13 @@ public:
     void error(const char *id, const std::string &text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0)
     {
         send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text, type, object);
+    }
+    // An error that does no harm. Whether the layer goes on, as drivers do: not with the setting `strict`.
+    [[nodiscard]] bool tolerates(const char *id, const std::string &text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
+                                 uint64_t object = 0)
+    {
+        error(id, strict_ ? text : text + "; the layer goes on", type, object);
+        return !strict_;
     }
     // What the layer refuses to do, because doing it in part would be silently wrong.
     void notAvailable(const std::string &what)
@@ -56,6 +67,7 @@ private:
               VkObjectType type, uint64_t object);
 
     ReportLevel level_ = ReportLevel::None;
+    bool strict_ = false;
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
     std::unordered_map<uint64_t, std::string> names_;

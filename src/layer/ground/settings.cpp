@@ -48,10 +48,24 @@ void apply(Settings &settings, const std::string &key, const std::string &value)
         settings.validate = isTrue(value);
     else if (key == "assume_micromaps")
         settings.assumeMicromaps = isTrue(value);
+    else if (key == "strict")
+        settings.strict = isTrue(value);
     else if (key == "report")
         settings.report = reportLevel(value);
     else if (key == "dump_shaders")
         settings.dumpShaders = value;
+    else if (key == "cache_folder")
+        settings.cacheFolder = value;
+}
+
+// By the XDG Base Directory Specification. Nowhere in programs that run with more rights than their user has.
+std::string userCacheFolder()
+{
+    if (const char *folder = secure_getenv("XDG_CACHE_HOME"); folder && *folder == '/')
+        return std::string(folder) + "/vellum";
+    if (const char *home = secure_getenv("HOME"); home && *home == '/')
+        return std::string(home) + "/.cache/vellum";
+    return {};
 }
 
 std::string settingsFile()
@@ -97,6 +111,7 @@ void readStructure(Settings &settings, const void *instanceChain)
 Settings readSettings(const void *instanceChain)
 {
     Settings settings;
+    settings.cacheFolder = userCacheFolder();
     readFile(settings);
     readStructure(settings, instanceChain);
     const std::pair<const char *, const char *> variables[] = {
@@ -104,7 +119,9 @@ Settings readSettings(const void *instanceChain)
         {"VELLUM_REPORT", "report"},
         {"VELLUM_VALIDATE", "validate"},
         {"VELLUM_ASSUME_MICROMAPS", "assume_micromaps"},
+        {"VELLUM_STRICT", "strict"},
         {"VELLUM_DUMP_SHADERS", "dump_shaders"},
+        {"VELLUM_CACHE_FOLDER", "cache_folder"},
     };
     for (const auto &[variable, key] : variables) {
         if (const char *value = std::getenv(variable))

@@ -18,6 +18,10 @@ struct Settings {
     // VELLUM_ASSUME_MICROMAPS, .assume_micromaps: ray tracing pipelines without the micromap bit and ray queries
     // without the execution mode use micromaps all the same, where the feature is enabled
     bool assumeMicromaps = false;
+    bool strict = false; // VELLUM_STRICT, .strict: what breaks a rule is refused where it does no harm, too
+    // VELLUM_CACHE_FOLDER, .cache_folder: what is the same in every run is kept there (memory/kept_addresses.h);
+    // nowhere if empty. Where it is not set, it is "vellum" in the user's folder for caches.
+    std::string cacheFolder;
     std::string dumpShaders; // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
 };
 

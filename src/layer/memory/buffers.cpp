@@ -66,7 +66,7 @@ VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCrea
     const DriverBufferInfo driverInfo(*info);
     const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
     if (result == VK_SUCCESS)
-        device.infos.set(*buffer, {info->size, driverInfo.usage});
+        device.infos.set(*buffer, {info->size, driverInfo.usage, ++device.numbers});
     return result;
 }
 

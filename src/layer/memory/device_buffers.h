@@ -2,6 +2,7 @@
 // them, and buffers of the layer's own.
 #pragma once
 
+#include <atomic>
 #include <functional>
 
 #include "layer/ground/driver.h"
@@ -9,6 +10,7 @@
 #include "layer/memory/address_map.h"
 #include "layer/memory/gpu_memory.h"
 #include "layer/memory/host_memory.h"
+#include "layer/memory/scratch_memory.h"
 
 namespace vellum::layer
 {
@@ -16,14 +18,17 @@ namespace vellum::layer
 struct BufferInfo {
     VkDeviceSize size = 0;
     VkFlags64 usage = 0; // as the driver knows it
+    uint64_t number = 0; // of all buffers of the device: unlike handles, numbers are not used again
 };
 
 struct DeviceBuffers {
     Driver &driver;
     GpuContext gpu{};
     HandleMap<VkBuffer, BufferInfo> infos{};
+    std::atomic<uint64_t> numbers{0};
     AddressMap addresses{};
     HostMemory host{};
+    MemoryPool scratch{gpu, kScratchAlignment, scratchUsage}; // of command buffers
     // Called when a buffer has got memory, or its address is asked for.
     std::function<void(VkBuffer)> onAddress{};
 };

@@ -46,20 +46,59 @@ GpuBuffer &GpuBuffer::operator=(GpuBuffer &&other) noexcept
 VkResult GpuBuffer::create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage,
                            Content content)
 {
+    return make(context, bytes, extraUsage, content, nullptr);
+}
+
+VkResult GpuBuffer::createAgain(const GpuContext &context, VkDeviceSize bytes, ReplayAddress &address)
+{
+    VkResult result = make(context, bytes, 0, Content::Zero, &address);
+    if (result != VK_SUCCESS && address != ReplayAddress{}) {
+        address = {};
+        result = make(context, bytes, 0, Content::Zero, &address);
+    }
+    if (result != VK_SUCCESS)
+        return result;
+    const VkBufferDeviceAddressInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer_};
+    const VkDeviceMemoryOpaqueCaptureAddressInfo memoryInfo{VK_STRUCTURE_TYPE_DEVICE_MEMORY_OPAQUE_CAPTURE_ADDRESS_INFO,
+                                                            nullptr, memory_};
+    address = {context.next->GetBufferOpaqueCaptureAddress(context.device, &bufferInfo),
+               context.next->GetDeviceMemoryOpaqueCaptureAddress(context.device, &memoryInfo)};
+    return VK_SUCCESS;
+}
+
+VkResult GpuBuffer::make(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage, Content content,
+                         ReplayAddress *replay)
+{
     reset();
     context_ = context;
     const DeviceTable &next = *context.next;
     VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
     bufferInfo.size = bytes;
     bufferInfo.usage = kUsage | extraUsage;
+    VkBufferOpaqueCaptureAddressCreateInfo bufferAddress{VK_STRUCTURE_TYPE_BUFFER_OPAQUE_CAPTURE_ADDRESS_CREATE_INFO};
+    if (replay) {
+        bufferInfo.flags = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT;
+        bufferInfo.pNext = &bufferAddress;
+        bufferAddress.opaqueCaptureAddress = replay->buffer;
+    }
     VkResult result = next.CreateBuffer(context.device, &bufferInfo, nullptr, &buffer_);
-    if (result != VK_SUCCESS)
+    if (result != VK_SUCCESS) {
+        buffer_ = VK_NULL_HANDLE;
         return result;
+    }
 
     VkMemoryRequirements requirements{};
     next.GetBufferMemoryRequirements(context.device, buffer_, &requirements);
     VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
     flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryOpaqueCaptureAddressAllocateInfo memoryAddress{
+        VK_STRUCTURE_TYPE_MEMORY_OPAQUE_CAPTURE_ADDRESS_ALLOCATE_INFO};
+    if (replay) {
+        // VUID-vkBindBufferMemory-bufferDeviceAddressCaptureReplay-09200
+        flags.flags |= VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT;
+        flags.pNext = &memoryAddress;
+        memoryAddress.opaqueCaptureAddress = replay->memory;
+    }
     VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, requirements.size, 0};
     result = VK_ERROR_OUT_OF_DEVICE_MEMORY;
     for (const uint32_t type : memoryTypes(context.memory, requirements.memoryTypeBits)) {

@@ -15,6 +15,15 @@ struct GpuContext {
     const DeviceTable *next = nullptr;
     VkPhysicalDeviceMemoryProperties memory{};
     bool importsHostMemory = false; // VK_EXT_external_memory_host is enabled, and device addresses may be the host's
+    bool replaysAddresses = false;  // bufferDeviceAddressCaptureReplay is enabled, and not by the application
+};
+
+// What a driver is to be told to put a buffer where it was before (VkBufferOpaqueCaptureAddressCreateInfo and
+// VkMemoryOpaqueCaptureAddressAllocateInfo).
+struct ReplayAddress {
+    uint64_t buffer = 0; // 0: not known
+    uint64_t memory = 0;
+    bool operator==(const ReplayAddress &) const = default;
 };
 
 class GpuBuffer
@@ -34,6 +43,9 @@ public:
     // A buffer on memory of the host's, of which begin and size are aligned to FixedMemory::kAlignment, and which
     // outlives it; the content is what is there. Fails, too, where the device has another address for it.
     VkResult createOn(const GpuContext &context, void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0);
+    // A buffer of zeros where `address` says, and if that cannot be had, where the driver puts it. Afterwards `address`
+    // says where it is. Needs bufferDeviceAddressCaptureReplay.
+    VkResult createAgain(const GpuContext &context, VkDeviceSize bytes, ReplayAddress &address);
     void reset();
 
     [[nodiscard]] VkBuffer buffer() const { return buffer_; }
@@ -41,6 +53,8 @@ public:
     [[nodiscard]] uint32_t *words() const { return mapped_; }
 
 private:
+    VkResult make(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage, Content content,
+                  ReplayAddress *replay);
     VkResult makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage);
 
     GpuContext context_;

@@ -1,5 +1,7 @@
 #include "layer/memory/host_memory.h"
 
+#include <cstring>
+
 #include "layer/memory/buffers.h"
 #include "layer/memory/device_buffers.h"
 
@@ -88,6 +90,21 @@ void HostMemory::unmappedByDriver(VkDeviceMemory handle)
     memory.users = 0;
 }
 
+bool HostMemory::peek(VkBuffer buffer, VkDeviceSize offset, void *bytes, VkDeviceSize count)
+{
+    std::lock_guard lock(mutex_);
+    const auto binding = bindings_.find(buffer);
+    const auto found = binding == bindings_.end() ? memories_.end() : memories_.find(binding->second.memory);
+    if (found == memories_.end() || !found->second.mapped)
+        return false;
+    const Memory &memory = found->second;
+    const VkDeviceSize begin = binding->second.offset + offset;
+    if (begin < memory.first || begin > memory.last || count > memory.last - begin)
+        return false;
+    std::memcpy(bytes, memory.mapped + begin, count);
+    return true;
+}
+
 HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes, For use)
     : device_(device)
 {
@@ -156,24 +173,28 @@ VkResult bindBufferMemory2(DeviceBuffers &device, VkDevice handle, uint32_t coun
 VkResult mapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset,
                    VkDeviceSize size, VkMemoryMapFlags flags, void **data)
 {
-    if (!device.driver.asked.hostCommands)
-        return device.driver.next.MapMemory(handle, memory, offset, size, flags, data);
+    if (!device.driver.asked.hostCommands) {
+        const VkResult result = device.driver.next.MapMemory(handle, memory, offset, size, flags, data);
+        if (result == VK_SUCCESS)
+            device.host.mappedByDriver(memory, offset, size, *data);
+        return result;
+    }
     return device.host.map(device.driver, memory, offset, flags, data);
 }
 
 void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
 {
-    if (!device.driver.asked.hostCommands)
+    if (!device.driver.asked.hostCommands) {
+        device.host.unmappedByDriver(memory);
         return device.driver.next.UnmapMemory(handle, memory);
+    }
     device.host.unmap(device.driver, memory);
 }
 
 VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryMapInfo *info, void **data)
 {
-    if (!device.driver.asked.hostCommands)
-        return device.driver.next.MapMemory2(handle, info, data);
     // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
-    if (info->pNext) {
+    if (info->pNext || !device.driver.asked.hostCommands) {
         const VkResult result = device.driver.next.MapMemory2(handle, info, data);
         if (result == VK_SUCCESS)
             device.host.mappedByDriver(info->memory, info->offset, info->size, *data);
@@ -184,9 +205,7 @@ VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryM
 
 VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryUnmapInfo *info)
 {
-    if (!device.driver.asked.hostCommands)
-        return device.driver.next.UnmapMemory2(handle, info);
-    if (info->pNext || info->flags != 0) {
+    if (info->pNext || info->flags != 0 || !device.driver.asked.hostCommands) {
         const VkResult result = device.driver.next.UnmapMemory2(handle, info);
         if (result == VK_SUCCESS)
             device.host.unmappedByDriver(info->memory);

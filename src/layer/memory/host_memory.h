@@ -1,5 +1,5 @@
-// Which memory buffers are bound to, and the host's view of it: for the host commands of micromaps, which need not be
-// mapped by the application, but may be. A memory object can be mapped only once (VUID-vkMapMemory-memory-00678), so
+// Which memory buffers are bound to, and the host's view of it: for the host commands of micromaps, whose buffers need
+// not be mapped by the application, but may be, and to look at what the application has written. A memory object can be mapped only once (VUID-vkMapMemory-memory-00678), so
 // the application's mappings are known here, and are of the whole memory, but for those that only the driver can make.
 #pragma once
 
@@ -43,6 +43,10 @@ public:
     // The driver has mapped or unmapped it as the application wanted: bytes from `offset` on are at `data`.
     void mappedByDriver(VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize bytes, void *data);
     void unmappedByDriver(VkDeviceMemory memory);
+
+    // What the host sees of a buffer, where the application has mapped it; false where it has not. What the device has
+    // written to memory that is not coherent need not be seen.
+    bool peek(VkBuffer buffer, VkDeviceSize offset, void *bytes, VkDeviceSize count);
 
 private:
     friend class HostView;

@@ -7,11 +7,12 @@ namespace vellum::layer
 namespace
 {
 
-constexpr VkDeviceSize kAlignment = 256; // shaderGroupBaseAlignment is at most 64
-constexpr VkDeviceSize kLeast = 16 * 1024;
+constexpr VkDeviceSize kLeast = 1024;
 constexpr VkDeviceSize kKept = 32 * 1024 * 1024; // between recordings
 
-VkBufferUsageFlags usageOn(const GpuContext &context)
+} // namespace
+
+VkBufferUsageFlags scratchUsage(const GpuContext &context)
 {
     VkBufferUsageFlags usage =
         VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
@@ -21,35 +22,33 @@ VkBufferUsageFlags usageOn(const GpuContext &context)
     return usage;
 }
 
-} // namespace
-
-ScratchMemory::Place ScratchMemory::place(const GpuContext &context, VkDeviceSize bytes)
+ScratchMemory::Place ScratchMemory::place(VkDeviceSize bytes)
 {
-    const VkDeviceSize needed = (bytes + kAlignment - 1) / kAlignment * kAlignment;
-    if (end_ - next_ < needed) {
+    const VkDeviceSize needed = (bytes + kScratchAlignment - 1) / kScratchAlignment * kScratchAlignment;
+    const VkDeviceSize had = pieces_.empty() ? 0 : pieces_.back().bytes();
+    if (had - next_ < needed) {
         // Larger by half than the last one, so that copies of growing structures make few.
-        const VkDeviceSize chunk = std::max(needed + (end_ - begin_) + (end_ - begin_) / 2, kLeast);
-        GpuBuffer buffer;
-        if (buffer.create(context, chunk + kAlignment, usageOn(context), GpuBuffer::Content::Undefined) != VK_SUCCESS)
+        PooledMemory piece(pool_, std::max(needed + had + had / 2, kLeast));
+        if (!piece.address())
             return {};
-        begin_ = next_ = (buffer.address() + kAlignment - 1) / kAlignment * kAlignment;
-        end_ = begin_ + chunk;
-        chunks_.push_back(std::move(buffer));
+        pieces_.push_back(std::move(piece));
+        next_ = 0;
     }
-    const Place place{next_, chunks_.back().buffer(), next_ - chunks_.back().address()};
+    const PooledMemory &piece = pieces_.back();
+    const Place place{piece.address() + next_, piece.buffer(), piece.offset() + next_};
     next_ += needed;
     return place;
 }
 
 void ScratchMemory::reset()
 {
-    if (end_ - begin_ > kKept) {
-        chunks_.clear();
-        begin_ = end_ = 0;
-    } else if (chunks_.size() > 1) {
-        chunks_.erase(chunks_.begin(), chunks_.end() - 1);
-    }
-    next_ = begin_;
+    next_ = 0;
+    if (pieces_.empty())
+        return;
+    if (pieces_.back().bytes() > kKept)
+        pieces_.clear();
+    else
+        pieces_.erase(pieces_.begin(), pieces_.end() - 1);
 }
 
 } // namespace vellum::layer

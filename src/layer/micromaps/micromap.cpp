@@ -1,8 +1,10 @@
 #include "layer/micromaps/micromap.h"
 
+#include <algorithm>
 #include <new>
 #include <string>
 
+#include "layer/ground/judge.h"
 #include "layer/micromaps/device_micromaps.h"
 
 namespace vellum::layer
@@ -17,36 +19,36 @@ uint64_t complaintObject(VkMicromapEXT handle)
 VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreateInfoEXT *info,
                         const VkAllocationCallbacks *, VkMicromapEXT *micromap)
 {
-    if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT) {
-        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-type-parameter",
-                                     "vkCreateMicromapEXT: type is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
+    const Judge judge(device.driver.report(), "vkCreateMicromapEXT");
+    // What is built there decides.
+    if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-type-parameter",
+                        "type is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    }
-    const bool replayable = (info->createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
-    // Drivers ignore the address then, and NVRHI always gives one.
-    if (info->deviceAddress != 0 && !replayable)
-        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
-                                     "vkCreateMicromapEXT: deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY is "
-                                     "ignored");
-    if (replayable && !device.driver.asked.captureReplay) {
-        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
-                                     "vkCreateMicromapEXT: the feature micromapCaptureReplay is not enabled");
+    const bool flagged = (info->createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
+    const bool replayable = flagged && device.driver.asked.captureReplay;
+    if (flagged && !replayable &&
+        !judge.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
+                        "DEVICE_ADDRESS_CAPTURE_REPLAY without the feature micromapCaptureReplay"))
         return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
-    }
-    const BufferInfo buffer = device.buffers.infos.get(info->buffer);
-    if (info->offset > buffer.size || info->size > buffer.size - info->offset) {
-        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07437",
-                                     "vkCreateMicromapEXT: offset " + std::to_string(info->offset) + " + size " +
-                                         std::to_string(info->size) + " is beyond the buffer's " +
-                                         std::to_string(buffer.size) + " bytes");
+    // Drivers ignore the address then, and NVRHI always gives one.
+    if (info->deviceAddress != 0 && !flagged &&
+        !judge.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
+                        "deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    }
-    if (info->offset % 256 != 0) {
-        device.driver.report().error("VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07438",
-                                     "vkCreateMicromapEXT: offset " + std::to_string(info->offset) +
-                                         " is not a multiple of 256");
+    const VkDeviceSize bufferSize = device.buffers.infos.get(info->buffer).size;
+    const VkDeviceSize room = bufferSize - std::min(info->offset, bufferSize);
+    // What lies in the buffer may be enough for what is built there.
+    if (info->size > room &&
+        !judge.weigh(room > 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07437",
+                     "offset " + std::to_string(info->offset) + " + size " + std::to_string(info->size) +
+                         " is beyond the buffer's " + std::to_string(bufferSize) + " bytes"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    }
+    // Shaders read and write 16 bytes at once.
+    if (info->offset % 256 != 0 &&
+        !judge.weigh(info->offset % 16 == 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07438",
+                     "offset " + std::to_string(info->offset) + " is not a multiple of 256"))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
     // A micromap is where its buffer is, which the driver was told to put where it was.
     if (replayable && info->deviceAddress != 0 &&
         info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
@@ -55,7 +57,7 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
             "vkCreateMicromapEXT: the buffer is not at the address that it had at the time of capture");
         return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
     }
-    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, info->size, {}};
+    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, std::min(info->size, room), {}};
     if (!object)
         return VK_ERROR_OUT_OF_HOST_MEMORY;
     *micromap = reinterpret_cast<VkMicromapEXT>(object);

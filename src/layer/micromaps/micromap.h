@@ -25,8 +25,10 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
                         const Micromap &source, const Micromap &target);
 void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &source,
                         VkDeviceAddress target);
+// Of data that is no micromap's, the target holds none afterwards, with a message; or it stays as it is.
+enum class DataThatIsNone { ClearsTheTarget, LeavesTheTarget };
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
-                           VkDeviceAddress source);
+                           VkDeviceAddress source, DataThatIsNone none = DataThatIsNone::ClearsTheTarget);
 
 VkResult createMicromap(DeviceMicromaps &, VkDevice, const VkMicromapCreateInfoEXT *, const VkAllocationCallbacks *,
                         VkMicromapEXT *);

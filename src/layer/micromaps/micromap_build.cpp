@@ -20,27 +20,26 @@ using namespace shared;
 // So that the numbers of the triangles that come after the last one fit 32 bits, too.
 constexpr uint32_t kMostStaying = uint32_t{1} << 31;
 
-std::optional<Offence> deviceOffenceOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
+bool mayBuildOnDevice(const DeviceMicromaps &device, const Judge &judge, const VkMicromapBuildInfoEXT &info)
 {
-    if (auto offence = buildOffenceOf(info))
-        return offence;
+    if (!mayBuild(judge, info))
+        return false;
     const MicromapExtent extent = extentOf(info);
     if (extent.triangles == 0)
-        return std::nullopt;
+        return true;
     if (info.triangleArray.deviceAddress == 0 || info.data.deviceAddress == 0)
-        return Offence{info.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
-                                                    : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10897",
-                       "data or triangleArray is a null address"};
+        return judge.refuse(info.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
+                                                         : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10897",
+                            "data or triangleArray is a null address");
     if (info.scratchData.deviceAddress == 0)
-        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address"};
-    if (info.scratchData.deviceAddress % 16 != 0)
-        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned"};
+        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address");
+    if (info.scratchData.deviceAddress % kLeastScratchAlignment != 0)
+        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned");
     const uint64_t scratch = device.buffers.addresses.bytesFrom(info.scratchData.deviceAddress);
-    if (scratch < extent.scratchBytes())
-        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509", "scratchData has " + std::to_string(scratch) +
-                                                                              " bytes in its buffer, the build needs " +
-                                                                              std::to_string(extent.scratchBytes())};
-    return std::nullopt;
+    return scratch >= extent.scratchBytes() ||
+           judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509",
+                        "scratchData has " + std::to_string(scratch) + " bytes in its buffer, the build needs " +
+                            std::to_string(extent.scratchBytes()));
 }
 
 // Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, where the usage counts say that all have
@@ -49,7 +48,7 @@ uint32_t alikeOf(const VkMicromapBuildInfoEXT &info)
 {
     uint32_t alike = 0;
     for (uint32_t i = 0; i < info.usageCountsCount; ++i) {
-        const VkMicromapUsageEXT &usage = usageAt(info, i);
+        const VkMicromapUsageEXT usage = usageAt(info, i);
         const uint32_t word = usage.subdivisionLevel | usage.format << 16;
         if (usage.count == 0)
             continue;
@@ -67,7 +66,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT 
     push.micromap = micromapAddress(device.driver, info.dstMicromap);
     push.triangleArray = info.triangleArray.deviceAddress;
     push.data = info.data.deviceAddress;
-    push.scratch = info.scratchData.deviceAddress;
+    push.scratch = (info.scratchData.deviceAddress + kBuildScratchAlignment - 1) / kBuildScratchAlignment * kBuildScratchAlignment;
     push.log = device.commands.complaints.address();
     push.object = complaintObject(info.dstMicromap);
     push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);
@@ -387,8 +386,7 @@ void getMicromapBuildSizes(DeviceMicromaps &device, VkDevice, VkAccelerationStru
                            const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
     sizes->discardable = VK_FALSE;
-    if (const auto offence = offenceOf(*info)) {
-        device.driver.report().error(offence->id, "vkGetMicromapBuildSizesEXT: " + offence->text);
+    if (!mayMeasure({device.driver.report(), "vkGetMicromapBuildSizesEXT"}, *info)) {
         sizes->micromapSize = 0;
         sizes->buildScratchSize = 0;
         return;
@@ -406,13 +404,10 @@ void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, u
         return;
     std::vector<const VkMicromapBuildInfoEXT *> good;
     for (uint32_t i = 0; i < count; ++i) {
-        if (const auto offence = deviceOffenceOf(device, infos[i])) {
-            device.driver.report().error(offence->id,
-                                         "vkCmdBuildMicromapsEXT: pInfos[" + std::to_string(i) + "]: " + offence->text,
-                                         VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(infos[i].dstMicromap));
-            continue;
-        }
-        good.push_back(&infos[i]);
+        const Judge judge(device.driver.report(), "vkCmdBuildMicromapsEXT", VK_OBJECT_TYPE_MICROMAP_EXT,
+                          reinterpret_cast<uint64_t>(infos[i].dstMicromap), i);
+        if (mayBuildOnDevice(device, judge, infos[i]))
+            good.push_back(&infos[i]);
     }
     recordMicromapBuilds(device, commandBuffer, good);
 }

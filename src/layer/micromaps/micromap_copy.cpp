@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_serialized.h"
@@ -17,10 +18,9 @@ namespace
 
 using namespace shared;
 
-void refuse(const DeviceMicromaps &device, const char *id, const std::string &text,
-            VkMicromapEXT micromap = VK_NULL_HANDLE)
+Judge judgeOf(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap)
 {
-    device.driver.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
+    return {device.driver.report(), command, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap)};
 }
 
 MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &micromap, uint32_t mode)
@@ -99,11 +99,12 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
 }
 
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
-                           VkDeviceAddress source)
+                           VkDeviceAddress source, DataThatIsNone none)
 {
     if (tooSmall(target))
         return refuseTooSmall(device, "deserialization of a micromap", target, true);
-    MicromapMovePush push = movePush(device, target, kMoveDeserialize);
+    MicromapMovePush push = movePush(
+        device, target, kMoveDeserialize | (none == DataThatIsNone::LeavesTheTarget ? kMoveOnlyMicromaps : 0));
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
     InjectedWork work(device.commands, commandBuffer);
@@ -123,12 +124,13 @@ void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, con
 {
     const Micromap *source = micromapOf(info->src);
     const Micromap *target = micromapOf(info->dst);
-    if (!source || !target)
-        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-src-parameter",
-                      "vkCmdCopyMicromapEXT: src or dst is VK_NULL_HANDLE");
-    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
-        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
-                      "vkCmdCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
+    const Judge judge = judgeOf(device, "vkCmdCopyMicromapEXT", info->dst);
+    if ((!source || !target) &&
+        !judge.refuse("VELLUM-VUID-VkCopyMicromapInfoEXT-src-parameter", "src or dst is VK_NULL_HANDLE"))
+        return;
+    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
+        return;
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapEXT"))
         return;
     recordMicromapCopy(device, commandBuffer, "vkCmdCopyMicromapEXT", *source, *target);
@@ -137,17 +139,16 @@ void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, con
 void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    if (!micromapOf(info->src))
-        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-src-parameter",
-                      "vkCmdCopyMicromapToMemoryEXT: src is VK_NULL_HANDLE");
-    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
-        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542",
-                      "vkCmdCopyMicromapToMemoryEXT: mode is not SERIALIZE", info->src);
-    if (info->dst.deviceAddress == 0 || info->dst.deviceAddress % 256 != 0)
-        return refuse(device,
-                      info->dst.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536"
-                                                   : "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537",
-                      "vkCmdCopyMicromapToMemoryEXT: dst is null or not a multiple of 256", info->src);
+    const Judge judge = judgeOf(device, "vkCmdCopyMicromapToMemoryEXT", info->src);
+    if (!micromapOf(info->src) &&
+        !judge.refuse("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-src-parameter", "src is VK_NULL_HANDLE"))
+        return;
+    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "mode is not SERIALIZE"))
+        return;
+    if (!judge.mayHoldSerialized(info->dst.deviceAddress, 256, "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
+                                 "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537"))
+        return;
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
         return;
     recordMicromapSave(device, commandBuffer, *micromapOf(info->src), info->dst.deviceAddress);
@@ -156,17 +157,16 @@ void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuf
 void cmdCopyMemoryToMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    if (!micromapOf(info->dst))
-        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-dst-parameter",
-                      "vkCmdCopyMemoryToMicromapEXT: dst is VK_NULL_HANDLE");
-    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
-        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548",
-                      "vkCmdCopyMemoryToMicromapEXT: mode is not DESERIALIZE", info->dst);
-    if (info->src.deviceAddress == 0 || info->src.deviceAddress % 256 != 0)
-        return refuse(device,
-                      info->src.deviceAddress == 0 ? "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543"
-                                                   : "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544",
-                      "vkCmdCopyMemoryToMicromapEXT: src is null or not a multiple of 256", info->dst);
+    const Judge judge = judgeOf(device, "vkCmdCopyMemoryToMicromapEXT", info->dst);
+    if (!micromapOf(info->dst) &&
+        !judge.refuse("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-dst-parameter", "dst is VK_NULL_HANDLE"))
+        return;
+    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "mode is not DESERIALIZE"))
+        return;
+    if (!judge.mayHoldSerialized(info->src.deviceAddress, 256, "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
+                                 "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544"))
+        return;
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
         return;
     recordMicromapRestore(device, commandBuffer, *micromapOf(info->dst), info->src.deviceAddress);

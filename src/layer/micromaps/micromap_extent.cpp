@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <string>
 
 #include "core/curve.h"
 #include "core/micromap.h"
@@ -51,18 +52,20 @@ uint64_t MicromapExtent::coarsenedBytes() const
 
 uint64_t MicromapExtent::scratchBytes() const
 {
-    return lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
-                 : coarsenedOffset();
+    return kBuildScratchAlignment +
+           (lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
+                  : coarsenedOffset());
 }
 
 MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
 {
     MicromapExtent extent;
     for (uint32_t i = 0; i < info.usageCountsCount; ++i) {
-        const VkMicromapUsageEXT &usage = usageAt(info, i);
+        const VkMicromapUsageEXT usage = usageAt(info, i);
+        if (usage.count == 0) // of any level and format
+            continue;
         extent.triangles += usage.count;
-        if (usage.count > 0)
-            extent.maxLevel = std::max(extent.maxLevel, usage.subdivisionLevel);
+        extent.maxLevel = std::max(extent.maxLevel, usage.subdivisionLevel);
         // States of up to level 2 are kept in the triangle record itself.
         if (usage.subdivisionLevel > kCoarseLevel) {
             const uint64_t bytes = packedBytes(usage.subdivisionLevel, static_cast<Format>(usage.format));
@@ -80,61 +83,78 @@ MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
     return extent;
 }
 
-std::optional<Offence> offenceOf(const VkMicromapBuildInfoEXT &info)
+bool mayHaveLevel(const Judge &judge, uint32_t usage, uint32_t level, uint32_t count, const char *id)
 {
-    if (info.type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT)
-        return Offence{"VELLUM-VUID-VkMicromapBuildInfoEXT-type-parameter",
-                       "type " + std::to_string(info.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"};
-    if (info.mode != VK_BUILD_MICROMAP_MODE_BUILD_EXT)
-        return Offence{"VELLUM-VUID-VkMicromapBuildInfoEXT-mode-parameter",
-                       "mode " + std::to_string(info.mode) + " is not VK_BUILD_MICROMAP_MODE_BUILD_EXT"};
-    if (info.usageCountsCount > 0 && (info.pUsageCounts != nullptr) == (info.ppUsageCounts != nullptr))
-        return Offence{"VELLUM-VUID-VkMicromapBuildInfoEXT-pUsageCounts-07516",
-                       info.pUsageCounts
-                           ? "both pUsageCounts and ppUsageCounts are given"
-                           : "usageCountsCount is not 0, but neither pUsageCounts nor ppUsageCounts is given"};
-    for (uint32_t i = 0; i < info.usageCountsCount; ++i) {
-        const VkMicromapUsageEXT &usage = usageAt(info, i);
-        const std::string where = "usage count " + std::to_string(i) + ": ";
-        if (usage.format != VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT &&
-            usage.format != VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT)
-            return Offence{"VELLUM-VUID-VkMicromapBuildInfoEXT-format-11652",
-                           where + "format " + std::to_string(usage.format) + " is neither 2-state nor 4-state"};
-        if (usage.subdivisionLevel > kMaxSubdivisionLevel)
-            return Offence{usage.format == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT
-                               ? "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11654"
-                               : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11655",
-                           where + "subdivision level " + std::to_string(usage.subdivisionLevel) + " is above 12"};
-    }
-    const MicromapExtent extent = extentOf(info);
-    if (extent.triangles >= kMostTriangles || extent.units >= kMostUnits)
-        return Offence{"VELLUM-micromap-too-large",
-                       "the usage counts add up to more than 2^32 triangles or data units"};
-    return std::nullopt;
+    // How large a micromap would be that has such triangles, nobody can say.
+    return judge.weigh(count == 0, id,
+                       "usage count " + std::to_string(usage) + ": subdivision level " + std::to_string(level) +
+                           " is above 12");
 }
 
-std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info)
+bool mayHaveStride(const Judge &judge, VkDeviceSize stride, const MicromapExtent &extent, const char *id)
 {
-    if (auto offence = offenceOf(info))
-        return offence;
+    if (stride > UINT32_MAX && extent.triangles > 1)
+        return judge.refuse("VELLUM-micromap-stride", "triangleArrayStride does not fit 32 bits");
+    // Triangles that overlap are read as they lie.
+    return stride >= sizeof(VkMicromapTriangleEXT) ||
+           judge.tolerate(id, "triangleArrayStride " + std::to_string(stride) +
+                                  " is less than the 8 bytes of a VkMicromapTriangleEXT");
+}
+
+bool mayBeSoLarge(const Judge &judge, const MicromapExtent &extent)
+{
+    return (extent.triangles < kMostTriangles && extent.units < kMostUnits) ||
+           judge.refuse("VELLUM-micromap-too-large",
+                        "the usage counts add up to more than 2^32 triangles or data units");
+}
+
+bool mayMeasure(const Judge &judge, const VkMicromapBuildInfoEXT &info)
+{
+    if (info.type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT)
+        return judge.refuse("VELLUM-VUID-VkMicromapBuildInfoEXT-type-parameter",
+                            "type " + std::to_string(info.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
+    // There is only one thing to do.
+    if (info.mode != VK_BUILD_MICROMAP_MODE_BUILD_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkMicromapBuildInfoEXT-mode-parameter",
+                        "mode " + std::to_string(info.mode) + " is not VK_BUILD_MICROMAP_MODE_BUILD_EXT"))
+        return false;
+    constexpr const char *kUsageCounts = "VELLUM-VUID-VkMicromapBuildInfoEXT-pUsageCounts-07516";
+    if (info.usageCountsCount > 0 && !info.pUsageCounts && !info.ppUsageCounts)
+        return judge.refuse(kUsageCounts,
+                            "usageCountsCount is not 0, but neither pUsageCounts nor ppUsageCounts is given");
+    if (info.usageCountsCount > 0 && info.pUsageCounts && info.ppUsageCounts &&
+        !judge.tolerate(kUsageCounts, "both pUsageCounts and ppUsageCounts are given"))
+        return false;
+    for (uint32_t i = 0; i < info.usageCountsCount; ++i) {
+        const VkMicromapUsageEXT &usage = info.pUsageCounts ? info.pUsageCounts[i] : *info.ppUsageCounts[i];
+        const bool twoState = usage.format == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT;
+        if (!twoState && usage.format != VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT &&
+            !judge.tolerate("VELLUM-VUID-VkMicromapBuildInfoEXT-format-11652",
+                            "usage count " + std::to_string(i) + ": format " + std::to_string(usage.format) +
+                                " is neither 2-state nor 4-state"))
+            return false;
+        if (usage.subdivisionLevel > kMaxSubdivisionLevel &&
+            !mayHaveLevel(judge, i, usage.subdivisionLevel, usage.count,
+                          twoState ? "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11654"
+                                   : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11655"))
+            return false;
+    }
+    return mayBeSoLarge(judge, extentOf(info));
+}
+
+bool mayBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info)
+{
+    if (!mayMeasure(judge, info))
+        return false;
     const Micromap *destination = micromapOf(info.dstMicromap);
     if (!destination)
-        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstMicromap is VK_NULL_HANDLE"};
+        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstMicromap is VK_NULL_HANDLE");
     const MicromapExtent extent = extentOf(info);
-    const uint64_t needed = extent.bytes();
-    if (destination->size < needed)
-        return Offence{"VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
-                       "dstMicromap has " + std::to_string(destination->size) + " bytes, the build needs " +
-                           std::to_string(needed)};
-    if (extent.triangles == 0)
-        return std::nullopt;
-    if (info.triangleArrayStride > UINT32_MAX)
-        return Offence{"VELLUM-micromap-stride", "triangleArrayStride does not fit 32 bits"};
-    // A stride of less than a triangle would still be read safely, but means a mistake.
-    if (info.triangleArrayStride < sizeof(VkMicromapTriangleEXT) && extent.triangles > 1)
-        return Offence{"VELLUM-micromap-stride", "triangleArrayStride " + std::to_string(info.triangleArrayStride) +
-                                                     " is less than the 8 bytes of a VkMicromapTriangleEXT"};
-    return std::nullopt;
+    if (destination->size < extent.bytes())
+        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
+                            "dstMicromap has " + std::to_string(destination->size) + " bytes, the build needs " +
+                                std::to_string(extent.bytes()));
+    return extent.triangles <= 1 || mayHaveStride(judge, info.triangleArrayStride, extent, "VELLUM-micromap-stride");
 }
 
 } // namespace vellum::layer

@@ -2,12 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
-#include <string>
 
 #include <vulkan/vulkan.h>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 
 namespace vellum::layer
 {
@@ -15,10 +14,14 @@ namespace vellum::layer
 // Among VkMicromapBuildInfoEXT::flags: the build is lossy. KHR's flag, which is none of EXT's.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
 
-// Usage count i of a build, however it gives them.
-inline const VkMicromapUsageEXT &usageAt(const VkMicromapBuildInfoEXT &info, uint32_t i)
+// Usage count i of a build, however it gives them. One of a format that there is not counts as one of the format that
+// takes most.
+inline VkMicromapUsageEXT usageAt(const VkMicromapBuildInfoEXT &info, uint32_t i)
 {
-    return info.pUsageCounts ? info.pUsageCounts[i] : *info.ppUsageCounts[i];
+    VkMicromapUsageEXT usage = info.pUsageCounts ? info.pUsageCounts[i] : *info.ppUsageCounts[i];
+    if (usage.format != VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT)
+        usage.format = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
+    return usage;
 }
 
 // Of the triangles of a build, which its shaders place block by block.
@@ -26,6 +29,12 @@ constexpr uint64_t blocksOf(uint64_t triangles)
 {
     return (triangles + shared::kPlaceBlock - 1) / shared::kPlaceBlock;
 }
+
+// What shaders need of scratch memory. Drivers may ask for less (minAccelerationStructureScratchOffsetAlignment;
+// lavapipe says 8), so a build begins at the first such address, and needs so many bytes more. Less than the other no
+// driver asks for.
+inline constexpr uint64_t kBuildScratchAlignment = 16;
+inline constexpr uint64_t kLeastScratchAlignment = 4;
 
 // What a micromap of these usage counts takes.
 struct MicromapExtent {
@@ -47,13 +56,14 @@ struct MicromapExtent {
 };
 MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info);
 
-struct Offence {
-    const char *id;
-    std::string text;
-};
-// The first rule that the usage counts and the type break.
-std::optional<Offence> offenceOf(const VkMicromapBuildInfoEXT &info);
-// The same, and with the destination and the stride.
-std::optional<Offence> buildOffenceOf(const VkMicromapBuildInfoEXT &info);
+// Whether the sizes of a build may be told, by its type, mode and usage counts.
+bool mayMeasure(const Judge &judge, const VkMicromapBuildInfoEXT &info);
+// Whether it may be carried out, as far as the device and the host have the same rules.
+bool mayBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info);
+// What VK_KHR_opacity_micromap has rules of its own for: a subdivision level that is too high, the stride that
+// triangles lie apart, and how much there is in all.
+bool mayHaveLevel(const Judge &judge, uint32_t usage, uint32_t level, uint32_t count, const char *id);
+bool mayHaveStride(const Judge &judge, VkDeviceSize stride, const MicromapExtent &extent, const char *id);
+bool mayBeSoLarge(const Judge &judge, const MicromapExtent &extent);
 
 } // namespace vellum::layer

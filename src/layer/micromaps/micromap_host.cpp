@@ -2,7 +2,7 @@
 // (core/micromap_memory.h). A deferred operation is carried out at once, which VK_OPERATION_NOT_DEFERRED_KHR says.
 #include <algorithm>
 #include <cstring>
-#include <string>
+#include <optional>
 
 #include "core/micromap_memory.h"
 #include "layer/micromaps/device_micromaps.h"
@@ -22,19 +22,23 @@ VkResult done(VkDeferredOperationKHR operation)
     return operation ? VK_OPERATION_NOT_DEFERRED_KHR : VK_SUCCESS;
 }
 
-VkResult refuse(const DeviceMicromaps &device, const char *id, const std::string &text, VkMicromapEXT micromap)
+Judge judgeOf(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap,
+              std::optional<uint32_t> element = std::nullopt)
 {
-    device.driver.report().error(id, text, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
+    return {device.driver.report(), command, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap),
+            element};
+}
+
+VkResult refuse(const Judge &judge, const char *id, const std::string &text)
+{
+    judge.refuse(id, text);
     return VK_ERROR_VALIDATION_FAILED_EXT;
 }
 
-// Without the feature, the application's mappings are not known. `rule` is that the feature must be enabled.
-bool enabled(const DeviceMicromaps &device, const char *command, const char *rule)
+// Without the feature, the application's mappings are not known.
+bool enabled(const DeviceMicromaps &device, const Judge &judge, const char *id)
 {
-    if (!device.driver.asked.hostCommands)
-        device.driver.report().error((std::string("VELLUM-VUID-") + command + "-micromapHostCommands-" + rule).c_str(),
-                                     std::string(command) + ": the feature micromapHostCommands is not enabled");
-    return device.driver.asked.hostCommands;
+    return device.driver.asked.hostCommands || judge.refuse(id, "the feature micromapHostCommands is not enabled");
 }
 
 // Of copies that cannot be carried out, on the device as well, more is told than of the triangles of a build.
@@ -69,14 +73,20 @@ private:
     HostView view_;
 };
 
-// Bytes in use, 0 where no micromap was constructed there.
+// Bytes in use, 0 where no micromap was constructed there; nothing where that cannot be read.
+std::optional<uint64_t> readUsedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
+{
+    const View header(device, handle, kHeaderBytes, HostView::For::Reading);
+    if (!header.bytes())
+        return std::nullopt;
+    if (micromapOf(handle)->size < kHeaderBytes)
+        return 0;
+    const uint64_t used = micromapMemoryInUse(header.bytes());
+    return used <= micromapOf(handle)->size ? used : 0;
+}
 uint64_t usedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
 {
-    if (!handle || micromapOf(handle)->size < kHeaderBytes)
-        return 0;
-    const View header(device, handle, kHeaderBytes, HostView::For::Reading);
-    const uint64_t used = header.bytes() ? micromapMemoryInUse(header.bytes()) : 0;
-    return used <= micromapOf(handle)->size ? used : 0;
+    return readUsedBytes(device, handle).value_or(0);
 }
 
 // What is in use, or the header's place where nothing is.
@@ -112,23 +122,23 @@ void build(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, ui
 VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation, uint32_t count,
                         const VkMicromapBuildInfoEXT *infos)
 {
-    if (!enabled(device, "vkBuildMicromapsEXT", "07555"))
+    if (!enabled(device, judgeOf(device, "vkBuildMicromapsEXT", VK_NULL_HANDLE),
+                 "VELLUM-VUID-vkBuildMicromapsEXT-micromapHostCommands-07555"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     VkResult result = VK_SUCCESS;
     for (uint32_t i = 0; i < count; ++i) {
-        const std::string where = "vkBuildMicromapsEXT: pInfos[" + std::to_string(i) + "]: ";
-        if (const auto offence = buildOffenceOf(infos[i])) {
-            result = refuse(device, offence->id, where + offence->text, infos[i].dstMicromap);
+        const Judge judge = judgeOf(device, "vkBuildMicromapsEXT", infos[i].dstMicromap, i);
+        if (!mayBuild(judge, infos[i])) {
+            result = VK_ERROR_VALIDATION_FAILED_EXT;
             continue;
         }
         const View view(device, infos[i].dstMicromap, extentOf(infos[i]).bytes(), HostView::For::Writing);
         if (!view.bytes())
-            result = refuse(device, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
-                            where + "dstMicromap is not bound to host-visible memory", infos[i].dstMicromap);
+            result = refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
+                            "dstMicromap is not bound to host-visible memory");
         else if (extentOf(infos[i]).triangles > 0 &&
                  (!infos[i].data.hostAddress || !infos[i].triangleArray.hostAddress))
-            result = refuse(device, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553",
-                            where + "data or triangleArray is null", infos[i].dstMicromap);
+            result = refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553", "data or triangleArray is null");
         else
             build(device, infos[i], view.bytes());
     }
@@ -138,20 +148,21 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
 VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                       const VkCopyMicromapInfoEXT *info)
 {
-    if (!enabled(device, "vkCopyMicromapEXT", "07560"))
+    const Judge judge = judgeOf(device, "vkCopyMicromapEXT", info->dst);
+    if (!enabled(device, judge, "VELLUM-VUID-vkCopyMicromapEXT-micromapHostCommands-07560"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
-    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT)
-        return refuse(device, "VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531",
-                      "vkCopyMicromapEXT: mode is neither CLONE nor COMPACT", info->src);
+    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
     const uint64_t used = usedBytes(device, info->src);
     const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
     const View source = viewOf(device, info->src, used);
     const View target(device, info->dst, std::max(used, kHeaderBytes), HostView::For::Writing);
     if (!source.bytes() || !target.bytes())
-        return refuse(device,
+        return refuse(judge,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapEXT-buffer-07559"
                                      : "VELLUM-VUID-vkCopyMicromapEXT-buffer-07558",
-                      "vkCopyMicromapEXT: src or dst is not bound to host-visible memory", info->dst);
+                      "src or dst is not bound to host-visible memory");
     // As the device does it (shaders/micromaps/micromap_move.comp).
     const uint64_t written = std::min(used, room);
     if (target.bytes() < source.bytes() + written && source.bytes() < target.bytes() + written) {
@@ -168,18 +179,19 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
 VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    if (!enabled(device, "vkCopyMicromapToMemoryEXT", "07571"))
+    const Judge judge = judgeOf(device, "vkCopyMicromapToMemoryEXT", info->src);
+    if (!enabled(device, judge, "VELLUM-VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
-    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT)
-        return refuse(device, "VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542",
-                      "vkCopyMicromapToMemoryEXT: mode is not SERIALIZE", info->src);
+    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "mode is not SERIALIZE"))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
     const uint64_t used = usedBytes(device, info->src);
     const View source = viewOf(device, info->src, used);
     if (!source.bytes() || !info->dst.hostAddress)
-        return refuse(device,
+        return refuse(judge,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapToMemoryEXT-pInfo-07569"
                                      : "VELLUM-VUID-vkCopyMicromapToMemoryEXT-buffer-07568",
-                      "vkCopyMicromapToMemoryEXT: src is not bound to host-visible memory, or dst is null", info->src);
+                      "src is not bound to host-visible memory, or dst is null");
     if (used == 0) {
         complainAbout(device, kComplaintNotBuilt, info->src);
         return done(operation);
@@ -194,11 +206,12 @@ VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOpera
 VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    if (!enabled(device, "vkCopyMemoryToMicromapEXT", "07566"))
+    const Judge judge = judgeOf(device, "vkCopyMemoryToMicromapEXT", info->dst);
+    if (!enabled(device, judge, "VELLUM-VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
-    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT)
-        return refuse(device, "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548",
-                      "vkCopyMemoryToMicromapEXT: mode is not DESERIALIZE", info->dst);
+    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT &&
+        !judge.tolerate("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "mode is not DESERIALIZE"))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
     const auto *in = static_cast<const uint8_t *>(info->src.hostAddress);
     SerializedMicromapHeader header{};
     if (in)
@@ -211,10 +224,10 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
     const View target(device, info->dst, known && header.micromapBytes <= room ? header.micromapBytes : kHeaderBytes,
                       HostView::For::Writing);
     if (!target.bytes() || !in)
-        return refuse(device,
+        return refuse(judge,
                       target.bytes() ? "VELLUM-VUID-vkCopyMemoryToMicromapEXT-pInfo-07563"
                                      : "VELLUM-VUID-vkCopyMemoryToMicromapEXT-buffer-07565",
-                      "vkCopyMemoryToMicromapEXT: dst is not bound to host-visible memory, or src is null", info->dst);
+                      "dst is not bound to host-visible memory, or src is null");
     if (!known || header.micromapBytes > room) {
         target.invalidate();
         complainAbout(device, known ? kComplaintTooLarge : kComplaintSerialized, info->dst);
@@ -228,22 +241,24 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
 VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t count, const VkMicromapEXT *micromaps,
                                   VkQueryType type, size_t size, void *data, size_t stride)
 {
-    if (!enabled(device, "vkWriteMicromapsPropertiesEXT", "07578"))
+    constexpr const char *kCommand = "vkWriteMicromapsPropertiesEXT";
+    if (!enabled(device, judgeOf(device, kCommand, VK_NULL_HANDLE),
+                 "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     const bool serialized = type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
     if (!serialized && type != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
-        return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-queryType-07503",
-                      "vkWriteMicromapsPropertiesEXT: queryType is not a type of micromap queries", VK_NULL_HANDLE);
+        return refuse(judgeOf(device, kCommand, VK_NULL_HANDLE),
+                      "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-queryType-07503",
+                      "queryType is not a type of micromap queries");
     for (uint32_t i = 0; i < count; ++i) {
+        const Judge judge = judgeOf(device, kCommand, micromaps[i]);
         if (i * stride + sizeof(VkDeviceSize) > size)
-            return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576",
-                          "vkWriteMicromapsPropertiesEXT: dataSize is too small", micromaps[i]);
-        const uint64_t used = usedBytes(device, micromaps[i]);
-        if (!viewOf(device, micromaps[i], used).bytes())
-            return refuse(device, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-buffer-07577",
-                          "vkWriteMicromapsPropertiesEXT: a micromap is not bound to host-visible memory",
-                          micromaps[i]);
-        VkDeviceSize value = std::max(used, kHeaderBytes);
+            return refuse(judge, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576", "dataSize is too small");
+        const std::optional<uint64_t> used = readUsedBytes(device, micromaps[i]);
+        if (!used)
+            return refuse(judge, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-buffer-07577",
+                          "a micromap is not bound to host-visible memory");
+        VkDeviceSize value = std::max(*used, kHeaderBytes);
         if (serialized)
             value += sizeof(SerializedMicromapHeader);
         std::memcpy(static_cast<uint8_t *>(data) + i * stride, &value, sizeof value);

@@ -20,9 +20,9 @@ inline bool isMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &i
 void getMicromapStructureSizes(const DeviceMicromaps &device, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                                VkAccelerationStructureBuildSizesInfoKHR &sizes);
 
-// The builds of micromaps among those of one vkCmdBuildAccelerationStructuresKHR.
-void cmdBuildMicromapStructures(DeviceMicromaps &device, VkCommandBuffer commandBuffer, uint32_t count,
-                                const VkAccelerationStructureBuildGeometryInfoKHR *infos);
+// The builds of micromaps among those of one command.
+void cmdBuildMicromapStructures(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command,
+                                uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos);
 
 // Copies whose source or target is a micromap: true, and the copy is dealt with. False: it is none of micromaps.
 bool copiesMicromapStructure(DeviceMicromaps &device, VkCommandBuffer commandBuffer,

@@ -1,6 +1,7 @@
 #include "layer/objects/acceleration_structure.h"
 
 #include <algorithm>
+#include <array>
 #include <string>
 
 #include "core/records.h"
@@ -58,30 +59,135 @@ constexpr Notice kNoticeTexts[kNotices] = {
 
 } // namespace
 
+void takePlace(DeviceObjects &device, AccelerationStructure &structure)
+{
+    structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
+    structure.place = device.places.acquire(structure.key);
+}
+
+void leavePlace(DeviceObjects &device, const AccelerationStructure &structure)
+{
+    device.places.release(structure.key);
+}
+
 CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
 {
-    std::lock_guard lock(structure.mutex);
-    if (!structure.cell.address) {
-        structure.reference = device.driver.structureAddress(handle);
-        structure.cell = device.root.acquireCell(structure.reference);
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    if (!place.cell.address) {
+        place.reference = device.driver.structureAddress(handle);
+        place.cell = device.root.acquireCell(place.reference);
     }
-    return structure.cell;
+    return place.cell;
+}
+
+namespace
+{
+
+std::array<uint32_t, kCellWords> wordsOf(const CellPlace &cell)
+{
+    std::array<uint32_t, kCellWords> words{};
+    for (uint32_t i = 0; i < kCellWords; ++i)
+        words[i] = __atomic_load_n(cell.words + i, __ATOMIC_ACQUIRE);
+    return words;
+}
+
+// Takes over what the device has found in deserialized data, if it has looked at it.
+bool learns(StructurePlace &place)
+{
+    const auto words = wordsOf(place.cell);
+    if (words == place.cellBefore)
+        return false;
+    switch (words[2]) {
+    case kCellTop:
+        place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+        place.lastInstances = place.mostInstances = words[4];
+        break;
+    case kCellMicromap: place.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; break;
+    default: place.content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR; break;
+    }
+    return true;
+}
+
+// What a structure is for whose size is just what a query or the header of serialized data tells.
+VkAccelerationStructureTypeKHR markedType(VkDeviceSize size)
+{
+    switch (size % 256) {
+    case kMicromapSizeMark: return VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    case kTopLevelSizeMark: return VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    default: return VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    }
+}
+
+} // namespace
+
+VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure)
+{
+    if (structure.type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        return structure.type;
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    return place.deserialized && !learns(place) ? markedType(structure.size) : place.content;
+}
+
+void becomesUnknown(AccelerationStructure &structure)
+{
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    place.content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    place.lastBytes = 0;
+    place.lastInstances = place.mostInstances = 0;
+    place.deserialized = place.cell.words != nullptr;
+    if (place.deserialized)
+        place.cellBefore = wordsOf(place.cell);
+}
+
+void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
+{
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    place.content = type;
+    place.lastBytes = bytes;
+    place.deserialized = false;
+}
+
+VkDeviceSize lastBytes(const AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.place->mutex);
+    return structure.place->lastBytes;
+}
+
+void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes)
+{
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    place.lastBytes = bytes;
+    place.deserialized = false;
+    place.lastInstances = instances;
+    place.mostInstances = std::max(place.mostInstances, instances);
+}
+
+VkDeviceSize roomOf(const DeviceObjects &device, const AccelerationStructure &structure)
+{
+    return std::min(structure.size, device.places.bytesToNext(structure.key));
 }
 
 std::shared_ptr<SlotRange> slotsFor(DeviceObjects &device, AccelerationStructure &structure, uint32_t count)
 {
-    std::lock_guard lock(structure.mutex);
-    const uint32_t had = structure.slots ? structure.slots->count() : 0;
-    if (structure.slots && had >= count)
-        return structure.slots;
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    const uint32_t had = place.slots ? place.slots->count() : 0;
+    if (place.slots && had >= count)
+        return place.slots;
     auto slots = device.root.allocateSlots(std::max(count, had + had / 2));
     if (!slots)
         slots = device.root.allocateSlots(count);
     if (!slots)
         return nullptr;
-    if (structure.slots)
-        structure.outgrownSlots.push_back(std::move(structure.slots));
-    structure.slots = slots;
+    if (place.slots)
+        place.outgrownSlots.push_back(std::move(place.slots));
+    place.slots = slots;
     return slots;
 }
 
@@ -110,10 +216,9 @@ bool canHoldMicromap(const AccelerationStructure &structure)
            structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 }
 
-bool holdsMicromap(AccelerationStructure &structure)
+bool holdsMicromap(const AccelerationStructure &structure)
 {
-    std::lock_guard lock(structure.mutex);
-    return structure.content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    return contentOf(structure) == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
 
 VkMicromapEXT micromapIn(AccelerationStructure &structure)
@@ -162,8 +267,7 @@ void bufferHasAddress(DeviceObjects &device, VkBuffer buffer)
 void becomeMicromap(DeviceObjects &device, AccelerationStructure &structure)
 {
     letMicromapBeNamed(device, structure);
-    std::lock_guard lock(structure.mutex);
-    structure.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, 0);
 }
 
 bool DeviceObjects::own(VkObjectType type, uint64_t handle) const

@@ -9,7 +9,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/objects/micromap_object.h"
-#include "layer/objects/root_table.h"
+#include "layer/objects/structure_place.h"
 
 namespace vellum::layer
 {
@@ -28,19 +28,40 @@ struct AccelerationStructure {
     // pointer to this structure; the driver knows nothing of it.
     Micromap micromap;
 
+    StructurePlaces::Key key;              // of its place
+    std::shared_ptr<StructurePlace> place; // never null
+
     std::mutex mutex;                // guards what is below
     VkDeviceAddress micromapKey = 0; // of the cell that says that there is a micromap; once acquired
-    VkDeviceAddress reference = 0;   // once acquired: this object is a user of that cell
-    CellPlace cell;
-    // Of what was recorded last into a GENERIC structure; itself, of others.
-    VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-    uint32_t mostInstances = 0; // of all builds recorded
-    std::shared_ptr<SlotRange> slots;
-    std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
+    struct Fitted {
+        VkDeviceSize bytes = 0;
+        VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+    };
+    std::vector<Fitted> fitted; // handles of the driver's at the same place, structures/fitted_handle.h
 };
 
-// Makes the structure a user of its reference's cell, if it is none yet. Address 0: no memory.
+// Finds the place of a structure that was made in `buffer`, and lets go of it.
+void takePlace(DeviceObjects &device, AccelerationStructure &structure);
+void leavePlace(DeviceObjects &device, const AccelerationStructure &structure);
+
+// Makes the structure's place a user of its reference's cell, if it is none yet. Address 0: no memory.
 CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);
+
+// What is in a structure by what was recorded last into it or into another one at its place: its type, unless it is
+// GENERIC. Of a GENERIC one that data was deserialized to that only the device has looked at: what it found; before
+// that copy was executed, what the structure's size is marked for. GENERIC: nothing tells.
+VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure);
+// Something of that type, and of so many bytes, is recorded into a structure. 0 bytes: only the device knows.
+void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes);
+// Data is deserialized into a GENERIC structure of which only the device knows what it holds.
+void becomesUnknown(AccelerationStructure &structure);
+// A top-level build for up to so many instances.
+void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
+// The bytes of what was recorded last, 0: only the device knows.
+VkDeviceSize lastBytes(const AccelerationStructure &structure);
+
+// Bytes that a structure may take without touching another one that begins behind it in the same buffer.
+VkDeviceSize roomOf(const DeviceObjects &device, const AccelerationStructure &structure);
 
 // The slots that a build of `count` instances into this structure uses: those it has, unless they are too few. Work
 // recorded before may still write or read the old ones, so they stay with the structure; growing by half keeps them
@@ -59,7 +80,7 @@ void reportNotices(DeviceObjects &device);
 // Whether a structure is a micromap, or a GENERIC one, which may become one.
 bool canHoldMicromap(const AccelerationStructure &structure);
 // Whether a structure is a micromap, or a GENERIC one that something of a micromap was recorded into last.
-bool holdsMicromap(AccelerationStructure &structure);
+bool holdsMicromap(const AccelerationStructure &structure);
 // The micromap that a structure is, or that a GENERIC one is taken for.
 VkMicromapEXT micromapIn(AccelerationStructure &structure);
 // The micromap of a handle that a geometry names; null, where it is no micromap.

@@ -10,6 +10,7 @@
 #include "layer/objects/acceleration_structure.h"
 #include "layer/objects/private_data.h"
 #include "layer/objects/root_table.h"
+#include "layer/objects/structure_place.h"
 
 namespace vellum::layer
 {
@@ -18,6 +19,7 @@ struct DeviceObjects {
     Driver &driver;
     DeviceBuffers &buffers;
     RootTable root{};
+    StructurePlaces places{root};
     PrivateData privateData{};
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
     std::mutex unnamedMutex{};                                            // guards the next one

@@ -5,13 +5,25 @@
 namespace vellum::layer
 {
 
+namespace
+{
+
+// Names that the layer's messages use. A micromap is the layer's own object: its handle means nothing below. Other
+// structures, of which GENERIC ones may hold a micromap, are the driver's, too.
+bool staysInTheLayer(DeviceObjects &device, VkObjectType type, uint64_t object, const char *name)
+{
+    const bool own = device.own(type, object);
+    if (own || type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
+        device.driver.report().setName(object, name ? name : "");
+    return own;
+}
+
+} // namespace
+
 VkResult setDebugUtilsObjectName(DeviceObjects &device, VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
 {
-    // A micromap is the layer's own object: its handle means nothing below, its name is used in the layer's messages.
-    if (device.own(info->objectType, info->objectHandle)) {
-        device.driver.report().setName(info->objectHandle, info->pObjectName ? info->pObjectName : "");
+    if (staysInTheLayer(device, info->objectType, info->objectHandle, info->pObjectName))
         return VK_SUCCESS;
-    }
     return device.driver.next.SetDebugUtilsObjectNameEXT(handle, info);
 }
 
@@ -29,10 +41,8 @@ static_assert(VkObjectType(VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KH
 
 VkResult debugMarkerSetObjectName(DeviceObjects &device, VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
 {
-    if (device.own(static_cast<VkObjectType>(info->objectType), info->object)) {
-        device.driver.report().setName(info->object, info->pObjectName ? info->pObjectName : "");
+    if (staysInTheLayer(device, static_cast<VkObjectType>(info->objectType), info->object, info->pObjectName))
         return VK_SUCCESS;
-    }
     return device.driver.next.DebugMarkerSetObjectNameEXT(handle, info);
 }
 

@@ -21,7 +21,10 @@ uint64_t PrivateData::get(VkPrivateDataSlot slot, uint64_t object) const
 void PrivateData::forgetObject(uint64_t object)
 {
     std::lock_guard lock(mutex_);
-    std::erase_if(values_, [object](const auto &entry) { return entry.first.first == object; });
+    // Slots are what entries of one object are sorted by, the null handle first.
+    auto at = values_.lower_bound({object, VK_NULL_HANDLE});
+    while (at != values_.end() && at->first.first == object)
+        at = values_.erase(at);
 }
 
 void PrivateData::forgetSlot(VkPrivateDataSlot slot)

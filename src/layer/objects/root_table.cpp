@@ -1,10 +1,12 @@
 #include "layer/objects/root_table.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <new>
 
 #include "core/records.h"
+#include "layer/ground/align.h"
 
 namespace vellum::layer
 {
@@ -19,17 +21,21 @@ constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecor
 constexpr uint32_t kPagesPerBuffer = kFirstSlots / kSlotsPerPage;
 constexpr VkDeviceSize kPagesBytes = kPageBytes * kPagesPerBuffer;
 constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
-constexpr uint32_t kCellsPerBuffer = 4096;
 constexpr uint32_t kFirstBuckets = 1024;
 constexpr VkDeviceAddress kDeletedKey = ~VkDeviceAddress{0};
 
-constexpr VkDeviceSize alignUp(VkDeviceSize bytes)
+constexpr VkDeviceSize wholePages(VkDeviceSize bytes)
 {
-    return (bytes + FixedMemory::kAlignment - 1) / FixedMemory::kAlignment * FixedMemory::kAlignment;
+    return alignUp(bytes, FixedMemory::kAlignment);
 }
 
-constexpr std::size_t kFirstPagesPlace = alignUp(kRootBytes); // in the fixed memory, behind the root
-static_assert(kFirstPagesPlace + alignUp(kPagesBytes) <= FixedMemory::kMostBytes);
+// The tables that rewritten shaders have the address of, and their places in the fixed memory.
+constexpr std::size_t kRoot = 0;
+constexpr std::size_t kFirstPages = 1;
+constexpr std::array<VkDeviceSize, KeptAddresses::kTables> kTableBytes{kRootBytes, kPagesBytes};
+constexpr std::array<std::size_t, KeptAddresses::kTables> kTablePlaces{0, wholePages(kRootBytes)};
+constexpr std::size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPagesBytes);
+static_assert(kFixedBytes <= FixedMemory::kMostBytes);
 
 // The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's cell before its
 // key.
@@ -59,24 +65,38 @@ SlotRange::~SlotRange()
     }
 }
 
-VkResult RootTable::create(const GpuContext &context)
+VkResult RootTable::create(const GpuContext &context, const std::string &keptAddresses)
 {
     context_ = context;
     if (context.importsHostMemory)
-        fixed_.reserve(kFirstPagesPlace + alignUp(kPagesBytes));
-    const VkResult result = createTable(root_, kRootBytes, 0);
+        fixed_.reserve(kFixedBytes);
+    else if (context.replaysAddresses && !keptAddresses.empty())
+        kept_.open(keptAddresses, kTableBytes);
+    const VkResult result = createTable(root_, kRoot);
     if (result != VK_SUCCESS)
         return result;
+    if (const VkResult made = notices_.create(context, kNoticeCounters * 4); made != VK_SUCCESS)
+        return made;
+    store64(root_.words() + kRootNotices, notices_.address());
     freeSlots_ = {{0, kSlots}};
     if (!addPages(0) || !growHashTable())
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    kept_.write();
     return VK_SUCCESS;
 }
 
-VkResult RootTable::createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place)
+VkResult RootTable::createTable(GpuBuffer &buffer, std::size_t table)
 {
-    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + place, alignUp(bytes)) == VK_SUCCESS)
+    const VkDeviceSize bytes = kTableBytes[table];
+    if (fixed_.data() && buffer.createOn(context_, fixed_.data() + kTablePlaces[table], wholePages(bytes)) == VK_SUCCESS)
         return VK_SUCCESS;
+    if (kept_.isOpen()) {
+        ReplayAddress address = kept_.known(table);
+        if (buffer.createAgain(context_, bytes, address) == VK_SUCCESS) {
+            kept_.set(table, address);
+            return VK_SUCCESS;
+        }
+    }
     return buffer.create(context_, bytes);
 }
 
@@ -87,7 +107,7 @@ bool RootTable::addPages(uint32_t lastPage)
     while (pageCount_ <= lastPage) {
         GpuBuffer buffer;
         const VkResult result =
-            pages_.empty() ? createTable(buffer, kPagesBytes, kFirstPagesPlace) : buffer.create(context_, kPagesBytes);
+            pages_.empty() ? createTable(buffer, kFirstPages) : buffer.create(context_, kPagesBytes);
         if (result != VK_SUCCESS)
             return false;
         for (uint32_t i = 0; i < kPagesPerBuffer && pageCount_ < kDirectoryPages; ++i, ++pageCount_)
@@ -123,11 +143,6 @@ void RootTable::freeSlots(uint32_t first, uint32_t count)
     if (count == 0)
         return;
     std::lock_guard lock(mutex_);
-    // A stale structure may still name these slots: it must not lead to geometry records that are gone.
-    for (uint32_t slot = first; slot < first + count; ++slot)
-        std::fill_n(pages_[(slot >> kSlotsPerPageLog2) / kPagesPerBuffer].words() +
-                        size_t{slot % (kSlotsPerPage * kPagesPerBuffer)} * kInstanceRecordWords,
-                    kInstanceRecordWords, 0u);
     auto after = freeSlots_.lower_bound(first);
     if (after != freeSlots_.end() && first + count == after->first) {
         count += after->second;
@@ -143,80 +158,69 @@ void RootTable::freeSlots(uint32_t first, uint32_t count)
     freeSlots_[first] = count;
 }
 
-CellPlace RootTable::cellPlace(uint32_t index) const
-{
-    const GpuBuffer &buffer = cellBuffers_[index / kCellsPerBuffer];
-    const VkDeviceSize offset = VkDeviceSize{index % kCellsPerBuffer} * kCellWords * 4;
-    return {buffer.address() + offset, buffer.buffer(), offset};
-}
-
-uint32_t *RootTable::cellWords(uint32_t index) const
-{
-    return cellBuffers_[index / kCellsPerBuffer].words() + size_t{index % kCellsPerBuffer} * kCellWords;
-}
-
-bool RootTable::growCells()
-{
-    GpuBuffer buffer;
-    if (buffer.create(context_, VkDeviceSize{kCellsPerBuffer} * kCellWords * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT) !=
-        VK_SUCCESS)
-        return false;
-    const auto first = static_cast<uint32_t>(cellBuffers_.size()) * kCellsPerBuffer;
-    cellBuffers_.push_back(std::move(buffer));
-    for (uint32_t i = kCellsPerBuffer; i-- > 0;)
-        freeCells_.push_back(first + i);
-    return true;
-}
-
 CellPlace RootTable::acquireCell(VkDeviceAddress reference)
 {
     std::lock_guard lock(mutex_);
-    if (const auto it = cells_.find(reference); it != cells_.end()) {
+    return acquireCell(reference, structureCells_);
+}
+
+CellPlace RootTable::acquireCell(VkDeviceAddress key, CellPool &pool)
+{
+    if (const auto it = cells_.find(key); it != cells_.end()) {
         ++it->second.users;
-        return cellPlace(it->second.index);
+        return pool.place(it->second.index);
     }
-    if (freeCells_.empty() && !growCells())
-        return {};
     if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
         return {};
-    const uint32_t index = freeCells_.back();
-    freeCells_.pop_back();
-    std::fill_n(cellWords(index), kCellWords, 0u);
-    cells_[reference] = {index, 1};
-    insertBucket(reference, cellPlace(index).address);
-    return cellPlace(index);
+    const uint32_t index = pool.acquire(context_);
+    if (index == CellPool::kNone)
+        return {};
+    cells_[key] = {index, 1, &pool};
+    insertBucket(key, pool.place(index).address);
+    return pool.place(index);
 }
 
 VkDeviceAddress RootTable::acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes)
 {
     const VkDeviceAddress key = address + kMicromapKey;
-    if (!acquireCell(key).address)
-        return 0;
     std::lock_guard lock(mutex_);
-    uint32_t *words = cellWords(cells_.at(key).index);
+    if (!acquireCell(key, micromapCells_).address)
+        return 0;
+    uint32_t *words = micromapCells_.words(cells_.at(key).index);
     words[2] = kCellMicromap;
     // Micromaps may share memory: there is room for the largest.
     words[3] = std::max(words[3], static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / kDataUnitBytes, UINT32_MAX)));
     return key;
 }
 
-void RootTable::releaseCell(VkDeviceAddress reference)
+void RootTable::releaseCell(VkDeviceAddress key)
 {
     std::lock_guard lock(mutex_);
-    const auto it = cells_.find(reference);
+    const auto it = cells_.find(key);
     if (it == cells_.end() || --it->second.users > 0)
         return;
-    removeBucket(reference);
-    freeCells_.push_back(it->second.index);
+    removeBucket(key);
+    it->second.pool->release(it->second.index);
     cells_.erase(it);
 }
 
 uint32_t RootTable::takeNotices()
 {
-    if (!root_.words())
+    const uint32_t *counters = notices_.words();
+    if (!counters || __atomic_load_n(counters + kNoticeTotal, __ATOMIC_ACQUIRE) ==
+                         __atomic_load_n(seenNotices_ + kNoticeTotal, __ATOMIC_RELAXED))
         return 0;
-    const std::atomic_ref<uint32_t> word(root_.words()[kRootNotices]);
-    return word.load(std::memory_order_relaxed) == 0 ? 0 : word.exchange(0);
+    std::lock_guard lock(mutex_);
+    __atomic_store_n(seenNotices_ + kNoticeTotal, __atomic_load_n(counters + kNoticeTotal, __ATOMIC_ACQUIRE),
+                     __ATOMIC_RELAXED);
+    uint32_t bits = 0;
+    for (uint32_t i = 0; i < kNotices; ++i) {
+        const uint32_t counter = __atomic_load_n(counters + i, __ATOMIC_ACQUIRE);
+        if (counter != seenNotices_[i])
+            bits |= 1u << i;
+        seenNotices_[i] = counter;
+    }
+    return bits;
 }
 
 void RootTable::insertBucket(VkDeviceAddress reference, VkDeviceAddress cell)
@@ -267,7 +271,7 @@ bool RootTable::growHashTable()
     buckets_ = buckets;
     usedBuckets_ = 0;
     for (const auto &[reference, cell] : cells_)
-        insertBucket(reference, cellPlace(cell.index).address);
+        insertBucket(reference, cell.pool->place(cell.index).address);
     store64(root_.words() + kRootHashTable, hashTables_.back().address());
     return true;
 }

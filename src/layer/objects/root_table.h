@@ -3,28 +3,28 @@
 //
 // Nothing that a shader can reach ever moves or is freed before the device: the root's address is a constant in
 // rewritten SPIR-V, pages are only added, and a hash table that has been outgrown stays readable.
+//
+// And no page of memory is written by host and device in turn (objects/cell_pool.h tells why): the root and the hash
+// tables are the host's, instance records, cells of structures and counters of notices the device's.
 #pragma once
 
 #include <map>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
+#include "core/records.h"
 #include "layer/memory/fixed_memory.h"
 #include "layer/memory/gpu_memory.h"
+#include "layer/memory/kept_addresses.h"
+#include "layer/objects/cell_pool.h"
 
 namespace vellum::layer
 {
 
 class RootTable;
-
-// Where the cell of an acceleration structure lies (core/records.h).
-struct CellPlace {
-    VkDeviceAddress address = 0;
-    VkBuffer buffer = VK_NULL_HANDLE;
-    VkDeviceSize offset = 0;
-};
 
 // Consecutive instance slots. They return to the table when the last owner lets go.
 class SlotRange
@@ -46,7 +46,9 @@ private:
 class RootTable
 {
 public:
-    VkResult create(const GpuContext &context);
+    // `keptAddresses`: begin of the path of files that say where the tables lay before (memory/kept_addresses.h);
+    // empty: there are none.
+    VkResult create(const GpuContext &context, const std::string &keptAddresses = {});
     [[nodiscard]] VkDeviceAddress address() const { return root_.address(); }
     // Of the instance records of the first kFirstSlots slots.
     [[nodiscard]] VkDeviceAddress firstSlots() const { return pages_.front().address(); }
@@ -63,7 +65,7 @@ public:
     // there is no memory.
     VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
 
-    // What shaders had to tell since the last call: bits kNotice*.
+    // What shaders had to tell since the last call: bits kNotice*. The host only reads their counters, see CellPool.
     uint32_t takeNotices();
 
 private:
@@ -71,23 +73,24 @@ private:
     struct Cell {
         uint32_t index = 0;
         uint32_t users = 0;
+        CellPool *pool = nullptr;
     };
+    CellPlace acquireCell(VkDeviceAddress key, CellPool &pool);
     void freeSlots(uint32_t first, uint32_t count);
     bool addPages(uint32_t lastPage);
     bool growHashTable();
-    bool growCells();
     void insertBucket(VkDeviceAddress reference, VkDeviceAddress cell);
     void removeBucket(VkDeviceAddress reference);
-    [[nodiscard]] CellPlace cellPlace(uint32_t index) const;
-    [[nodiscard]] uint32_t *cellWords(uint32_t index) const;
 
     // Tables that rewritten shaders have the address of: at the same address in every run, where that can be had.
-    VkResult createTable(GpuBuffer &buffer, VkDeviceSize bytes, std::size_t place);
+    VkResult createTable(GpuBuffer &buffer, std::size_t table);
 
     GpuContext context_;
     FixedMemory fixed_; // outlives the buffers on it
+    KeptAddresses kept_;
     std::mutex mutex_;
-    GpuBuffer root_;
+    GpuBuffer root_, notices_;
+    uint32_t seenNotices_[shared::kNoticeCounters] = {};
     std::vector<GpuBuffer> pages_; // each holds kPagesPerBuffer pages
     uint32_t pageCount_ = 0;
     std::map<uint32_t, uint32_t> freeSlots_; // first -> count, never adjacent
@@ -96,8 +99,8 @@ private:
     uint32_t buckets_ = 0;
     uint32_t usedBuckets_ = 0; // with deleted ones
     std::unordered_map<VkDeviceAddress, Cell> cells_;
-    std::vector<GpuBuffer> cellBuffers_;
-    std::vector<uint32_t> freeCells_;
+    CellPool structureCells_; // written by the device
+    CellPool micromapCells_;  // written by the host
 };
 
 } // namespace vellum::layer

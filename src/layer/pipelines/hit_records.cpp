@@ -36,7 +36,7 @@ HitRecordsPush pushOf(const RayTracingPipeline &pipeline)
 VkDeviceAddress allocate(const DevicePipelines &device, CommandState &state, VkDeviceSize bytes)
 {
     state.scratch.restart();
-    const VkDeviceAddress address = state.scratch.allocate(device.buffers.gpu, bytes);
+    const VkDeviceAddress address = state.scratch.allocate(bytes);
     if (!address)
         device.driver.report().error("VELLUM-out-of-memory",
                                      "no memory for hit records: null ones do not see opacity micromaps");
@@ -55,8 +55,8 @@ bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const HitRecord
 VkStridedDeviceAddressRegionKHR withoutNull(DevicePipelines &device, VkCommandBuffer commandBuffer,
                                             const VkStridedDeviceAddressRegionKHR &hit)
 {
-    const auto state = device.commands.states.get(commandBuffer);
-    const auto pipeline = pipelineOf(device, state.get());
+    CommandState *const state = device.commands.states.get(commandBuffer);
+    const auto pipeline = pipelineOf(device, state);
     if (!pipeline || hit.deviceAddress == 0 || hit.size < kGroupHandleBytes || hit.size > UINT32_MAX)
         return hit;
     HitRecordsPush push = pushOf(*pipeline);
@@ -91,8 +91,8 @@ void cmdTraceRaysIndirect(DevicePipelines &device, VkCommandBuffer commandBuffer
 
 void cmdTraceRaysIndirect2(DevicePipelines &device, VkCommandBuffer commandBuffer, VkDeviceAddress command)
 {
-    const auto state = device.commands.states.get(commandBuffer);
-    if (const auto pipeline = pipelineOf(device, state.get())) {
+    CommandState *const state = device.commands.states.get(commandBuffer);
+    if (const auto pipeline = pipelineOf(device, state)) {
         HitRecordsPush push = pushOf(*pipeline);
         push.command = command;
         push.commandCopy = allocate(device, *state, kCommandRoom + kIndirectRoom);

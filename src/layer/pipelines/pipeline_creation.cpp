@@ -69,17 +69,17 @@ public:
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
         const bool available = device_.driver.asked.extFeature || device_.driver.asked.khrFeature;
-        const bool asked =
+        bool asked =
             (flagsOf(info) & kMicromapPipelineFlag) != 0 || (available && device_.driver.settings->assumeMicromaps);
-        if (asked && !available) {
-            refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
-                   "uses opacity micromaps, but the feature micromap is not enabled");
+        if (asked && !available &&
+            !weigh(true, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+                   "uses opacity micromaps, but the feature micromap is not enabled"))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        }
         if ((!asked || !device_.driver.asked.khrFeature) &&
-            (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0)
-            reportMixedSpecialIndex(device_.driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
-                                    "vkCreateRayTracingPipelinesKHR");
+            (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0 &&
+            !toleratesMixedSpecialIndex(device_.driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
+                                        "vkCreateRayTracingPipelinesKHR"))
+            return VK_ERROR_VALIDATION_FAILED_EXT;
         const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
         std::optional<uint32_t> without;
         uint32_t with = 0;
@@ -90,9 +90,12 @@ public:
                 without = i;
         }
         if (asked && without) {
-            refuse("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
-                   "uses opacity micromaps, but library " + std::to_string(*without) + " was created without the bit");
-            return VK_ERROR_VALIDATION_FAILED_EXT;
+            // Where all were, the pipeline can be one without micromaps.
+            if (!weigh(with == 0, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
+                       "uses opacity micromaps, but library " + std::to_string(*without) +
+                           " was created without the bit"))
+                return VK_ERROR_VALIDATION_FAILED_EXT;
+            asked = false;
         }
         if (with > 0 && without) {
             device_.driver.report().notAvailable(
@@ -146,6 +149,16 @@ private:
     {
         device_.driver.report().error(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
                                               std::to_string(infos_.size() - 1) + " " + text);
+    }
+
+    // Whether it may be made all the same, as where the fault is harmless and nobody is strict.
+    bool weigh(bool harmless, const char *id, const std::string &text)
+    {
+        if (harmless)
+            return device_.driver.report().tolerates(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
+                                                             std::to_string(infos_.size() - 1) + " " + text);
+        refuse(id, text);
+        return false;
     }
 
     // What a driver's stage is made from: the application's stage, and what it decides.

@@ -14,12 +14,12 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
     return flags2 ? flags2->flags : flags;
 }
 
-void reportMixedSpecialIndex(const Driver &driver, const char *id, const char *command)
+bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char *command)
 {
-    driver.report().error(id,
-                          std::string(command) +
-                              ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX needs the feature micromap, and in a "
-                              "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");
+    return driver.report().tolerates(
+        id, std::string(command) +
+                ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX needs the feature micromap, and in a "
+                "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");
 }
 
 const void *driverChain(const void *pNext, std::deque<Chain> &chains)

@@ -21,8 +21,9 @@ inline constexpr VkFlags64 kMicromapPipelineFlags =
 // Of all kinds of pipelines: VkPipelineCreateFlags2CreateInfo wins over the structure's own flags.
 VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);
 
-// Reports the promise of no mixed special indices where it may not be made. It does no harm there.
-void reportMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
+// Tells of the promise of no mixed special indices where it may not be made. It does no harm there; whether the object
+// may be made.
+bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
 
 // A pipeline's pNext chain without them. Copies are kept in `chains`.
 const void *driverChain(const void *pNext, std::deque<Chain> &chains);

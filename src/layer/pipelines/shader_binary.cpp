@@ -2,11 +2,28 @@
 
 #include <cstring>
 #include <random>
+#include <string_view>
 
 #include "layer/pipelines/device_pipelines.h"
+#include "layer/pipelines/driver_stages.h"
 
 namespace vellum::layer
 {
+
+const std::array<uint8_t, VK_UUID_SIZE> &rewriterUuid()
+{
+    static const auto uuid = [] {
+        const uint64_t linked = spirv::linkedCodeHash();
+        uint64_t version = 0xcbf29ce484222325u; // FNV-1a
+        for (const char c : std::string_view(VELLUM_VERSION))
+            version = (version ^ static_cast<uint8_t>(c)) * 0x100000001b3u;
+        std::array<uint8_t, VK_UUID_SIZE> bytes{};
+        std::memcpy(bytes.data(), &linked, sizeof linked);
+        std::memcpy(bytes.data() + sizeof linked, &version, sizeof version);
+        return bytes;
+    }();
+    return uuid;
+}
 
 const std::array<uint8_t, VK_UUID_SIZE> &processUuid()
 {
@@ -20,9 +37,11 @@ const std::array<uint8_t, VK_UUID_SIZE> &processUuid()
     return uuid;
 }
 
-ShaderBinaryHeader shaderBinaryHeader(const DevicePipelines &device)
+ShaderBinaryHeader shaderBinaryHeader(DevicePipelines &device)
 {
-    return {processUuid(), device.objects.root.address(), device.driver.number};
+    const spirv::RewriteOptions options = rewriteOptions(device);
+    const uint64_t all = options.queriesConsume == spirv::QueriesConsume::Always ? 1 : 0;
+    return {rewriterUuid(), options.rootAddress, options.firstSlots | all << 63};
 }
 
 VkResult getShaderBinaryData(DevicePipelines &device, VkDevice handle, newer::ShaderEXT shader, size_t *size,

@@ -33,20 +33,19 @@ bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
     return !library || (library->flags & withShaders) != 0;
 }
 
-void checkFlags(const DevicePipelines &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
-                const char *command)
+bool mayHaveFlags(const DevicePipelines &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+                  const char *command)
 {
-    if ((pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) !=
-            0 &&
-        !device.driver.asked.khrFeature)
-        reportMixedSpecialIndex(device.driver, id, command);
+    return (pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) ==
+               0 ||
+           device.driver.asked.khrFeature || toleratesMixedSpecialIndex(device.driver, id, command);
 }
 
-VkResult failAll(uint32_t count, VkPipeline *pipelines)
+VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result = VK_ERROR_INVALID_SHADER_NV)
 {
     for (uint32_t i = 0; i < count; ++i)
         pipelines[i] = VK_NULL_HANDLE;
-    return VK_ERROR_INVALID_SHADER_NV;
+    return result;
 }
 
 } // namespace
@@ -83,8 +82,9 @@ VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipe
     std::deque<Chain> chains;
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
     for (VkComputePipelineCreateInfo &info : own) {
-        checkFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
-                   "vkCreateComputePipelines");
+        if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
+                          "vkCreateComputePipelines"))
+            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
         info.pNext = driverChain(info.pNext, chains);
         const VkPipelineShaderStageCreateInfo *stage = &info.stage;
         if (!stages.rewrite(stage, 1))
@@ -103,8 +103,9 @@ VkResult createGraphicsPipelines(DevicePipelines &device, VkDevice handle, VkPip
     std::deque<Chain> chains;
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
     for (VkGraphicsPipelineCreateInfo &info : own) {
-        checkFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
-                   "vkCreateGraphicsPipelines");
+        if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+                          "vkCreateGraphicsPipelines"))
+            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
         info.pNext = driverChain(info.pNext, chains);
         if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
             return failAll(count, pipelines);
@@ -118,9 +119,12 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
-        if ((info.flags & kDisallowMixedShader) != 0 && !device.driver.asked.khrFeature)
-            reportMixedSpecialIndex(device.driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623",
-                                    "vkCreateShadersEXT");
+        if ((info.flags & kDisallowMixedShader) != 0 && !device.driver.asked.khrFeature &&
+            !toleratesMixedSpecialIndex(device.driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623",
+                                        "vkCreateShadersEXT")) {
+            std::fill_n(shaders, count, nullptr);
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
         info.flags &= ~kDisallowMixedShader;
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);

@@ -8,9 +8,11 @@
 #include <vector>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/queries/device_queries.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_size.h"
 
 namespace vellum::layer
@@ -95,8 +97,8 @@ void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuf
                    const QueryPool &pool, uint32_t first, uint32_t count)
 {
     work.barrier(true);
-    device.driver.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityOffset(first), count * 4ull,
-                                     1);
+    device.driver.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityInBuffer(first),
+                                     count * 4ull, 1);
     work.barrier(true);
 }
 
@@ -129,13 +131,24 @@ void recordMicromapProperty(InjectedWork &work, const DeviceQueries &device, con
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
         // That of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
         return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
-    default:
-        // The bottom-level pointers of a top-level structure.
-        device.driver.report().error(
-            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not for micromaps", micromap.object.type,
-            micromap.object.handle);
+    default: // the bottom-level pointers of a top-level structure: the query was reset to none
+        return;
     }
+}
+
+// Of each structure whose size is asked for.
+bool mayWriteProperty(const DeviceQueries &device, const Judge &judge, VkAccelerationStructureKHR structure,
+                      uint32_t element, VkQueryType type)
+{
+    if (!device.objects.accelerationStructures.get(structure))
+        return judge.refuse(
+            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter",
+            "pAccelerationStructures[" + std::to_string(element) + "] is not an acceleration structure of this device");
+    return type != VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR ||
+           !micromapAt(device, structure) ||
+           judge.tolerate("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
+                          "pAccelerationStructures[" + std::to_string(element) +
+                              "] is a micromap, which has no bottom-level pointers");
 }
 
 } // namespace
@@ -161,10 +174,10 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
     auto pool = std::make_shared<QueryPool>();
     pool->type = info->queryType;
     pool->count = info->queryCount;
-    const VkResult created = pool->memory.create(device.buffers.gpu, info->queryCount * 12ull + 4,
-                                                 VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
-    if (created != VK_SUCCESS)
-        return created;
+    pool->memory = PooledMemory(device.memory, info->queryCount * 12ull + 4);
+    if (!pool->memory.address())
+        return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    std::memset(pool->memory.words(), 0, pool->memory.bytes());
     VkQueryPoolCreateInfo driverInfo = *info;
     if (micromaps)
         driverInfo.queryType = VK_QUERY_TYPE_OCCLUSION;
@@ -202,9 +215,10 @@ void cmdResetQueryPool(DeviceQueries &device, VkCommandBuffer commandBuffer, VkQ
     if (pool && count > 0) {
         InjectedWork work(device.commands, commandBuffer);
         work.barrier();
-        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->availabilityOffset(first),
+        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->availabilityInBuffer(first),
                                          count * 4ull, 0);
-        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), first * 8ull, count * 8ull, 0);
+        device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->valueInBuffer(first), count * 8ull,
+                                         0);
         work.barrier(true);
     }
     device.driver.next.CmdResetQueryPool(commandBuffer, queryPool, first, count);
@@ -273,19 +287,20 @@ void cmdWriteMicromapsProperties(DeviceQueries &device, VkCommandBuffer commandB
                                  uint32_t first)
 {
     const auto pool = device.pools.get(queryPool);
+    const Judge judge(device.driver.report(), "vkCmdWriteMicromapsPropertiesEXT");
     if (!isMicromapType(type)) {
-        device.driver.report().error("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503",
-                                     "vkCmdWriteMicromapsPropertiesEXT: queryType is not a type of micromap queries");
+        judge.refuse("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503",
+                     "queryType is not a type of micromap queries");
         return;
     }
-    if (!pool || pool->type != type) {
-        device.driver.report().error("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",
-                                     "vkCmdWriteMicromapsPropertiesEXT: queryPool was created with another queryType");
+    // Pools of both sizes of micromaps are alike.
+    if ((!pool || pool->type != type) &&
+        !judge.weigh(pool && isMicromapType(pool->type), "VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",
+                     "queryPool was created with another queryType"))
         return;
-    }
     if (std::find(micromaps, micromaps + count, VkMicromapEXT{}) != micromaps + count) {
-        device.driver.report().error("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-parameter",
-                                     "vkCmdWriteMicromapsPropertiesEXT: a micromap is VK_NULL_HANDLE");
+        judge.refuse("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-parameter",
+                     "a micromap is VK_NULL_HANDLE");
         return;
     }
     // VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528
@@ -310,29 +325,22 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
     if (pool ? pool->type != type : isStructureProperty(type)) {
         device.driver.report().error(
             "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another "
-            "queryType");
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another queryType");
         return;
     }
     if (!isStructureProperty(type)) {
         device.driver.report().error(
             "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration "
-            "structure queries");
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration structure queries");
         return;
     }
     if (count == 0 || !inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
         InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR"))
         return;
+    const Judge judge(device.driver.report(), "vkCmdWriteAccelerationStructuresPropertiesKHR");
     for (uint32_t i = 0; i < count; ++i) {
-        if (device.objects.accelerationStructures.get(structures[i]))
-            continue;
-        device.driver.report().error(
-            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-"
-            "parameter",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: pAccelerationStructures[" + std::to_string(i) +
-                "] is not an acceleration structure of this device");
-        return;
+        if (!mayWriteProperty(device, judge, structures[i], i, type))
+            return;
     }
     // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing.
     InjectedWork work(device.commands, commandBuffer);
@@ -342,10 +350,13 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
         while (end < count && !micromapAt(device, structures[end]))
             ++end;
         if (end > begin) {
-            device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(
-                commandBuffer, end - begin, structures + begin, type, queryPool, first + begin);
+            std::vector<VkAccelerationStructureKHR> fitted;
+            for (uint32_t i = begin; i < end; ++i)
+                fitted.push_back(fittedHandle(device.structures, structures[i]));
+            device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, end - begin, fitted.data(),
+                                                                           type, queryPool, first + begin);
             device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first + begin, end - begin,
-                                                       pool->memory.buffer(), (first + begin) * 8ull, 8,
+                                                       pool->memory.buffer(), pool->valueInBuffer(first + begin), 8,
                                                        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
         }
         begin = end + 1;

@@ -11,7 +11,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/memory/gpu_memory.h"
+#include "layer/memory/memory_pool.h"
 
 namespace vellum::layer
 {
@@ -21,10 +21,16 @@ struct DeviceQueries;
 struct QueryPool {
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
     uint32_t count = 0;
-    GpuBuffer memory; // 64-bit values, then 32-bit availability
+    PooledMemory memory; // 64-bit values, then 32-bit availability
 
     [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
     [[nodiscard]] VkDeviceSize availabilityOffset(uint32_t query) const { return count * 8ull + query * 4ull; }
+    // In the buffer that the memory is a part of.
+    [[nodiscard]] VkDeviceSize valueInBuffer(uint32_t query) const { return memory.offset() + query * 8ull; }
+    [[nodiscard]] VkDeviceSize availabilityInBuffer(uint32_t query) const
+    {
+        return memory.offset() + availabilityOffset(query);
+    }
     [[nodiscard]] uint64_t value(uint32_t query) const;
     [[nodiscard]] bool available(uint32_t query) const;
 };

@@ -83,4 +83,11 @@ const VkAccelerationStructureBuildGeometryInfoKHR &DriverBuildInfo::info()
     return info_;
 }
 
+void DriverBuildInfo::setTarget(VkAccelerationStructureKHR handle)
+{
+    if (info_.srcAccelerationStructure == info_.dstAccelerationStructure)
+        info_.srcAccelerationStructure = handle;
+    info_.dstAccelerationStructure = handle;
+}
+
 } // namespace vellum::layer

@@ -37,6 +37,8 @@ public:
 
     // To be handed to the driver; `info` points into this object.
     [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &info();
+    // The driver is to build into another handle of the same place.
+    void setTarget(VkAccelerationStructureKHR handle);
     [[nodiscard]] bool topLevel() const { return topLevel_; }
     [[nodiscard]] bool hasMicromaps() const { return hasMicromaps_; }
     [[nodiscard]] bool hasBoxes() const { return hasBoxes_; }

@@ -1,14 +1,17 @@
 #include "layer/structures/structure_build.h"
 
 #include <algorithm>
+#include <cstring>
 #include <string>
 #include <unordered_set>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -89,19 +92,25 @@ private:
         uint32_t i; // of pInfos
         DriverBuildInfo build;
         std::shared_ptr<AccelerationStructure> target;
+        std::shared_ptr<AccelerationStructure> source; // of an update; null: it is none
+        VkDeviceAddress sourceCell = 0;
         VkDeviceAddress tail = 0; // where the records go; 0: there are none
         VkDeviceSize tailBytes = 0;
+        VkDeviceSize driverBytes = 0; // that the driver needs; of a build without records, where that matters only
         CellPlace cell;
         RangeInfo instanceRange{}; // of the patched instances
         TlasInstancesPush instances{};
         bool skipped = false;
     };
 
+    [[nodiscard]] Judge judgeOf(const Part &part) const
+    {
+        return {device_.driver.report(), command_, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure), part.i};
+    }
     void refuse(Part &part, const char *id, const std::string &text)
     {
-        device_.driver.report().error(id, std::string(command_) + ": pInfos[" + std::to_string(part.i) + "]: " + text,
-                                      VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                                      reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure));
+        judgeOf(part).refuse(id, text);
         part.skipped = true;
     }
 
@@ -144,9 +153,11 @@ private:
     bool sourceIsWrong(Part &part)
     {
         const VkAccelerationStructureKHR handle = infos_[part.i].srcAccelerationStructure;
-        const auto source = device_.objects.accelerationStructures.get(handle);
-        if (source && source->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        part.source = device_.objects.accelerationStructures.get(handle);
+        if (part.source && part.source->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+            part.sourceCell = cellOf(device_.objects, *part.source, handle).address;
             return false;
+        }
         refuse(part,
                handle ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629"
                       : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630",
@@ -174,9 +185,12 @@ private:
                        where + "micromap is not a micromap of this device");
                 return true;
             }
-            if (built_.contains(attachment->structure)) {
-                refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
-                       where + "micromap is built by the same command");
+            // Here they are built first, with a barrier.
+            if (built_.contains(attachment->structure) &&
+                !judgeOf(part).tolerate(
+                    "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
+                    where + "micromap is built by the same command")) {
+                part.skipped = true;
                 return true;
             }
         }
@@ -189,29 +203,43 @@ private:
             return;
         const uint32_t i = part.i;
         AccelerationStructure &target = *part.target;
-        {
-            std::lock_guard lock(target.mutex);
-            target.content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-        }
         std::vector<uint32_t> primitives(part.build.geometryCount());
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
             primitives[g] = ranges_[i].primitives(g);
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
-        if (part.tailBytes == 0)
-            return;
-        VkDeviceSize offset = alignUp(
+        if (part.tailBytes == 0 && !device_.driver.clearsWholeHandles)
+            return becomes(target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
+        const VkDeviceSize driverBytes =
             driverSizes(device_.driver, part.build, primitives.data(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
-                .accelerationStructureSize,
-            kPartAlignment);
+                .accelerationStructureSize;
+        if (part.tailBytes == 0) {
+            part.driverBytes = std::min(alignUp(driverBytes, 16), target.size);
+            return fitBottomLevel(part, part.driverBytes);
+        }
+        VkDeviceSize offset = alignUp(driverBytes, kPartAlignment);
+        const VkDeviceSize bytes = offset + part.tailBytes;
         if (part.tailBytes > target.size || (offset + part.tailBytes > target.size &&
                                              infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
             refuseSmall(part);
             return;
         }
-        // An update in place of a compacted structure: the records come last in it.
+        // An update of a compacted structure: the records lie where it has them, which the device knows; if it has
+        // none, last.
         if (offset + part.tailBytes > target.size)
             offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
         part.tail = beginOf(device_.driver, target) + offset;
+        fitBottomLevel(part, bytes);
+    }
+
+    // No more than the build needs is the driver's to write.
+    void fitBottomLevel(Part &part, VkDeviceSize bytes)
+    {
+        becomes(*part.target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, bytes);
+        fit(part, bytes);
+    }
+    void fit(Part &part, VkDeviceSize bytes)
+    {
+        part.build.setTarget(fittedHandle(device_, *part.target, infos_[part.i].dstAccelerationStructure, bytes));
     }
 
     void patchInstances(InjectedWork &work)
@@ -223,7 +251,8 @@ private:
             const uint32_t i = part.i;
             const uint32_t count = ranges_[i].primitives(0);
             const VkBuildAccelerationStructureFlagsKHR flags = infos_[i].flags;
-            if (topLevelBytes(device_.driver, flags, count) > part.target->size) {
+            const VkDeviceSize bytes = topLevelBytes(device_.driver, flags, count);
+            if (bytes > part.target->size) {
                 refuseSmall(part);
                 continue;
             }
@@ -234,11 +263,8 @@ private:
                        "memory for the layer's tables");
                 continue;
             }
-            {
-                std::lock_guard lock(part.target->mutex);
-                part.target->content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-                part.target->mostInstances = std::max(part.target->mostInstances, count);
-            }
+            becomesTopLevel(*part.target, count, bytes);
+            fit(part, bytes);
             VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
             TlasInstancesPush &push = part.instances;
             push.source = instances.data.deviceAddress;
@@ -339,6 +365,10 @@ private:
             uint32_t words[kCellWords]{};
             words[2] = kCellPlain;
             setBoxes(words, part.build);
+            if (part.driverBytes > 0) {
+                const VkDeviceAddress end = beginOf(device_.driver, *part.target) + part.driverBytes;
+                std::memcpy(words, &end, sizeof end);
+            }
             device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words,
                                                 words);
             any = true;
@@ -375,22 +405,25 @@ private:
     void writeRecords(InjectedWork &work, const Part &part, const Ranges &ranges)
     {
         const uint32_t geometries = part.build.geometryCount();
-        VkDeviceAddress triangles = part.tail + geometries * (kGeometryRecordBytes + kMicromapNameWords * 4);
+        VkDeviceSize triangles = geometries * (kGeometryRecordBytes + kMicromapNameWords * 4); // offset in the tail
         for (uint32_t g = 0; g < geometries; ++g) {
             BlasRecordsPush push{};
-            push.geometryRecord = part.tail + g * kGeometryRecordBytes;
-            push.firstGeometryRecord = part.tail;
+            push.tail = part.tail;
             push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell.address : 0;
             push.geometryCount = geometries;
             push.geometry = g;
             push.tailUnits = unitsOf(part.tailBytes);
+            if (part.source) {
+                push.source = part.sourceCell;
+                push.sourceBegin = beginOf(device_.driver, *part.source);
+                push.begin = beginOf(device_.driver, *part.target);
+                push.commonUnits = unitsOf(std::min(part.source->size, part.target->size));
+            }
             if (const auto *micromap = part.build.micromap(g)) {
                 push.triangleCount = ranges.primitives(g);
                 push.range = ranges.address(g);
-                push.triangleRecords = triangles;
-                push.geometryWord |= static_cast<uint32_t>((triangles - part.tail) / kTriangleRecordBytes)
-                                     << kGeometryTrianglesShift;
+                push.geometryWord |= static_cast<uint32_t>(triangles / kTriangleRecordBytes) << kGeometryTrianglesShift;
                 const VkMicromapEXT handle =
                     micromap->structure ? micromapOf(device_.objects, micromap->structure) : micromap->micromap;
                 push.micromap = micromapAddress(device_.driver, handle);
@@ -440,7 +473,7 @@ void cmdBuildAccelerationStructures(DeviceStructures &device, VkCommandBuffer co
     reportNotices(device.objects);
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildAccelerationStructuresKHR"))
         return;
-    cmdBuildMicromapStructures(device.micromaps, commandBuffer, count, infos);
+    cmdBuildMicromapStructures(device.micromaps, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos);
     std::vector<Ranges> all(count);
     for (uint32_t i = 0; i < count; ++i)
         all[i].direct = ranges ? ranges[i] : nullptr;
@@ -457,14 +490,14 @@ void cmdBuildAccelerationStructuresIndirect(DeviceStructures &device, VkCommandB
         return;
     std::vector<Ranges> all(count);
     for (uint32_t i = 0; i < count; ++i) {
-        if (isMicromapBuild(infos[i]))
-            device.driver.report().error("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
-                                         std::string(kCommand) + ": pInfos[" + std::to_string(i) +
-                                             "]: micromaps are not built "
-                                             "indirectly",
-                                         VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                                         reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure));
         all[i] = {nullptr, addresses[i], strides[i], most[i]};
+        const Judge judge(device.driver.report(), kCommand, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                          reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure), i);
+        // It has no ranges that could be indirect.
+        if (isMicromapBuild(infos[i]) &&
+            judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
+                           "a micromap is not built indirectly"))
+            cmdBuildMicromapStructures(device.micromaps, commandBuffer, kCommand, 1, &infos[i]);
     }
     Build(device, commandBuffer, kCommand, count, infos, all).record();
 }

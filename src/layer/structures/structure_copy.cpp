@@ -4,9 +4,11 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -17,7 +19,8 @@ namespace
 using namespace shared;
 
 // What a source without any recorded build may hold can only be told from its size; one of which more is known, and
-// that is much larger than its instances need, holds at most so many times the instances that were recorded.
+// that is much larger than its instances need, holds at most so many times the instances that were recorded. Of GENERIC
+// structures the size says nothing: they hold what was recorded last, and so many instances.
 constexpr uint32_t kMostGrowth = 4;
 constexpr uint32_t kFewInstances = 4096;
 
@@ -27,10 +30,22 @@ struct Copy {
     const VkCopyAccelerationStructureInfoKHR &info;
     std::shared_ptr<AccelerationStructure> source, target;
 
-    void refuse(const char *id, const std::string &text) const
+    [[nodiscard]] Judge judge() const
     {
-        device.driver.report().error(id, "vkCmdCopyAccelerationStructureKHR: " + text,
-                                     VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst));
+        return {device.driver.report(), "vkCmdCopyAccelerationStructureKHR", VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                reinterpret_cast<uint64_t>(info.dst)};
+    }
+    void refuse(const char *id, const std::string &text) const { judge().refuse(id, text); }
+    // What is neither to be compacted nor cloned is cloned, as drivers do it.
+    [[nodiscard]] bool compacts() const { return info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR; }
+
+    // What a clone needs, as far as the host knows. With VK_KHR_ray_tracing_maintenance1 that is what a query has told,
+    // and of a GENERIC structure the size of the handle says nothing.
+    [[nodiscard]] VkDeviceSize cloneBytes() const
+    {
+        const bool unknown =
+            device.driver.queriesStructureSize || source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        return std::min(source->size, unknown ? lastBytes(*source) : source->size);
     }
 
     [[nodiscard]] bool valid() const
@@ -41,40 +56,53 @@ struct Copy {
         else if (!target)
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter",
                    "dst is not an acceleration structure of this device");
-        else if (info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR &&
-                 info.mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
-            refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
-                   "mode " + std::to_string(info.mode) + " is neither clone nor compact");
         else if (device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
-        else if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR && target->size < source->size &&
-                 !device.driver.queriesStructureSize)
-            // With VK_KHR_ray_tracing_maintenance1 the size to compare with is one that a query has told.
+        else if (!compacts() && target->size < cloneBytes())
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
-                   "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(source->size));
+                   "dst has " + std::to_string(target->size) + " bytes, src " + std::to_string(cloneBytes()));
         else
-            return true;
+            return compacts() || info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR ||
+                   judge().tolerate("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410",
+                                    "mode " + std::to_string(info.mode) + " is neither clone nor compact");
         return false;
     }
 
     // Top or bottom level; GENERIC: nothing tells.
     [[nodiscard]] VkAccelerationStructureTypeKHR type() const
     {
-        std::lock_guard lock(source->mutex);
-        if (source->content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-            return source->content;
-        return target->type;
+        const VkAccelerationStructureTypeKHR content = contentOf(*source);
+        return content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? content : target->type;
     }
 
     [[nodiscard]] uint32_t mostInstances() const
     {
         const uint32_t fits =
             std::min(topLevelCapacity(device.driver, source->size), topLevelCapacity(device.driver, target->size));
-        std::lock_guard lock(source->mutex);
-        if (source->mostInstances == 0)
-            return fits;
-        const uint64_t likely = std::max(uint64_t{source->mostInstances} * kMostGrowth, uint64_t{kFewInstances});
-        return static_cast<uint32_t>(std::min<uint64_t>(fits, likely));
+        const uint32_t fitsRoom = std::min(fits, topLevelCapacity(device.driver, roomOf(device.objects, *target)));
+        std::lock_guard lock(source->place->mutex);
+        const StructurePlace &place = *source->place;
+        if (place.mostInstances == 0)
+            return fitsRoom;
+        if (source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
+            target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+            return std::min(fits, place.lastInstances);
+        const uint64_t likely = std::max(uint64_t{place.mostInstances} * kMostGrowth, uint64_t{kFewInstances});
+        return std::max(static_cast<uint32_t>(std::min<uint64_t>(fitsRoom, likely)),
+                        std::min(fits, place.lastInstances));
+    }
+
+    // A copy may be built for more instances than there are.
+    void keepCount() const
+    {
+        uint32_t instances;
+        {
+            std::lock_guard lock(source->place->mutex);
+            instances = source->place->lastInstances;
+        }
+        std::lock_guard lock(target->place->mutex);
+        if (instances > 0)
+            target->place->lastInstances = std::min(target->place->lastInstances, instances);
     }
 
     void record() const
@@ -103,15 +131,23 @@ struct Copy {
         if (level == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
             recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyAccelerationStructureKHR", info.dst,
                                sourceCell.address, mostInstances(), InstancesFrom::Structure);
+            keepCount();
             return;
         }
-        {
-            std::lock_guard lock(target->mutex);
-            target->content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-        }
-        device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
-        work.barrier();
+        const VkDeviceSize bytes = lastBytes(*source);
+        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, bytes);
         StructureCopyPush push{};
+        // Of a content that only the device knows, such a driver would copy all that the handle reaches over.
+        push.whole = device.driver.clearsWholeHandles && bytes == 0;
+        if (!push.whole) {
+            VkCopyAccelerationStructureInfoKHR driverInfo = info;
+            if (!compacts())
+                driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+            driverInfo.src = fittedHandle(device, info.src);
+            driverInfo.dst = bytes > 0 ? fittedHandle(device, *target, info.dst, bytes) : info.dst;
+            device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &driverInfo);
+            work.barrier();
+        }
         push.sourceCell = sourceCell.address;
         push.targetCell = targetCell.address;
         push.sourceBegin = beginOf(device.driver, *source);
@@ -119,7 +155,7 @@ struct Copy {
         push.root = device.objects.root.address();
         push.sourceUnits = unitsOf(source->size);
         push.targetUnits = unitsOf(target->size);
-        push.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+        push.compact = compacts();
         work.dispatch(InjectedShader::StructureCopy, push, copyInvocations(source->size), 64);
         work.barrier();
     }
@@ -152,15 +188,11 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     const auto state = device.commands.states.get(commandBuffer);
     const VkDeviceSize scratchBytes =
         alignUp(topLevelDriverSizes(device.driver, 0, most).buildScratchSize, kPartAlignment);
-    const VkDeviceAddress scratch =
-        state ? state->scratch.allocate(device.buffers.gpu, scratchBytes + patchedInstancesBytes(most)) : 0;
+    const VkDeviceAddress scratch = state ? state->scratch.allocate(scratchBytes + patchedInstancesBytes(most)) : 0;
     if (!slots || !scratch)
         return refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
-    {
-        std::lock_guard lock(structure->mutex);
-        structure->content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-        structure->mostInstances = std::max(structure->mostInstances, most);
-    }
+    const VkDeviceSize bytes = topLevelBytes(device.driver, 0, most);
+    becomesTopLevel(*structure, most, bytes);
     TlasInstancesPush push{};
     push.source = source;
     push.target = scratch + scratchBytes;
@@ -174,7 +206,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
         return false;
     work.barrier();
     TopLevelBuild build(0, push.target);
-    build.info.dstAccelerationStructure = target;
+    build.info.dstAccelerationStructure = fittedHandle(device, *structure, target, bytes);
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{most, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;

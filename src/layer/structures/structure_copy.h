@@ -31,9 +31,10 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
                         InstancesFrom from);
 
 void cmdCopyAccelerationStructure(DeviceStructures &, VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
-// structure_serialize.cpp
+// structure_restore.cpp
 void cmdCopyMemoryToAccelerationStructure(DeviceStructures &, VkCommandBuffer,
                                           const VkCopyMemoryToAccelerationStructureInfoKHR *);
+// structure_serialize.cpp
 void cmdCopyAccelerationStructureToMemory(DeviceStructures &, VkCommandBuffer,
                                           const VkCopyAccelerationStructureToMemoryInfoKHR *);
 // On the host: each reports that it is not there and does nothing, since the driver alone would lose the records.

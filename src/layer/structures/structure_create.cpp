@@ -1,9 +1,12 @@
 #include "layer/structures/structure_create.h"
 
+#include <algorithm>
 #include <string>
 
+#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -14,33 +17,77 @@ namespace
 struct Place {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
+    VkDeviceSize size = 0; // as much of the range as lies in the buffer
 };
 
 // The part of a buffer that an address range is, or null after a message.
 Place placeOf(const DeviceStructures &device, const VkAccelerationStructureCreateInfo2KHR &info)
 {
-    const AddressMap::Place found = device.buffers.addresses.covering(
-        info.addressRange.address, info.addressRange.size, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
-    const auto refused = [&](const char *id, const std::string &text) {
-        device.driver.report().error(id, "vkCreateAccelerationStructure2KHR: " + text);
-        return Place{};
-    };
-    if (info.addressRange.size == 0)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
-    if (info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.driver.asked.khrFeature)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
-                       "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
-    if (!found.buffer && !device.buffers.addresses.find(info.addressRange.address).buffer)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
-                       "addressRange.address is not in any buffer");
-    if (!found.buffer)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
-                       "addressRange, of " + std::to_string(info.addressRange.size) +
-                           " bytes, is not in one buffer for acceleration structures");
-    if (info.addressRange.address % 256 != 0)
-        return refused("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
-                       "addressRange.address is not a multiple of 256");
-    return {found.buffer, found.offset};
+    const Judge judge(device.driver.report(), "vkCreateAccelerationStructure2KHR");
+    const bool micromap = info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    const auto &[address, size] = info.addressRange;
+    if (size == 0) {
+        judge.refuse("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
+        return {};
+    }
+    if (micromap && !device.driver.asked.khrFeature &&
+        !judge.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                        "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled"))
+        return {};
+    AddressMap::Place found =
+        device.buffers.addresses.covering(address, size, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    if (!found.buffer) {
+        found = device.buffers.addresses.find(address);
+        if (!found.buffer) {
+            judge.refuse("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
+                         "addressRange.address is not in any buffer");
+            return {};
+        }
+        // Drivers need no usage, and what lies in the buffer may be enough for what is built there.
+        if (!judge.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
+                            "addressRange, of " + std::to_string(size) +
+                                " bytes, is not in one buffer for acceleration structures"))
+            return {};
+    }
+    // Shaders of the layer read and write 16 bytes at once. What drivers do, they do not say.
+    if (address % 256 != 0 && !judge.weigh(micromap && address % 16 == 0,
+                                           "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
+                                           "addressRange.address is not a multiple of 256"))
+        return {};
+    return {found.buffer, found.offset, std::min(size, found.bytes)};
+}
+
+// One of the layer's own handles, which never reach the driver.
+VkAccelerationStructureKHR addMicromap(DeviceStructures &device, const Place &place)
+{
+    auto structure = std::make_shared<AccelerationStructure>();
+    structure->buffer = place.buffer;
+    structure->offset = place.offset;
+    structure->size = place.size;
+    structure->type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
+    structure->micromap = {place.buffer,
+                           place.offset,
+                           place.size,
+                           {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(handle)}};
+    takePlace(device.objects, *structure);
+    letMicromapBeNamedOnceBound(device.objects, structure);
+    device.objects.accelerationStructures.set(handle, std::move(structure));
+    return handle;
+}
+
+// A micromap made as other structures are, by a buffer.
+VkResult createMicromapInBuffer(DeviceStructures &device, const VkAccelerationStructureCreateInfoKHR &info,
+                                VkAccelerationStructureKHR &result)
+{
+    const Judge judge(device.driver.report(), "vkCreateAccelerationStructureKHR");
+    const VkDeviceSize bytes = device.buffers.infos.get(info.buffer).size;
+    const bool inBuffer = info.offset % 16 == 0 && info.offset < bytes;
+    if (!judge.weigh(inBuffer, "VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
+                     "a micromap is made by vkCreateAccelerationStructure2KHR"))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    result = addMicromap(device, {info.buffer, info.offset, std::min(info.size, bytes - info.offset)});
+    return VK_SUCCESS;
 }
 
 } // namespace
@@ -49,18 +96,13 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
                                      const VkAccelerationStructureCreateInfoKHR *info,
                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        return createMicromapInBuffer(device, *info, *result);
     auto structure = std::make_shared<AccelerationStructure>();
     structure->buffer = info->buffer;
     structure->offset = info->offset;
     structure->size = info->size;
     structure->type = info->type;
-    structure->content = info->type;
-    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-        device.driver.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
-                                     "vkCreateAccelerationStructureKHR: a micromap is made by "
-                                     "vkCreateAccelerationStructure2KHR");
-        return VK_ERROR_VALIDATION_FAILED_EXT;
-    }
     const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
@@ -68,6 +110,7 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
                            info->offset,
                            info->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    takePlace(device.objects, *structure);
     letMicromapBeNamedOnceBound(device.objects, structure);
     device.objects.accelerationStructures.set(*result, std::move(structure));
     return created;
@@ -77,13 +120,15 @@ void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkA
                                   const VkAllocationCallbacks *allocator)
 {
     const auto known = device.objects.accelerationStructures.take(structure);
-    if (known && known->cell.address)
-        device.objects.root.releaseCell(known->reference);
+    if (known) {
+        leavePlace(device.objects, *known);
+        destroyFittedHandles(device, *known);
+    }
     if (known && known->micromapKey)
         device.objects.root.releaseCell(known->micromapKey);
+    device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
     if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
         device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
-        device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
         return;
     }
     device.driver.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
@@ -126,6 +171,9 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice handl
         sizes->updateScratchSize = sizes->buildScratchSize; // an update is a build
     } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, maxPrimitives)) {
         sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, kPartAlignment) + tail;
+    } else if (device.driver.clearsWholeHandles) {
+        // The layer's copies count in units.
+        sizes->accelerationStructureSize = alignUp(sizes->accelerationStructureSize, 16);
     }
 }
 
@@ -133,25 +181,19 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
-    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR && !device.driver.asked.khrFeature) {
-        device.driver.report().error("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
-                                     "vkCreateAccelerationStructure2KHR: the feature "
-                                     "VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled");
-        return VK_ERROR_VALIDATION_FAILED_EXT;
-    }
     const Place place = placeOf(device, *info);
     if (!place.buffer)
         return VK_ERROR_VALIDATION_FAILED_EXT;
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+        *result = addMicromap(device, place);
+        return VK_SUCCESS;
+    }
     auto structure = std::make_shared<AccelerationStructure>();
     structure->buffer = place.buffer;
     structure->offset = place.offset;
-    structure->size = info->addressRange.size;
+    structure->size = place.size;
     structure->type = info->type;
-    structure->content = info->type;
-    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-        // The handle is the layer's own and never reaches the driver.
-        *result = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
-    } else if (device.driver.next.CreateAccelerationStructure2KHR) {
+    if (device.driver.next.CreateAccelerationStructure2KHR) {
         const VkResult created = device.driver.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
         if (created != VK_SUCCESS)
             return created;
@@ -161,7 +203,7 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
         driverInfo.createFlags = info->createFlags;
         driverInfo.buffer = place.buffer;
         driverInfo.offset = place.offset;
-        driverInfo.size = info->addressRange.size;
+        driverInfo.size = place.size;
         driverInfo.type = info->type;
         const VkResult created =
             device.driver.next.CreateAccelerationStructureKHR(handle, &driverInfo, allocator, result);
@@ -172,6 +214,7 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
                            place.offset,
                            structure->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
+    takePlace(device.objects, *structure);
     letMicromapBeNamed(device.objects, *structure);
     device.objects.accelerationStructures.set(*result, std::move(structure));
     return VK_SUCCESS;

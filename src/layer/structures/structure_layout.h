@@ -5,16 +5,12 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/ground/align.h"
 #include "layer/ground/driver.h"
 #include "layer/structures/driver_build_info.h"
 
 namespace vellum::layer
 {
-
-constexpr VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
-{
-    return (value + alignment - 1) / alignment * alignment;
-}
 
 inline constexpr VkDeviceSize kPartAlignment = 256; // of parts within acceleration structures and scratch memory
 

@@ -91,7 +91,11 @@ bool fits(uint at, uint units, uint all)
     return at <= all && units <= all - at;
 }
 
-void notice(uvec2 root, uint bit)
+void notice(uvec2 root, uint number)
 {
-    atomicOr(Words(addressPlus(root, kRootNotices * 4u)).w[0], 1u << bit);
+    Words header = Words(root);
+    Words counters = Words(uvec2(header.w[kRootNotices], header.w[kRootNotices + 1u]));
+    atomicAdd(counters.w[number], 1u);
+    memoryBarrierBuffer();
+    atomicAdd(counters.w[kNoticeTotal], 1u);
 }

@@ -91,17 +91,24 @@ void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
     }
 }
 
+bool holdsMicromapData()
+{
+    if (less(push.serializedBytes, uvec2((kSerializedMicromapHeaderWords + kMicromapHeaderWords) * 4u, 0u)))
+        return false;
+    Words words = Words(push.serialized);
+    return words.w[kSerializedLayoutUuid] == kMicromapLayoutUuid0 &&
+           words.w[kSerializedLayoutUuid + 1u] == kMicromapLayoutUuid1 &&
+           words.w[kSerializedLayoutUuid + 2u] == kMicromapLayoutUuid2;
+}
+
 // What is wrong with the micromap that is copied; 0: nothing. `bytes`: of it that are in use.
 uint problemOfSource(uvec2 header, out uvec2 bytes)
 {
     bytes = uvec2(0u);
     if (mode == kMoveDeserialize) {
-        const uint least = (kSerializedMicromapHeaderWords + kMicromapHeaderWords) * 4u;
-        Words words = Words(push.serialized);
-        if (less(push.serializedBytes, uvec2(least, 0u)) || words.w[kSerializedLayoutUuid] != kMicromapLayoutUuid0 ||
-            words.w[kSerializedLayoutUuid + 1u] != kMicromapLayoutUuid1 ||
-            words.w[kSerializedLayoutUuid + 2u] != kMicromapLayoutUuid2 ||
-            words.w[kSerializedLayoutUuid + 3u] != kMicromapLayoutVersion || complaintOfHeader(header, bytes) != 0u ||
+        if (!holdsMicromapData() ||
+            Words(push.serialized).w[kSerializedLayoutUuid + 3u] != kMicromapLayoutVersion ||
+            complaintOfHeader(header, bytes) != 0u ||
             less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)))
             return kComplaintSerialized;
         return 0u;
@@ -129,11 +136,13 @@ uint problemOfTarget(uvec2 bytes)
 
 void main()
 {
-    mode = push.mode & ~kMoveMarked;
+    mode = push.mode & ~(kMoveMarked | kMoveOnlyMicromaps);
     const uint me = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
     const uvec2 header = mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u)
                          : mode == kMoveCopy      ? push.serialized
                                                   : push.micromap;
+    if ((push.mode & kMoveOnlyMicromaps) != 0u && !holdsMicromapData())
+        return;
     // A micromap that is too small for a header holds none, and may end before the magic number does.
     const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
     uvec2 bytes;

@@ -12,26 +12,28 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 geometryRecord;
-    uvec2 triangleRecords; // 0: the geometry has no micromap
-    uvec2 micromap;        // 0: special indices only
-    uvec2 indices;         // 0: the index is the triangle's number
-    uvec2 cell;            // to be written; 0: not with this dispatch
-    uvec2 firstGeometryRecord;
-    uvec2 log;    // 0: nothing is validated
-    uvec2 range;  // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
-    uvec2 object; // the micromap's handle
+    uvec2 tail;     // where the records go: geometry records, names, triangle records
+    uvec2 micromap; // 0: special indices only
+    uvec2 indices;  // 0: the index is the triangle's number
+    uvec2 cell;     // to be written; 0: not with this dispatch
+    uvec2 log;      // 0: nothing is validated
+    uvec2 range;    // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
+    uvec2 object;   // the micromap's handle
+    uvec2 source;   // of an update, the cell of what is updated; 0: it is none
+    uvec2 sourceBegin;
+    uvec2 begin; // of the structure
     uint triangleCount;
     uint indexBytes; // 1, 2 or 4
     uint indexStride;
     uint readable; // indices that lie inside their buffer
     uint baseTriangle;
-    uint geometryWord; // word 0 of the geometry record
+    uint geometryWord; // word 0 of the geometry record; without triangle records, the geometry has no micromap
     uint geometryCount;
     uint tailUnits; // of all records
     uint geometry;     // its number
     uint named;        // 1: the micromap is one of VK_KHR_opacity_micromap
     uint micromapSize; // in units of 16 bytes
+    uint commonUnits;  // of an update: of the smaller one of source and structure
 } push;
 
 #include "ground/complaints.glsl"
@@ -67,6 +69,19 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
     return uvec2(record.w[0], record.w[1]);
 }
 
+// An update keeps what it updates in its shape, which may be a compacted one: the records lie where they lie there.
+uvec2 tailPlace()
+{
+    if (all(equal(push.source, uvec2(0))))
+        return push.tail;
+    const Cell source = loadCell(push.source);
+    const uint at = unitsBetween(push.sourceBegin, source.tail);
+    return source.kind == kCellBottom && source.count == push.geometryCount && source.units == push.tailUnits &&
+                   fits(at, push.tailUnits, push.commonUnits)
+               ? unitAddress(push.begin, at)
+               : push.tail;
+}
+
 void main()
 {
     const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
@@ -74,7 +89,7 @@ void main()
 
     uint micromapTriangles = 0u;
     uint dataUnits = 0u;
-    const uvec2 micromap = readable(push.micromap, push.geometryRecord);
+    const uvec2 micromap = readable(push.micromap, push.tail);
     if (any(notEqual(push.micromap, uvec2(0))) && holdsMicromap(micromap, push.micromapSize)) {
         Words header = Words(micromap);
         micromapTriangles = header.w[kMicromapHeaderTriangles];
@@ -82,27 +97,30 @@ void main()
     }
     uint triangles = push.triangleCount;
     if (any(notEqual(push.range, uvec2(0))))
-        triangles = min(triangles, Words(readable(push.range, push.geometryRecord)).w[0]);
-    if (triangle < triangles && any(notEqual(push.triangleRecords, uvec2(0)))) {
+        triangles = min(triangles, Words(readable(push.range, push.tail)).w[0]);
+    const uvec2 tail = tailPlace();
+    const uint firstTriangle = push.geometryWord >> kGeometryTrianglesShift;
+    if (triangle < triangles && firstTriangle != 0u) {
         const uvec2 value = recordOf(triangle, micromapTriangles);
-        Words record = Words(elementAddress(push.triangleRecords, triangle, kTriangleRecordWords * 4u));
+        const uvec2 records = elementAddress(tail, firstTriangle, kTriangleRecordWords * 4u);
+        Words record = Words(elementAddress(records, triangle, kTriangleRecordWords * 4u));
         record.w[0] = value.x;
         record.w[1] = value.y;
     }
     if (triangle != 0u)
         return;
     const uvec2 units = micromapUnits(push.micromap, micromapTriangles);
-    Words geometry = Words(push.geometryRecord);
+    Words geometry = Words(elementAddress(tail, push.geometry, kGeometryRecordWords * 4u));
     geometry.w[0] = push.geometryWord;
     geometry.w[1] = dataUnits;
     geometry.w[2] = units.x;
     geometry.w[3] = units.y;
     const bool named = push.named != 0u && any(notEqual(push.micromap, uvec2(0)));
-    Words name = Words(elementAddress(push.firstGeometryRecord, push.geometryCount + push.geometry, kMicromapNameWords * 4u));
+    Words name = Words(elementAddress(tail, push.geometryCount + push.geometry, kMicromapNameWords * 4u));
     name.w[0] = named ? push.micromap.x : 0u;
     name.w[1] = named ? push.micromap.y : 0u;
     name.w[2] = named ? unitsBetween(push.micromap, units) : 0u;
     name.w[3] = 0u;
     if (any(notEqual(push.cell, uvec2(0))))
-        storeCell(push.cell, Cell(push.firstGeometryRecord, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
+        storeCell(push.cell, Cell(tail, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
 }

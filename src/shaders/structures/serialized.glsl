@@ -39,6 +39,7 @@ const uint kPlanTailUnits = 2u;
 const uint kPlanChecksum = 3u;
 const uint kPlanHeaderUnits = 4u;
 const uint kPlanNamed = 5u; // micromaps in the header's block
+const uint kPlanKind = 6u;  // kCellBottom, kCellTop or kCellMicromap: what the data holds
 const uint kPlanCell = 8u; // a cell that describes the instances of a serialized TLAS
 
 uint saturatingAdd(uint a, uint b)

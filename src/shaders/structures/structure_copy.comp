@@ -1,7 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Copies the tail of a bottom-level acceleration structure to the copy that the driver has made of the rest. Whether there
-// is one is known only here: the copy may have been recorded before the build that it copies.
+// is one is known only here: the copy may have been recorded before the build that it copies. In place of a driver that
+// would copy all that a handle reaches over, copies the driver's part, too, as that driver does.
 #include "shared.h"
 #include "records.h"
 #include "ground/memory.glsl"
@@ -19,6 +20,7 @@ layout(push_constant, std430) uniform Push
     uint sourceUnits; // sizes of the structures
     uint targetUnits;
     uint compact;
+    uint whole; // the driver's part, too
 } push;
 
 void main()
@@ -46,15 +48,32 @@ void main()
                 notice(push.root, kNoticeCopyTooSmall);
         }
     }
+    // Where the driver's part ends. Of a copy, or of data, of which that is not known, all is copied as that driver does.
+    const bool bottom = source.kind == kCellBottom || source.kind == kCellPlain || source.kind == kCellBoxes;
+    uint part = 0u;
+    if (push.whole != 0u && bottom) {
+        const uint both = min(push.sourceUnits, push.targetUnits);
+        const bool known = any(notEqual(source.tail, uvec2(0))) && unitsBetween(push.sourceBegin, source.tail) <= push.sourceUnits;
+        part = known ? min(unitsBetween(push.sourceBegin, source.tail), source.kind == kCellBottom ? at : ~0u) : both;
+        if (part > push.targetUnits) {
+            source.kind = kCellBroken;
+            if (me == 0u)
+                notice(push.root, kNoticeCopyTooSmall);
+        }
+    }
+    if (source.kind != kCellBottom)
+        at = part;
     const uvec2 tail = unitAddress(push.targetBegin, at);
     if (me == 0u) {
         if (source.kind == kCellBottom)
             storeCell(push.targetCell, Cell(tail, kCellBottom, source.units, source.count, source.recordUnits, uvec2(0)));
         else if (source.kind == kCellBoxes)
-            storeCell(push.targetCell, source);
+            storeCell(push.targetCell, Cell(push.whole != 0u ? tail : uvec2(0), kCellBoxes, 0u, 0u, 0u, source.extra));
         else
-            storeCell(push.targetCell, Cell(uvec2(0), unbuilt ? kCellUnbuilt : source.kind == kCellBroken ? kCellBroken : kCellPlain, 0u, 0u, 0u, uvec2(0)));
+            storeCell(push.targetCell, Cell(push.whole != 0u ? tail : uvec2(0), unbuilt ? kCellUnbuilt : source.kind == kCellBroken ? kCellBroken : kCellPlain, 0u, 0u, 0u, uvec2(0)));
     }
+    for (uint i = me; i < part && source.kind != kCellBroken; i += all)
+        Units(push.targetBegin).at[i] = Units(push.sourceBegin).at[i];
     if (source.kind != kCellBottom)
         return;
     Units from = Units(source.tail);

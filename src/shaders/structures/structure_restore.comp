@@ -4,6 +4,9 @@
 // layer and this driver have serialized is replaced by a blank structure, which the driver can be given.
 // Passes: one invocation checks the headers; all add up the checksum; one invocation decides; all copy the driver's data to
 // staging memory, from where the driver deserializes; then all copy the tail.
+//
+// Where only the data tells what it holds, everything is recorded that it can need: the build of a top-level structure, and
+// the deserialization of a bottom-level one. What the one that is not meant overwrites is kept, and given back.
 #include "shared.h"
 #include "records.h"
 #include "ground/memory.glsl"
@@ -20,13 +23,41 @@ layout(push_constant, std430) uniform Push
     uvec2 begin; // of the structure
     uvec2 root;
     uvec2 blank; // serialized by the driver; its first 32 bytes are the driver's UUIDs
+    uvec2 kept;  // what is overwritten
     uint blankUnits;
     uint capacity;     // units in the source's buffer
     uint stagingUnits; // of the driver's data
     uint targetUnits;  // of the structure
-    uint kind;         // kCellBottom or kCellTop: what is expected
-    uint pass;
+    uint kind;         // kCellBottom or kCellTop: what is expected; kCellUnbuilt: what the data holds
+    uint keptUnits;    // room for what is overwritten
+    uint blankBuiltUnits; // of a structure that a blank one was deserialized to
+    uint topWay;       // 1: a top-level structure is built before the driver deserializes
+    uint pass;         // kPass*
 } push;
+
+const uint kPassCheck = 0u;
+const uint kPassAddUp = 1u;
+const uint kPassDecide = 2u;
+const uint kPassStage = 3u;
+const uint kPassFinish = 4u;
+const uint kPassKeep = 5u;         // before the build of a top-level structure
+const uint kPassGiveBack = 6u;     // after it
+const uint kPassGiveBackLast = 7u; // after the driver's deserialization
+
+uint kind; // what the data holds, or is taken for
+
+uint kindOfData()
+{
+    if (push.kind != kCellUnbuilt)
+        return push.kind;
+    if (push.capacity < 2u * kSerializedHeaderUnits)
+        return kCellBottom; // fault() tells
+    Words header = Words(push.blob);
+    const uint at = kSerializedLayoutUuid;
+    if (header.w[at] == kMicromapLayoutUuid0 && header.w[at + 1u] == kMicromapLayoutUuid1 && header.w[at + 2u] == kMicromapLayoutUuid2)
+        return kCellMicromap;
+    return (header.w[10] & 255u) == kTopLevelSizeMark ? kCellTop : kCellBottom;
+}
 
 // Micromaps that the header of a BLAS names; ~0: the header is not one. Without blocks it has one of two forms.
 uint namedMicromaps()
@@ -44,7 +75,7 @@ uint namedMicromaps()
 uint blockStart()
 {
     Words header = Words(push.blob);
-    if (push.kind == kCellBottom) {
+    if (kind == kCellBottom) {
         const uint named = namedMicromaps();
         if (named == ~0u || !fits(headerUnits(named), kSerializedHeaderUnits, push.capacity))
             return ~0u;
@@ -66,7 +97,7 @@ uint fault()
             return kNoticeForeignData;
     }
     const bool top = (header.w[10] & 255u) == kTopLevelSizeMark;
-    if (top != (push.kind == kCellTop))
+    if (top != (kind == kCellTop))
         return kNoticeWrongType;
     const uint total = unitsOfBytes(uvec2(header.w[8], header.w[9]));
     const uint block = blockStart();
@@ -101,11 +132,20 @@ uint fault()
 void check()
 {
     Words p = Words(push.staging);
-    const uint what = fault();
+    p.w[kPlanKind] = kind;
+    if (kind == kCellMicromap) { // not the driver's, and not looked at here
+        p.w[kPlanOk] = 0u;
+        p.w[kPlanHeaderUnits] = 0u;
+        p.w[kPlanDriverUnits] = push.blankUnits;
+        return;
+    }
+    uint what = fault();
+    if (what == kNotices && kind == kCellTop && push.topWay == 0u)
+        what = kNoticeTargetTooSmall;
     if (what != kNotices)
         notice(push.root, what);
     p.w[kPlanOk] = what == kNotices ? 1u : 0u;
-    const uint named = what == kNotices && push.kind == kCellBottom ? namedMicromaps() : 0u;
+    const uint named = what == kNotices && kind == kCellBottom ? namedMicromaps() : 0u;
     p.w[kPlanHeaderUnits] = headerUnits(named);
     p.w[kPlanNamed] = named;
     p.w[kPlanDriverUnits] = what == kNotices ? blockStart() - headerUnits(named) : push.blankUnits;
@@ -123,9 +163,9 @@ void addUp(uint me, uint all)
     Units blob = Units(push.blob);
     uint sum = 0u;
     // Of a TLAS that place holds the handles, which the application may have changed.
-    for (uint i = me; push.kind == kCellBottom && i < driverUnits; i += all)
+    for (uint i = me; kind == kCellBottom && i < driverUnits; i += all)
         sum += checkOf(blob.at[header + i], i);
-    const uint first = push.kind == kCellBottom ? driverUnits : 0u;
+    const uint first = kind == kCellBottom ? driverUnits : 0u;
     const uint tailUnits = Words(unitAddress(push.blob, block)).w[kBlockHeaderTailUnits];
     Units tail = Units(unitAddress(push.blob, block + kBlockUnits));
     for (uint i = me; i < tailUnits; i += all)
@@ -144,7 +184,7 @@ void decide()
             notice(push.root, kNoticeDamagedData);
             p.w[kPlanOk] = 0u;
             p.w[kPlanDriverUnits] = push.blankUnits;
-        } else if (push.kind == kCellTop) {
+        } else if (kind == kCellTop) {
             const uint count = b.w[kBlockHeaderCount];
             instances = Cell(unitAddress(push.blob, block + kBlockUnits), kCellTop, count * kInstanceUnits, count,
                              count * kInstanceUnits, addressPlus(push.blob, kSerializedHeaderWords * 4u));
@@ -156,8 +196,9 @@ void decide()
 void stage(uint me, uint all)
 {
     Words p = Words(push.staging);
-    const bool ok = p.w[kPlanOk] != 0u;
-    const uint driverUnits = p.w[kPlanDriverUnits];
+    // A top-level structure is not deserialized by the driver.
+    const bool ok = p.w[kPlanOk] != 0u && kind == kCellBottom;
+    const uint driverUnits = ok ? p.w[kPlanDriverUnits] : push.blankUnits;
     Units from = Units(ok ? unitAddress(push.blob, p.w[kPlanHeaderUnits]) : push.blank);
     Units to = Units(unitAddress(push.staging, kPlanUnits));
     for (uint i = me; i < driverUnits; i += all)
@@ -184,9 +225,11 @@ void finish(uint me, uint all)
     Words p = Words(push.staging);
     if (p.w[kPlanOk] == 0u) {
         if (me == 0u)
-            storeCell(push.cell, Cell(uvec2(0), kCellBroken, 0u, 0u, 0u, uvec2(0)));
+            storeCell(push.cell, Cell(uvec2(0), kind == kCellMicromap ? kCellMicromap : kCellBroken, 0u, 0u, 0u, uvec2(0)));
         return;
     }
+    if (kind == kCellTop)
+        return; // the build has written its cell
     const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
     Words b = Words(unitAddress(push.blob, block));
     const uint tailUnits = b.w[kBlockHeaderTailUnits];
@@ -194,10 +237,13 @@ void finish(uint me, uint all)
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
     if (me == 0u && b.w[kBlockHeaderKind] == kCellBottom)
         storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0)));
-    else if (me == 0u && b.w[kBlockHeaderKind] == kCellBoxes)
-        storeCell(push.cell, Cell(uvec2(0), kCellBoxes, 0u, 0u, 0u, uvec2(0u, b.w[kBlockHeaderOpaqueBoxes])));
-    else if (me == 0u)
-        storeCell(push.cell, Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0)));
+    else if (me == 0u) {
+        Words driver = Words(unitAddress(push.staging, kPlanUnits));
+        const uvec2 end = unitAddress(push.begin, unitsOfBytes(uvec2(driver.w[10], driver.w[11])));
+        const bool boxes = b.w[kBlockHeaderKind] == kCellBoxes;
+        storeCell(push.cell, Cell(end, boxes ? kCellBoxes : kCellPlain, 0u, 0u, 0u,
+                                  uvec2(0u, boxes ? b.w[kBlockHeaderOpaqueBoxes] : 0u)));
+    }
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));
     Units to = Units(tail);
     for (uint i = me; i < tailUnits; i += all) {
@@ -218,21 +264,47 @@ void finish(uint me, uint all)
     }
 }
 
+bool isBuiltTop()
+{
+    return kind == kCellTop && Words(push.staging).w[kPlanOk] != 0u;
+}
+
+void copyUnits(uvec2 from, uvec2 to, uint units, uint me, uint all)
+{
+    for (uint i = me; i < units; i += all)
+        Units(to).at[i] = Units(from).at[i];
+}
+
 void main()
 {
     const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
     const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    kind = push.pass == kPassCheck ? kindOfData() : Words(push.staging).w[kPlanKind];
     switch (push.pass) {
-    case 0u:
+    case kPassCheck:
         if (me == 0u)
             check();
         break;
-    case 1u: addUp(me, all); break;
-    case 2u:
+    case kPassAddUp: addUp(me, all); break;
+    case kPassDecide:
         if (me == 0u)
             decide();
         break;
-    case 3u: stage(me, all); break;
+    case kPassStage: stage(me, all); break;
+    case kPassKeep:
+        if (!isBuiltTop())
+            copyUnits(push.begin, push.kept, push.keptUnits, me, all);
+        break;
+    case kPassGiveBack:
+        if (isBuiltTop())
+            copyUnits(push.begin, push.kept, push.blankBuiltUnits, me, all);
+        else
+            copyUnits(push.kept, push.begin, push.keptUnits, me, all);
+        break;
+    case kPassGiveBackLast:
+        if (isBuiltTop() || kind == kCellMicromap)
+            copyUnits(push.kept, push.begin, push.blankBuiltUnits, me, all);
+        break;
     default: finish(me, all); break;
     }
 }

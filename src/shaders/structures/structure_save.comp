@@ -83,12 +83,13 @@ void plan()
     Cell cell = loadCell(push.cell);
     const uint offset = unitsBetween(push.begin, cell.tail);
     if (cell.kind != kCellBoxes && (cell.kind != kCellBottom || !fits(offset, cell.units, push.structureUnits)))
-        cell = Cell(uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0));
+        cell = Cell(cell.kind == kCellPlain ? cell.tail : uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0));
 
     uint driverUnits = driverUnitsOf(uvec2(driver.w[8], driver.w[9]), push.structureUnits);
     uint tailOffset = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
-    if (cell.kind == kCellBottom && push.wholeCopies != 0u) {
-        // The driver takes the tail for its own: it is cut off.
+    const bool ends = any(notEqual(cell.tail, uvec2(0))) && offset <= push.structureUnits;
+    if (ends && push.wholeCopies != 0u) {
+        // The driver takes the tail, and what lies behind the structure, for its own: it is cut off.
         driverUnits = min(driverUnits, offset + kSerializedHeaderUnits);
         tailOffset = min(tailOffset, offset);
         const uvec2 size = bytesOfUnits(tailOffset);

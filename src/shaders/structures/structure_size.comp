@@ -32,6 +32,9 @@ void main()
     const uint offset = unitsBetween(push.begin, cell.tail);
     if (!fits(offset, cell.units, push.structureUnits))
         cell.kind = kCellPlain;
+    // The driver's part of a structure without records ends here, where that is known.
+    const bool ends = (cell.kind == kCellPlain || cell.kind == kCellBoxes) && any(notEqual(cell.tail, uvec2(0))) &&
+                      offset <= push.structureUnits;
     const uvec2 driver = uvec2(value.w[0], value.w[1]);
     uvec2 result = driver;
     if (cell.kind == kCellTop) {
@@ -46,6 +49,8 @@ void main()
     } else if (push.property == kPropertySerializationSize) {
         // As structure_save.comp plans it.
         uint units = driverUnitsOf(driver, push.structureUnits);
+        if (ends && push.wholeCopies != 0u)
+            units = min(units, saturatingAdd(offset, kSerializedHeaderUnits));
         uint tail = 0u;
         uint named = 0u;
         if (cell.kind == kCellBottom) {
@@ -72,6 +77,8 @@ void main()
         // A compacted copy finds its place for the tail here.
         if (push.property == kPropertyCompactedSize)
             Words(push.cell).w[6] = part;
+    } else if (ends) {
+        result = bytesOfUnits(min(unitsOfBytes(driver), offset));
     }
     value.w[0] = result.x;
     value.w[1] = result.y;

@@ -57,7 +57,7 @@ Referenced findReferenced(uvec2 reference)
         return found;
     Words cell = Words(place);
     found.known = true;
-    found.built = cell.w[2] != kCellUnbuilt;
+    found.built = cell.w[2] != kCellUnbuilt && cell.w[2] != kCellMicromap;
     found.broken = cell.w[2] == kCellBroken;
     if (cell.w[2] == kCellBottom)
         found.records = uvec2(cell.w[0], cell.w[1]);

@@ -193,7 +193,7 @@ TEST_F(CapableDriverExt, CaptureReplayOfMicromaps)
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-micromap-replay");
     create.createFlags = 0;
-    EXPECT_EQ(made(address + 256), VK_SUCCESS); // the address means nothing then
+    EXPECT_EQ(made(address + 256) == VK_SUCCESS, !strictTests()); // the address means nothing then
     messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433");

@@ -154,6 +154,90 @@ TEST(Driver, InputAndMicromapInOneBuffer)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
+// What messages that an application sends itself name: object by object, by VK_EXT_debug_utils and, the last one, by
+// VK_EXT_debug_report.
+using Named = std::vector<std::pair<int, std::uint64_t>>;
+
+VKAPI_ATTR VkBool32 VKAPI_CALL noteObjects(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
+                                           const VkDebugUtilsMessengerCallbackDataEXT *data, void *named)
+{
+    for (std::uint32_t i = 0; i < data->objectCount; ++i)
+        static_cast<Named *>(named)->emplace_back(data->pObjects[i].objectType, data->pObjects[i].objectHandle);
+    return VK_FALSE;
+}
+
+VKAPI_ATTR VkBool32 VKAPI_CALL noteObject(VkDebugReportFlagsEXT, VkDebugReportObjectTypeEXT type, std::uint64_t object,
+                                          std::size_t, std::int32_t, const char *, const char *, void *named)
+{
+    static_cast<Named *>(named)->emplace_back(type, object);
+    return VK_FALSE;
+}
+
+// Objects of the layer's own keep their handles and names, but below the layer nobody looks them up by their type. The
+// messengers are below it.
+TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
+{
+    for (const Api api : {Api::Ext, Api::Khr}) {
+        Gpu gpu(Options{.validation = false, .api = api});
+        MicromapInput input;
+        input.add(1, kFourState, std::vector<std::uint8_t>(4, 1));
+        const Micromap micromap(gpu, input);
+        const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+        const bool khr = api == Api::Khr;
+        const auto structure = reinterpret_cast<std::uint64_t>(blas.handle());
+        const auto object = khr ? reinterpret_cast<std::uint64_t>(micromap.handle().khr)
+                                : reinterpret_cast<std::uint64_t>(micromap.handle().ext);
+        const auto function = [&]<class Function>(Function, const char *name) {
+            return reinterpret_cast<Function>(vkGetInstanceProcAddr(gpu.instance(), name));
+        };
+        Named named;
+        VkDebugUtilsMessengerCreateInfoEXT messenger{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+        messenger.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT;
+        messenger.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
+        messenger.pfnUserCallback = noteObjects;
+        messenger.pUserData = &named;
+        VkDebugUtilsMessengerEXT listener = VK_NULL_HANDLE;
+        VT_CHECK(gpu.vk().CreateDebugUtilsMessengerEXT(gpu.instance(), &messenger, nullptr, &listener));
+        std::array<VkDebugUtilsObjectNameInfoEXT, 2> objects{};
+        for (VkDebugUtilsObjectNameInfoEXT &one : objects)
+            one.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
+        objects[0].objectType = khr ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT;
+        objects[0].objectHandle = object;
+        objects[1].objectType = VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
+        objects[1].objectHandle = structure;
+        VkDebugUtilsMessengerCallbackDataEXT data{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT};
+        data.pMessage = "of the application";
+        data.objectCount = 2;
+        data.pObjects = objects.data();
+        function(PFN_vkSubmitDebugUtilsMessageEXT{},
+                 "vkSubmitDebugUtilsMessageEXT")(gpu.instance(), VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT,
+                                                 VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT, &data);
+        EXPECT_EQ(named,
+                  (Named{{VK_OBJECT_TYPE_UNKNOWN, object}, {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, structure}}));
+        gpu.vk().DestroyDebugUtilsMessengerEXT(gpu.instance(), listener, nullptr);
+        if (!khr)
+            continue; // VK_EXT_debug_report has no type for the others
+        named.clear();
+        VkDebugReportCallbackCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_REPORT_CALLBACK_CREATE_INFO_EXT};
+        info.flags = VK_DEBUG_REPORT_PERFORMANCE_WARNING_BIT_EXT;
+        info.pfnCallback = noteObject;
+        info.pUserData = &named;
+        VkDebugReportCallbackEXT callback = VK_NULL_HANDLE;
+        VT_CHECK(function(PFN_vkCreateDebugReportCallbackEXT{}, "vkCreateDebugReportCallbackEXT")(gpu.instance(), &info,
+                                                                                                  nullptr, &callback));
+        for (const std::uint64_t one : {object, structure})
+            function(PFN_vkDebugReportMessageEXT{}, "vkDebugReportMessageEXT")(
+                gpu.instance(), info.flags, VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT, one, 0, 0,
+                "test", "of the application");
+        // The loader calls back, and the driver once more.
+        named.erase(std::unique(named.begin(), named.end()), named.end());
+        EXPECT_EQ(named, (Named{{VK_DEBUG_REPORT_OBJECT_TYPE_UNKNOWN_EXT, object},
+                                {VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT, structure}}));
+        function(PFN_vkDestroyDebugReportCallbackEXT{}, "vkDestroyDebugReportCallbackEXT")(gpu.instance(), callback,
+                                                                                           nullptr);
+    }
+}
+
 // Copies of query results are recorded with memory of the layer's: not with an allocation each, of which there may be
 // no more than maxMemoryAllocationCount.
 TEST(Driver, ManyCopiesOfQueryResults)

@@ -1,5 +1,6 @@
 #include "harness/harness.h"
 
+#include "harness/arena/arena.h"
 #include "harness/execution_mode.h"
 
 #include <algorithm>
@@ -124,88 +125,6 @@ void barrier(VkCommandBuffer commands)
     vkCmdPipelineBarrier2(commands, &dependency);
 }
 
-Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gpu), size_(size)
-{
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.size = size;
-    info.usage = usage;
-    VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
-
-    VkMemoryRequirements needs;
-    vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
-    const bool addressed = (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
-    VkMemoryAllocateFlagsInfo flags{};
-    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    VkMemoryAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    allocation.pNext = addressed ? &flags : nullptr;
-    allocation.allocationSize = needs.size;
-    allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
-                                                                          VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
-    VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
-    VT_CHECK(vkBindBufferMemory(gpu.device(), buffer_, memory_, 0));
-    void *mapped = nullptr;
-    VT_CHECK(vkMapMemory(gpu.device(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
-    bytes_ = static_cast<std::uint8_t *>(mapped);
-    std::memset(bytes_, 0, static_cast<std::size_t>(size));
-    if (addressed) {
-        VkBufferDeviceAddressInfo query{};
-        query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-        query.buffer = buffer_;
-        address_ = vkGetBufferDeviceAddress(gpu.device(), &query);
-    }
-}
-
-Buffer::~Buffer()
-{
-    if (gpu_ == nullptr)
-        return;
-    vkDestroyBuffer(gpu_->device(), buffer_, nullptr);
-    vkFreeMemory(gpu_->device(), memory_, nullptr);
-}
-
-void Buffer::swap(Buffer &other) noexcept
-{
-    std::swap(gpu_, other.gpu_);
-    std::swap(buffer_, other.buffer_);
-    std::swap(memory_, other.memory_);
-    std::swap(size_, other.size_);
-    std::swap(address_, other.address_);
-    std::swap(bytes_, other.bytes_);
-}
-
-QueryPool::QueryPool(Gpu &gpu, VkQueryType type, std::uint32_t count) : gpu_(&gpu), type_(type)
-{
-    VkQueryPoolCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-    info.queryType = type;
-    info.queryCount = count;
-    VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &pool_));
-}
-
-QueryPool::~QueryPool()
-{
-    if (gpu_ != nullptr)
-        vkDestroyQueryPool(gpu_->device(), pool_, nullptr);
-}
-
-void QueryPool::swap(QueryPool &other) noexcept
-{
-    std::swap(gpu_, other.gpu_);
-    std::swap(type_, other.type_);
-    std::swap(pool_, other.pool_);
-}
-
-std::uint64_t QueryPool::value(std::uint32_t query) const
-{
-    std::uint64_t value = 0;
-    VT_CHECK(vkGetQueryPoolResults(gpu_->device(), pool_, query, 1, sizeof value, &value, sizeof value,
-                                   VK_QUERY_RESULT_64_BIT));
-    return value;
-}
-
 namespace
 {
 
@@ -254,9 +173,18 @@ GpuTest::~GpuTest()
         sharedGpus().forget(gpu_);
 }
 
+void GpuTest::TearDown()
+{
+    expectNoMessages();
+    if (gpu_->arena() != nullptr)
+        gpu_->arena()->expectIntact("at the end of a test");
+}
+
 void Gpu::reset(const Options &options)
 {
+    const Memory memory = options_.memory;
     options_ = options;
+    options_.memory = memory;
     broken_.clear();
 }
 
@@ -264,12 +192,18 @@ Gpu::Gpu(const Options &options) : options_(options)
 {
     createInstance();
     createDevice();
+    // Without the layer it is the driver that is looked at, and some write whole handles.
+    if (options_.memory == Memory::PackedToTheEnd && !options_.vellum)
+        options_.memory = Memory::Packed;
+    if (options_.memory != Memory::Apart)
+        arena_ = std::make_unique<Arena>(*this);
 }
 
 Gpu::~Gpu()
 {
     if (device_ != VK_NULL_HANDLE) {
         vkDeviceWaitIdle(device_);
+        arena_.reset();
         vkDestroyCommandPool(device_, pool_, nullptr);
         vkDestroyDevice(device_, nullptr);
     }
@@ -296,14 +230,14 @@ void Gpu::createInstance()
         layers.push_back(kSpyLayer);
     if (options_.capable)
         layers.push_back(kCapableLayer);
-    const char *extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
+    const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
     info.pApplicationInfo = &application;
     info.enabledLayerCount = static_cast<std::uint32_t>(layers.size());
     info.ppEnabledLayerNames = layers.data();
-    info.enabledExtensionCount = 1;
-    info.ppEnabledExtensionNames = &extension;
+    info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    info.ppEnabledExtensionNames = extensions.data();
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
@@ -319,6 +253,14 @@ Api apiOfTests()
 {
     const char *name = std::getenv("VELLUM_TEST_API");
     return name && std::strcmp(name, "khr") == 0 ? Api::Khr : Api::Ext;
+}
+
+Memory memoryOfTests()
+{
+    const char *name = std::getenv("VELLUM_TEST_ARENA");
+    if (name == nullptr)
+        return Memory::Apart;
+    return std::strcmp(name, "exact") == 0 ? Memory::Packed : Memory::PackedToTheEnd;
 }
 
 Validation validationOfTests()
@@ -434,6 +376,7 @@ void Gpu::createDevice()
             chain(newer[i], kNewerExtensions[i].features);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
+    vulkan12.bufferDeviceAddressCaptureReplay &= VkBool32{options_.addressReplay};
     if (!options_.micromapFeature)
         micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
@@ -442,11 +385,14 @@ void Gpu::createDevice()
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 
-    const float priority = 1;
+    std::uint32_t families = 1;
+    VkQueueFamilyProperties family{};
+    vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, &family);
+    constexpr std::array<float, 4> priorities{1, 1, 1, 1};
     VkDeviceQueueCreateInfo queue{};
     queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueCount = 1;
-    queue.pQueuePriorities = &priority;
+    queue.queueCount = std::min<std::uint32_t>(family.queueCount, priorities.size());
+    queue.pQueuePriorities = priorities.data();
     std::vector<const char *> names;
     for (const std::string &name : extensions_)
         names.push_back(name.c_str());
@@ -462,7 +408,9 @@ void Gpu::createDevice()
     VT_DEVICE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
 
-    vkGetDeviceQueue(device_, 0, 0, &queue_);
+    for (std::uint32_t i = 0; i < queue.queueCount; ++i)
+        vkGetDeviceQueue(device_, 0, i, &queues_.emplace_back());
+    queue_ = queues_[0];
     VkCommandPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
     pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
@@ -555,7 +503,7 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
 std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
 {
     // A driver without the extension knows nothing of the mode.
-    return khr() && options_.vellum && options_.micromaps && options_.micromapFeature && options_.declaresMode
+    return khr() && options_.vellum && options_.micromaps && options_.declaresMode
                ? withModeWhereNeeded(words)
                : std::vector<std::uint32_t>(words.begin(), words.end());
 }
@@ -572,8 +520,15 @@ VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const
     return module;
 }
 
+void Gpu::addMessage(Message message)
+{
+    const std::lock_guard lock(messagesMutex_);
+    messages_.push_back(std::move(message));
+}
+
 std::vector<Message> Gpu::takeMessages()
 {
+    const std::lock_guard lock(messagesMutex_);
     return std::exchange(messages_, {});
 }
 

@@ -7,9 +7,11 @@
 #include "vellum/vulkan_opacity_micromap.h"
 
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,9 +34,23 @@ struct Message {
 enum class Api { Ext, Khr };
 Api apiOfTests();
 
+// Where Guarded memory lies (arena.h): each piece in a buffer of its own, or all packed in few buffers, where handles
+// are as large as what they are for, or reach to the end of the buffer and are GENERIC as far as the API allows. The
+// environment variable VELLUM_TEST_ARENA says "exact" or "end".
+enum class Memory { Apart, Packed, PackedToTheEnd };
+Memory memoryOfTests();
+
 // Where the validation layer is, seen from Vellum's: the environment variable VELLUM_TEST_VALIDATION.
 enum class Validation { Below, Above };
 Validation validationOfTests();
+
+// Whether the layer refuses what does no harm, too: by its own environment variable, VELLUM_STRICT. Tests of wrong
+// input run both ways.
+inline bool strictTests()
+{
+    const char *value = std::getenv("VELLUM_STRICT");
+    return value && std::strcmp(value, "1") == 0;
+}
 
 struct Options {
     bool vellum = true;
@@ -56,7 +72,9 @@ struct Options {
     bool nullIndexBuffer = false; // VK_KHR_maintenance6
     bool micromapFeature = true;  // where the extension is enabled, its feature too
     bool shared = false;          // by all tests of the process that ask for the same
-    bool declaresMode = true;     // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
+    bool addressReplay = true;    // enable bufferDeviceAddressCaptureReplay, where it is there
+    Memory memory = memoryOfTests();
+    bool declaresMode = true; // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
 
     bool operator==(const Options &) const = default;
 };
@@ -141,6 +159,7 @@ struct Commands {
 #undef VT_MEMBER
 };
 
+class Arena;
 class Gpu;
 
 // A buffer with memory of its own, mapped.
@@ -231,6 +250,10 @@ public:
     // layer.
     [[nodiscard]] bool onLavapipe26() const { return lavapipe26_; }
     [[nodiscard]] const Commands &vk() const { return commands_; }
+    // Null where memory is Memory::Apart.
+    [[nodiscard]] Arena *arena() const { return arena_.get(); }
+    // All queues of the first family that the device was made with: what is not said otherwise goes to the first one.
+    [[nodiscard]] std::span<const VkQueue> queues() const { return queues_; }
     [[nodiscard]] std::uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
     {
@@ -270,7 +293,7 @@ public:
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
     // As it was made, for the next test: what use() and breaks() changed is forgotten.
     void reset(const Options &options);
-    void addMessage(Message message) { messages_.push_back(std::move(message)); }
+    void addMessage(Message message);
 
 private:
     void createInstance();
@@ -282,12 +305,15 @@ private:
     VkPhysicalDevice physical_ = VK_NULL_HANDLE;
     VkDevice device_ = VK_NULL_HANDLE;
     VkQueue queue_ = VK_NULL_HANDLE;
+    std::vector<VkQueue> queues_;
+    std::unique_ptr<Arena> arena_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     Commands commands_;
     std::vector<std::string> extensions_;
     std::uint32_t scratchAlignment_ = 0;
     bool lavapipe26_ = false;
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
+    std::mutex messagesMutex_; // layers speak on whichever thread calls them
     std::vector<Message> messages_;
     std::vector<std::string> broken_;
 };
@@ -299,7 +325,7 @@ class GpuTest : public testing::Test
 protected:
     explicit GpuTest(const Options &options = {});
     ~GpuTest() override;
-    void TearDown() override { expectNoMessages(); }
+    void TearDown() override;
 
     void expectNoMessages()
     {

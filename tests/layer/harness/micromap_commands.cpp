@@ -31,15 +31,20 @@ VkBufferUsageFlags micromapInputUsage(const Gpu &gpu)
                       : VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT);
 }
 
+VkDeviceSize micromapInputAlignment(const Gpu &gpu)
+{
+    return gpu.khr() ? 128 : 256;
+}
+
 MicromapHandle createMicromap(const Gpu &gpu, VkBuffer buffer, VkDeviceAddress address, VkDeviceSize offset,
-                              VkDeviceSize size)
+                              VkDeviceSize size, VkAccelerationStructureTypeKHR type)
 {
     MicromapHandle handle;
     if (gpu.khr()) {
         VkAccelerationStructureCreateInfo2KHR info{};
         info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
         info.addressRange = {address + offset, size};
-        info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+        info.type = type;
         VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &handle.khr));
         return handle;
     }

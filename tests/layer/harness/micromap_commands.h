@@ -32,10 +32,13 @@ struct MicromapHandle {
 // What a buffer needs to hold micromaps, and what their builds read; with device addresses.
 VkBufferUsageFlags micromapStorageUsage(const Gpu &gpu);
 VkBufferUsageFlags micromapInputUsage(const Gpu &gpu);
+// VUID-vkCmdBuildMicromapsEXT-pInfos-07515, VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552
+VkDeviceSize micromapInputAlignment(const Gpu &gpu);
 
-// At an offset in a buffer that begins at that address.
-MicromapHandle createMicromap(const Gpu &gpu, VkBuffer buffer, VkDeviceAddress address, VkDeviceSize offset,
-                              VkDeviceSize size);
+// At an offset in a buffer that begins at that address; `type` counts with VK_KHR_opacity_micromap only.
+MicromapHandle
+createMicromap(const Gpu &gpu, VkBuffer buffer, VkDeviceAddress address, VkDeviceSize offset, VkDeviceSize size,
+               VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
 void destroyMicromap(const Gpu &gpu, MicromapHandle micromap);
 
 // A build as VK_KHR_opacity_micromap puts it. Points into itself.

@@ -9,17 +9,8 @@ namespace vt
 namespace
 {
 
-constexpr VkDeviceSize kGuard = 256;
-constexpr std::uint8_t kGuardByte = 0xa5;
-
 constexpr VkBufferUsageFlags kBuildInput =
     VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-constexpr VkBufferUsageFlags kScratch = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-
-VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
-{
-    return (value + alignment - 1) / alignment * alignment;
-}
 
 std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> &counts)
 {
@@ -87,31 +78,8 @@ std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const std::int32_
     return toUsage(counts);
 }
 
-Guarded::Guarded(Gpu &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage)
-    : buffer_(gpu, size + 2 * kGuard + alignment, usage), size_(size)
-{
-    const VkDeviceSize start = alignUp(buffer_.address() + kGuard, alignment);
-    offset_ = start - buffer_.address();
-    std::memset(buffer_.bytes(), kGuardByte, static_cast<std::size_t>(buffer_.size()));
-}
-
-bool Guarded::intact() const
-{
-    const std::uint8_t *bytes = buffer_.bytes();
-    const auto guard = [](std::uint8_t b) { return b == kGuardByte; };
-    return std::all_of(bytes, bytes + offset_, guard) &&
-           std::all_of(bytes + offset_ + size_, bytes + buffer_.size(), guard);
-}
-
-Guarded uploadAligned(Gpu &gpu, const void *content, VkDeviceSize size, VkBufferUsageFlags usage)
-{
-    Guarded buffer(gpu, size, 256, usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    if (size > 0)
-        std::memcpy(buffer.bytes(), content, static_cast<std::size_t>(size));
-    return buffer;
-}
-
-Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags) : gpu_(gpu), input_(std::move(input))
+Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags, SharedScratch *scratch)
+    : gpu_(gpu), input_(std::move(input))
 {
     usage_ = input_.usage();
     info_.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
@@ -128,13 +96,14 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
     for (std::size_t i = 0; i < input_.triangles.size(); ++i)
         std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
     const VkBufferUsageFlags usage = micromapInputUsage(gpu_);
-    data_ = uploadAligned(gpu_, input_.data.data(), input_.data.size(), usage);
-    triangles_ = uploadAligned(gpu_, strided.data(), strided.size(), usage);
-    scratch_ = Guarded(gpu_, sizes.buildScratchSize, gpu_.scratchAlignment(), kScratch);
+    const VkDeviceSize alignment = micromapInputAlignment(gpu_);
+    data_ = uploadAligned(gpu_, input_.data.data(), input_.data.size(), usage, alignment);
+    triangles_ = uploadAligned(gpu_, strided.data(), strided.size(), usage, alignment);
+    scratch_ = scratchOf(gpu_, scratch, sizes.buildScratchSize);
     info_.dstMicromap = handle_.ext;
     info_.data.deviceAddress = data_.address();
     info_.triangleArray.deviceAddress = triangles_.address();
-    info_.scratchData.deviceAddress = scratch_.address();
+    info_.scratchData.deviceAddress = scratch_->address();
 }
 
 Micromap::Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size) : gpu_(gpu), input_(like.input_)
@@ -145,14 +114,17 @@ Micromap::Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size) : gpu_(gpu
 void Micromap::create(VkDeviceSize size)
 {
     storage_ = Guarded(gpu_, size, 256, micromapStorageUsage(gpu_));
-    handle_ = createMicromap(gpu_, storage_.buffer(), storage_.address() - storage_.offset(), storage_.offset(), size);
+    handle_ = createMicromap(gpu_, storage_.buffer(), storage_.address() - storage_.offset(), storage_.offset(),
+                             storage_.handleSize(),
+                             storage_.handleSize() != size ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+                                                           : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
 }
 
 Micromap::~Micromap()
 {
     EXPECT_TRUE(storage_.intact()) << "a build wrote beyond its micromap";
-    if (info_.sType != 0) {
-        EXPECT_TRUE(scratch_.intact()) << "a micromap build wrote beyond its scratch memory";
+    if (scratch_) {
+        EXPECT_TRUE(scratch_->intact()) << "a micromap build wrote beyond its scratch memory";
         EXPECT_TRUE(data_.intact() && triangles_.intact()) << "a micromap build wrote to its input";
     }
     destroyMicromap(gpu_, handle_);
@@ -179,8 +151,15 @@ VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
 
 void Micromap::scribble()
 {
-    for (const Guarded *buffer : {&data_, &triangles_, &scratch_})
+    for (const Guarded *buffer : {&data_, &triangles_, scratch_.get()})
         std::memset(buffer->bytes(), 0x99, static_cast<std::size_t>(buffer->size()));
+}
+
+void Micromap::forgetInput()
+{
+    data_ = {};
+    triangles_ = {};
+    scratch_.reset();
 }
 
 std::uint32_t Geometry::primitives() const
@@ -200,10 +179,10 @@ Structure::~Structure()
 void Structure::checkGuards() const
 {
     if (placedBuffer_ == VK_NULL_HANDLE && structure_ != VK_NULL_HANDLE) {
-        EXPECT_TRUE(storage_.intact()) << "a build wrote beyond its acceleration structure";
+        EXPECT_TRUE(storage_->intact()) << "a build wrote beyond its acceleration structure";
     }
-    if (structure_ != VK_NULL_HANDLE && scratch_.buffer() != VK_NULL_HANDLE) {
-        EXPECT_TRUE(scratch_.intact()) << "an acceleration structure build wrote beyond its scratch memory";
+    if (structure_ != VK_NULL_HANDLE && scratch_) {
+        EXPECT_TRUE(scratch_->intact()) << "an acceleration structure build wrote beyond its scratch memory";
     }
 }
 
@@ -221,13 +200,15 @@ void Structure::create(VkDeviceSize size)
     }
     size_ = size;
     if (placedBuffer_ == VK_NULL_HANDLE)
-        storage_ = Guarded(gpu_, size_, 256, gpu_.structureUsage());
+        storage_ = room_ && room_->size() >= size_ ? room_
+                                                   : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
+    room_.reset();
     VkAccelerationStructureCreateInfoKHR create{};
     create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_.buffer();
-    create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_.offset();
-    create.size = size_;
-    create.type = type_;
+    create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer();
+    create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset();
+    create.size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_->handleSize();
+    create.type = create.size != size_ ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR : type_;
     VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
     VkAccelerationStructureDeviceAddressInfoKHR query{};
     query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
@@ -249,14 +230,14 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
     sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                     &info_, maxPrimitives.data(), &sizes);
-    if (sizes.accelerationStructureSize > size_)
-        create(sizes.accelerationStructureSize);
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-    scratch_ =
-        Guarded(gpu_, update ? sizes.updateScratchSize : sizes.buildScratchSize, gpu_.scratchAlignment(), kScratch);
+    // A compacted one is large enough for its updates in place: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126.
+    if (sizes.accelerationStructureSize > size_ && !update)
+        create(sizes.accelerationStructureSize);
+    scratch_ = scratchOf(gpu_, sharedScratch_, update ? sizes.updateScratchSize : sizes.buildScratchSize);
     info_.srcAccelerationStructure = update ? structure_ : VK_NULL_HANDLE;
     info_.dstAccelerationStructure = structure_;
-    info_.scratchData.deviceAddress = scratch_.address();
+    info_.scratchData.deviceAddress = scratch_->address();
 }
 
 void Structure::record(VkCommandBuffer commands) const
@@ -276,8 +257,8 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
     geometries_.clear();
     ranges_.clear();
     std::vector<std::uint32_t> counts;
-    const auto upload = [this](const void *content, std::size_t size) {
-        buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput));
+    const auto upload = [this](const void *content, std::size_t size, std::size_t alignment) {
+        buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
         return buffers_.back().address();
     };
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
@@ -292,7 +273,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             geometry.geometry.aabbs.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_AABBS_DATA_KHR;
             geometry.geometry.aabbs.stride = sizeof(VkAabbPositionsKHR);
             geometry.geometry.aabbs.data.deviceAddress =
-                upload(input.boxes.data(), input.boxes.size() * sizeof(VkAabbPositionsKHR));
+                upload(input.boxes.data(), input.boxes.size() * sizeof(VkAabbPositionsKHR), 8);
         } else {
             geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
             VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
@@ -300,13 +281,13 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
             triangles.vertexStride = sizeof(Vec3);
             triangles.maxVertex = static_cast<std::uint32_t>(input.vertices.size()) - 1;
-            triangles.vertexData.deviceAddress = upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3));
+            triangles.vertexData.deviceAddress = upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3), 4);
             triangles.indexType = input.indexType;
             if (input.indexType == VK_INDEX_TYPE_UINT32) {
-                triangles.indexData.deviceAddress = upload(input.indices.data(), input.indices.size() * 4);
+                triangles.indexData.deviceAddress = upload(input.indices.data(), input.indices.size() * 4, 4);
             } else if (input.indexType == VK_INDEX_TYPE_UINT16) {
                 const std::vector<std::uint16_t> narrow(input.indices.begin(), input.indices.end());
-                triangles.indexData.deviceAddress = upload(narrow.data(), narrow.size() * 2);
+                triangles.indexData.deviceAddress = upload(narrow.data(), narrow.size() * 2, 2);
             }
             const std::uint32_t triangleBytes = input.indexType == VK_INDEX_TYPE_UINT32   ? 12
                                                 : input.indexType == VK_INDEX_TYPE_UINT16 ? 6
@@ -331,7 +312,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
                 if (out.indexStride == 0)
                     used.assign(used.size(), used.at(0));
                 const std::vector<std::uint8_t> packed = packIndices(attachment, out.indexStride);
-                out.indexBuffer.deviceAddress = upload(packed.data(), packed.size()) + attachment.indexOffset;
+                out.indexBuffer.deviceAddress = upload(packed.data(), packed.size(), size) + attachment.indexOffset;
             }
             if (attachment.micromap != nullptr) {
                 usages_[i] = attachment.micromap->input().usage(used, attachment.base);
@@ -391,7 +372,7 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
     if (skipped > 0)
         std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));
     all.insert(all.end(), instances.begin(), instances.end());
-    instances_ = uploadAligned(gpu(), all.data(), all.size() * sizeof(all[0]), kBuildInput);
+    instances_ = uploadAligned(gpu(), all.data(), all.size() * sizeof(all[0]), kBuildInput, 16);
     VkAccelerationStructureGeometryKHR geometry{};
     geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
     geometry.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR;
@@ -405,11 +386,11 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
         // Backwards in memory, so that array and pointers cannot be mistaken for each other.
         std::vector<VkDeviceAddress> addresses(skipped, 0x5a5a5a5a5a5a5a50u);
         std::vector<VkAccelerationStructureInstanceKHR> reversed(instances.rbegin(), instances.rend());
-        instances_ = uploadAligned(gpu(), reversed.data(), reversed.size() * sizeof(reversed[0]), kBuildInput);
+        instances_ = uploadAligned(gpu(), reversed.data(), reversed.size() * sizeof(reversed[0]), kBuildInput, 16);
         for (std::size_t i = 0; i < instances.size(); ++i)
             addresses.push_back(instances_.address() +
                                 (instances.size() - 1 - i) * sizeof(VkAccelerationStructureInstanceKHR));
-        pointers_ = uploadAligned(gpu(), addresses.data(), addresses.size() * sizeof(VkDeviceAddress), kBuildInput);
+        pointers_ = uploadAligned(gpu(), addresses.data(), addresses.size() * sizeof(VkDeviceAddress), kBuildInput, 8);
         data.arrayOfPointers = VK_TRUE;
         data.data.deviceAddress = pointers_.address();
         range.primitiveOffset = skipped * static_cast<std::uint32_t>(sizeof(VkDeviceAddress));

@@ -2,6 +2,7 @@
 // test can check: nothing may be written beyond the sizes that Vulkan reported.
 #pragma once
 
+#include "harness/arena/arena.h"
 #include "harness/micromap_commands.h"
 
 #include <array>
@@ -33,33 +34,10 @@ struct MicromapInput {
                                                         std::uint32_t base) const;
 };
 
-// A buffer with a piece of given size and alignment in the middle and guard bytes around it.
-class Guarded
-{
-public:
-    Guarded() = default;
-    Guarded(Gpu &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage);
-    [[nodiscard]] VkBuffer buffer() const { return buffer_.handle(); }
-    [[nodiscard]] VkDeviceSize offset() const { return offset_; }
-    [[nodiscard]] VkDeviceSize size() const { return size_; }
-    [[nodiscard]] VkDeviceAddress address() const { return buffer_.address() + offset_; }
-    [[nodiscard]] std::uint8_t *bytes() const { return buffer_.bytes() + offset_; }
-    [[nodiscard]] VkDeviceMemory memory() const { return buffer_.memory(); }
-    [[nodiscard]] bool intact() const;
-
-private:
-    Buffer buffer_;
-    VkDeviceSize offset_ = 0;
-    VkDeviceSize size_ = 0;
-};
-
-// Content at an address that is a multiple of 256.
-Guarded uploadAligned(Gpu &gpu, const void *content, VkDeviceSize size, VkBufferUsageFlags usage);
-
 class Micromap
 {
 public:
-    Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags = 0);
+    Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags = 0, SharedScratch *scratch = nullptr);
     // Not to be built but copied to: of that size, with the content of `like`.
     Micromap(Gpu &gpu, const Micromap &like, VkDeviceSize size);
     Micromap(const Micromap &) = delete;
@@ -72,6 +50,8 @@ public:
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
     // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
     [[nodiscard]] const std::uint8_t *memory() const { return storage_.bytes(); }
+    // As if nothing had been built there.
+    void forget() const { std::memset(storage_.bytes(), 0, static_cast<std::size_t>(storage_.size())); }
     [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
@@ -79,8 +59,13 @@ public:
     [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
     // The buffer that the micromap lies in.
     [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
+    // Where it lies, and what a build writes to beside that.
+    [[nodiscard]] Arena::Range range() const { return storage_.range(); }
+    [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
     // Overwrites everything a build has read or used, as an application may afterwards.
     void scribble();
+    // Frees it.
+    void forgetInput();
 
 private:
     void create(VkDeviceSize size);
@@ -88,7 +73,8 @@ private:
     Gpu &gpu_;
     MicromapInput input_;
     std::vector<VkMicromapUsageEXT> usage_;
-    Guarded data_, triangles_, scratch_, storage_;
+    Guarded data_, triangles_, storage_;
+    std::shared_ptr<Guarded> scratch_;
     VkMicromapBuildInfoEXT info_{};
     MicromapHandle handle_;
 };
@@ -123,15 +109,25 @@ public:
     Structure(Gpu &gpu, VkAccelerationStructureTypeKHR type) : gpu_(gpu), type_(type) {}
     Structure(const Structure &) = delete;
     Structure &operator=(const Structure &) = delete;
-    ~Structure();
+    virtual ~Structure();
 
     [[nodiscard]] VkAccelerationStructureKHR handle() const { return structure_; }
     [[nodiscard]] VkDeviceAddress address() const { return address_; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Uses memory of the caller's instead of memory of its own; before the first prepare.
     void placeIn(VkBuffer buffer, VkDeviceSize offset);
+    // The next create uses the other's room, if it is large enough: two handles, and later another content, in one
+    // place.
+    void useRoomOf(const Structure &other) { room_ = other.storage_; }
+    // Uses that scratch memory instead of memory of its own; null: its own again.
+    void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
     void create(VkDeviceSize size);
+    // Where it lies, if not placed, and what a build writes to beside that.
+    [[nodiscard]] Arena::Range range() const { return {address_, size_}; }
+    [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
+    // Frees what the last build has read or used.
+    virtual void forgetInput() { scratch_.reset(); }
     void record(VkCommandBuffer commands) const;
     [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &buildInfo() const { return info_; }
     [[nodiscard]] const VkAccelerationStructureBuildRangeInfoKHR *ranges() const { return ranges_.data(); }
@@ -152,7 +148,9 @@ private:
     VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
     VkDeviceAddress address_ = 0;
     VkDeviceSize size_ = 0;
-    Guarded storage_, scratch_;
+    std::shared_ptr<Guarded> storage_, room_;
+    std::shared_ptr<Guarded> scratch_;
+    SharedScratch *sharedScratch_ = nullptr;
     VkBuffer placedBuffer_ = VK_NULL_HANDLE;
     VkDeviceSize placedOffset_ = 0;
     VkAccelerationStructureBuildGeometryInfoKHR info_{};
@@ -170,6 +168,11 @@ public:
                  VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     void build(std::vector<Geometry> geometries, VkBuildAccelerationStructureFlagsKHR flags = 0,
                VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    void forgetInput() override
+    {
+        Structure::forgetInput();
+        buffers_.clear();
+    }
 
 private:
     std::vector<Geometry> inputs_;
@@ -198,6 +201,12 @@ public:
                VkBuildAccelerationStructureFlagsKHR flags = 0,
                VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
                Arrangement arrangement = Arrangement::Array, std::uint32_t skipped = 0);
+    void forgetInput() override
+    {
+        Structure::forgetInput();
+        instances_ = {};
+        pointers_ = {};
+    }
 
 private:
     Guarded instances_, pointers_;

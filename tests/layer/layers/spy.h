@@ -68,6 +68,11 @@ std::span<const Row> synchronization(); // spy_synchronization.cpp
 std::span<const Row> structures();      // spy_structures.cpp
 std::span<const Row> memory();          // spy_memory.cpp
 std::span<const Row> pipelines();       // spy_pipelines.cpp
+std::span<const Row> pipelineCaches();  // spy_cache.cpp
+
+// A pipeline was made: whether it was in the cache.
+void lookInCache(VkPipelineCache cache, const VkComputePipelineCreateInfo &info, VkPipeline pipeline);
+void lookInCache(VkPipelineCache cache, const VkRayTracingPipelineCreateInfoKHR &info, VkPipeline pipeline);
 
 // Commands that are there whether the driver has them or not; lavapipe has not.
 PFN_vkVoidFunction markerFunction(std::string_view name);       // of VK_EXT_debug_marker

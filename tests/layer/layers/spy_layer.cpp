@@ -132,7 +132,7 @@ PFN_vkVoidFunction deviceFunction(const char *name)
         const std::size_t length = std::strlen(other);
         return std::strncmp(name, other, length) == 0 && (name[length] == 0 || std::strcmp(name + length, "KHR") == 0);
     };
-    for (const std::span<const Row> rows : {synchronization(), structures(), memory(), pipelines()}) {
+    for (const std::span<const Row> rows : {synchronization(), structures(), memory(), pipelines(), pipelineCaches()}) {
         for (const Row &row : rows) {
             if (is(row.name))
                 return row.function;

@@ -1,6 +1,7 @@
 // Buffers, types of memory and mappings.
 #include "layers/spy.h"
 
+#include <atomic>
 #include <cstdlib>
 #include <map>
 #include <utility>
@@ -37,6 +38,8 @@ VKAPI_ATTR void VKAPI_CALL getBufferRequirements(VkDevice handle, VkBuffer buffe
         requirements->memoryTypeBits |= 1u << memoryTypesBelow;
 }
 
+std::atomic<std::uint64_t> allocations = 0;
+
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
@@ -45,7 +48,10 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
         below.memoryTypeIndex = 0;
     else if (std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr)
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
-    return SPY_NEXT(vkAllocateMemory)(handle, &below, allocator, memory);
+    const VkResult result = SPY_NEXT(vkAllocateMemory)(handle, &below, allocator, memory);
+    if (result == VK_SUCCESS)
+        ++allocations;
+    return result;
 }
 
 // Memory can be mapped once (VUID-vkMapMemory-memory-00678), and unmapped where it is
@@ -96,6 +102,8 @@ VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, co
         std::lock_guard lock(mutex);
         mapped.erase(memory);
     }
+    if (memory != VK_NULL_HANDLE)
+        --allocations;
     SPY_NEXT(vkFreeMemory)(handle, memory, allocator);
 }
 
@@ -131,3 +139,11 @@ std::span<const Row> memory()
 }
 
 } // namespace spy
+
+// For tests, which find it in this library: how many allocations of device memory there are, the layer's and the
+// tests'.
+extern "C" __attribute__((visibility("default"))) std::uint64_t vellumSpyAllocations();
+extern "C" std::uint64_t vellumSpyAllocations()
+{
+    return spy::allocations;
+}

@@ -40,7 +40,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
 {
     for (const VkComputePipelineCreateInfo &info : std::span(infos, count))
         expectPromises("vkCreateComputePipelines", pipelineFlags(info.pNext, info.flags));
-    return SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+    const VkResult result = SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+    for (std::uint32_t i = 0; i < count; ++i)
+        lookInCache(cache, infos[i], pipelines[i]);
+    return result;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
@@ -166,6 +169,7 @@ VkResult createPipelinesNow(VkDevice handle, VkDeferredOperationKHR operation, c
     if (result != VK_SUCCESS && result != VK_OPERATION_NOT_DEFERRED_KHR)
         return result;
     for (std::uint32_t i = 0; i < call.count; ++i) {
+        lookInCache(call.cache, call.infos[i], call.pipelines[i]);
         const StackNeed need = stackNeed(handle, call.infos[i], call.pipelines[i]);
         std::lock_guard lock(mutex);
         stackNeeds[call.pipelines[i]] = need;

@@ -330,8 +330,14 @@ TEST_F(MicromapCopy, RefusedCopies)
     Micromap source(gpu(), repetitive(), kAllow);
     source.build();
     const Micromap target(gpu(), source, source.size());
+    // What does no harm is done, unless the layer is strict.
+    const auto expectDone = [&] {
+        EXPECT_EQ(traced(target) == expected(source.input()), !strictTests());
+        target.forget();
+    };
     copy(source, target, VK_COPY_MICROMAP_MODE_SERIALIZE_EXT);
     expectMessage(id("VkCopyMicromapInfoEXT-mode-07531", "VkCopyAccelerationStructureInfoKHR-mode-03410"));
+    expectDone();
     copy(source, source, VK_COPY_MICROMAP_MODE_CLONE_EXT);
     expectMessage("VELLUM-micromap-copy-overlap");
     for (const auto &[from, to] :
@@ -355,8 +361,7 @@ TEST_F(MicromapCopy, RefusedCopies)
     constexpr auto kIn = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
     constexpr auto kClone = VK_COPY_MICROMAP_MODE_CLONE_EXT;
     refused(0, kOut, kIn, id("07536", "03739"), id("07543", "03742"));
-    refused(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
-    refused(memory.address(), kClone, kClone, id("07542", "03412"), id("07548", "03413"));
+    refused(memory.address() + 8, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
     // Validation 1.4.363 above crashes on VK_NULL_HANDLE for an acceleration structure here.
     if (!gpu().khr() || validationOfTests() == Validation::Below) {
         gpu().submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, {}, memory.address()); });
@@ -368,6 +373,10 @@ TEST_F(MicromapCopy, RefusedCopies)
         id("VkCopyMemoryToMicromapInfoEXT-dst-parameter", "VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter"));
     for (const std::uint8_t byte : memory.as<std::uint8_t>())
         ASSERT_EQ(byte, 0);
+    refused(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
+    expectDone();
+    refused(memory.address(), kClone, kClone, id("07542", "03412"), id("07548", "03413"));
+    expectDone();
 }
 
 TEST_F(MicromapCopy, ALargeMicromap)

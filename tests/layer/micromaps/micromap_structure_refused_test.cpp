@@ -1,4 +1,5 @@
-// What the layer refuses of micromaps as acceleration structures, each by the rule's name.
+// What the layer refuses of micromaps as acceleration structures, each by the rule's name, and what it goes on with, as
+// long as nobody sets VELLUM_STRICT.
 #include "micromaps/micromap_structures.h"
 
 namespace
@@ -35,6 +36,59 @@ protected:
         EXPECT_EQ(std::vector<std::uint8_t>(target.memory(), target.memory() + target.size()), before);
     }
 
+    // Of a structure that a strict layer does not make.
+    void expectUsable(VkAccelerationStructureKHR handle)
+    {
+        EXPECT_EQ(handle == VK_NULL_HANDLE, strictTests());
+        if (handle == VK_NULL_HANDLE)
+            return;
+        buildInto(micromap_, handle);
+        EXPECT_EQ(tracedMicromap(handle), kForwards);
+        expectNoMessages();
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), handle, nullptr);
+    }
+    // Of vkCreateAccelerationStructure2KHR, which a strict layer refuses.
+    void expectCreationDone(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
+                            const std::string &rule)
+    {
+        if (strictTests())
+            return expectCreationRefused(type, range, rule);
+        VkAccelerationStructureCreateInfo2KHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+        info.addressRange = range;
+        info.type = type;
+        VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+        EXPECT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
+        expectRefused(rule);
+        if (type == kMicromapType)
+            expectUsable(handle);
+        else
+            gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), handle, nullptr);
+    }
+    // A build, changed, that does no harm: refused by a strict layer, otherwise told of once and done. `expected`: of
+    // the first triangles.
+    void expectBuildDone(const std::string &rule, const std::function<void(StructureBuild &)> &change,
+                         bool sizes = false, const std::vector<int> &expected = kForwards)
+    {
+        if (strictTests())
+            return expectBuildRefused(rule, change, sizes);
+        SCOPED_TRACE(rule);
+        const Micromap target(gpu(), micromap_, micromap_.size() + 4096);
+        StructureBuild odd(micromap_.buildInfo(), target.handle().khr);
+        const VkDeviceSize size = sizesOf(odd.info).accelerationStructureSize;
+        change(odd);
+        if (sizes) {
+            EXPECT_GE(sizesOf(odd.info).accelerationStructureSize, size);
+            expectRefused(rule);
+        }
+        build(odd.info);
+        expectRefused(rule); // that is, told
+        std::vector<int> seen = tracedMicromap(target);
+        seen.resize(expected.size());
+        EXPECT_EQ(seen, expected);
+        expectNoMessages();
+    }
+
     Micromap micromap_;
 };
 
@@ -45,42 +99,78 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
     const auto refused = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
         expectBuildRefused(rule, change, true);
     };
+    const auto done = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
+        expectBuildDone(rule, change, true);
+    };
     refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 0; });
     refused("VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
             [](StructureBuild &b) { b.geometry.pNext = nullptr; });
     // A validation layer above reads what is not there (1.4.363 crashes), and hands on a copy with one of two arrays.
     const VkAccelerationStructureGeometryKHR *pointer = nullptr;
     if (validationOfTests() == Validation::Below) {
-        refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 2; });
+        done(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 2; });
         refused(info + "pGeometries-03788", [](StructureBuild &b) { b.info.pGeometries = nullptr; });
-        refused(info + "pGeometries-03788", [&pointer](StructureBuild &b) {
+        done(info + "pGeometries-03788", [&pointer](StructureBuild &b) {
             pointer = &b.geometry;
             b.info.ppGeometries = &pointer;
         });
-        refused(info + "geometryType-11561",
-                [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
+        done(info + "geometryType-11561",
+             [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
         refused(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.pUsageCounts = nullptr; });
     }
     for (const VkBuildAccelerationStructureFlagsKHR flag :
          {VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR})
-        refused(info + "flags-11562", [flag](StructureBuild &b) { b.info.flags |= flag; });
-    refused(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.ppUsageCounts = b.usagePointers.data(); });
-    refused("VUID-VkMicromapUsageKHR-format-parameter",
-            [](StructureBuild &b) { b.usages[0].format = static_cast<VkOpacityMicromapFormatKHR>(3); });
+        done(info + "flags-11562", [flag](StructureBuild &b) { b.info.flags |= flag; });
+    done(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.ppUsageCounts = b.usagePointers.data(); });
+    done("VUID-VkMicromapUsageKHR-format-parameter",
+         [](StructureBuild &b) { b.usages[0].format = static_cast<VkOpacityMicromapFormatKHR>(3); });
     refused(info + "subdivisionLevel-11564", [](StructureBuild &b) { b.usages[0].subdivisionLevel = 13; });
     refused(data + "subdivisionLevel-11645", [](StructureBuild &b) {
         b.usages[0] = {1, 13, VK_OPACITY_MICROMAP_FORMAT_2_STATE_KHR};
     });
     const VkBuildAccelerationStructureFlagsKHR lossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
-    refused(info + "format-11712", [lossy](StructureBuild &b) {
-        b.info.flags |= lossy;
-        b.usages[0].format = VK_OPACITY_MICROMAP_FORMAT_2_STATE_KHR;
+    // No triangles of a level that there is not.
+    done(info + "subdivisionLevel-11564", [](StructureBuild &b) {
+        b.usages.push_back({0, 1u << 31, VK_OPACITY_MICROMAP_FORMAT_4_STATE_KHR});
+        b.data.pUsageCounts = b.usages.data();
+        b.data.usageCountsCount = 2;
     });
     refused(info + "subdivisionLevel-11565", [lossy](StructureBuild &b) {
         b.info.flags |= lossy;
         b.usages[0].subdivisionLevel = 13;
     });
-    refused(data + "count-11643", [](StructureBuild &b) { b.usages[0].count = (1u << 27) + 1; });
+    // More than the limit says; but not more than can be built.
+    const Micromap target(gpu(), micromap_, micromap_.size());
+    StructureBuild large(micromap_.buildInfo(), target.handle().khr);
+    large.usages[0].count = (1u << 27) + 1;
+    EXPECT_EQ(sizesOf(large.info).accelerationStructureSize == 0, strictTests());
+    expectRefused(data + "count-11643");
+    large.usages[0].count = 1u << 31;
+    EXPECT_EQ(sizesOf(large.info).accelerationStructureSize, 0u);
+    EXPECT_EQ(gpu().takeUnexpectedMessages().back().id,
+              strictTests() ? "VELLUM-" + data + "count-11643" : "VELLUM-micromap-too-large");
+}
+
+// 2-state triangles stay as they are in a lossy build.
+TEST_F(MicromapStructureRefused, LossyOfTwoStates)
+{
+    MicromapInput input;
+    for (std::uint8_t i = 0; i < 8; ++i)
+        input.add(4, kTwoState, std::vector<std::uint8_t>(256, i % 2));
+    const Micromap ordinary(gpu(), input);
+    const Micromap target(gpu(), ordinary, ordinary.size());
+    StructureBuild lossy(ordinary.buildInfo(), target.handle().khr);
+    lossy.info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
+    const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(lossy.info);
+    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712");
+    const Buffer scratch(gpu(), sizes.buildScratchSize + 256,
+                         VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    lossy.info.scratchData.deviceAddress = (scratch.address() + 255) / 256 * 256;
+    build(lossy.info);
+    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712");
+    if (!strictTests()) {
+        EXPECT_EQ(tracedMicromap(target), (std::vector{0, 1, 0, 1, 0, 1, 0, 1}));
+    }
 }
 
 TEST_F(MicromapStructureRefused, BuildsAndTheirMemory)
@@ -89,8 +179,12 @@ TEST_F(MicromapStructureRefused, BuildsAndTheirMemory)
     const auto refused = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
         expectBuildRefused(rule, change);
     };
-    refused(command + "mode-11545",
-            [](StructureBuild &b) { b.info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; });
+    const auto done = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change,
+                          const std::vector<int> &expected = kForwards) {
+        expectBuildDone(rule, change, false, expected);
+    };
+    done(command + "mode-11545",
+         [](StructureBuild &b) { b.info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; });
     const Blas blas(gpu(), {mapped(&micromap_)});
     refused(command + "dstAccelerationStructure-11547",
             [&](StructureBuild &b) { b.info.dstAccelerationStructure = blas.handle(); });
@@ -101,14 +195,16 @@ TEST_F(MicromapStructureRefused, BuildsAndTheirMemory)
     refused(command + "pInfos-10126", [&](StructureBuild &b) { b.info.dstAccelerationStructure = small.handle(); });
     refused(command + "micromap-11550", [](StructureBuild &b) { b.data.data = 0; });
     refused(command + "micromap-11550", [](StructureBuild &b) { b.data.triangleArray = 0; });
-    refused(command + "micromap-11552", [](StructureBuild &b) { b.data.data += 64; });
-    refused(command + "micromap-11552", [](StructureBuild &b) { b.data.triangleArray += 64; });
+    // Each triangle has the data of the next one.
+    done(command + "micromap-11552", [](StructureBuild &b) { b.data.data += 64; }, {1, 2, 2, 0, 1, 2, 2});
+    done(command + "micromap-11552", [](StructureBuild &b) { b.data.triangleArray += 8; }, {1, 2, 2, 0, 1, 2, 2});
     refused(command + "pInfos-12261", [](StructureBuild &b) { b.info.scratchData.deviceAddress = 0; });
-    refused(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 4; });
+    refused(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 2; });
     const Buffer little(gpu(), 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     refused(command + "pInfos-12258", [&](StructureBuild &b) { b.info.scratchData.deviceAddress = little.address(); });
-    refused("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
-            [](StructureBuild &b) { b.data.triangleArrayStride = 4; });
+    // Between two triangles lies what is none.
+    done("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
+         [](StructureBuild &b) { b.data.triangleArrayStride = 4; }, {0, 2, 1, 2, 2, 2, 2, 2});
 }
 
 // A build that is refused, beside ones that are done.
@@ -119,21 +215,21 @@ TEST_F(MicromapStructureRefused, OneOfSeveral)
     Blas blas(gpu());
     blas.prepare({mapped(&micromap_)});
     StructureBuild bad(micromap_.buildInfo(), target.handle().khr);
-    bad.info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    bad.info.geometryCount = 0;
     const StructureBuild done(good.buildInfo(), good.handle().khr);
     const std::array infos{bad.info, blas.buildInfo(), done.info};
     const std::array<const RangeInfo *, 3> ranges{nullptr, blas.ranges(), nullptr};
     gpu().submit([&](VkCommandBuffer commands) {
         gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 3, infos.data(), ranges.data());
     });
-    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545");
+    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560");
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     EXPECT_EQ(tracedMicromap(good), kBackwards);
 }
 
 TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
 {
-    // Built by the same command.
+    // Built by the same command: here, before the structure.
     Micromap fresh(gpu(), eightStates());
     Blas blas(gpu());
     blas.prepare({mapped(&fresh)});
@@ -144,6 +240,9 @@ TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
         gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 2, infos.data(), ranges.data());
     });
     expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548");
+    if (!strictTests()) {
+        EXPECT_EQ(tracedBottom(blas.address()), kForwards);
+    }
     EXPECT_EQ(tracedMicromap(fresh), kForwards);
     // No micromap.
     const Blas other(gpu(), {mapped(nullptr)});
@@ -169,6 +268,7 @@ TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
     const std::uint32_t stride = 16, most = 1, *counts = &most;
     gpu().submit([&](VkCommandBuffer commands) { indirect(commands, 1, &again.info, &address, &stride, &counts); });
     expectRefused("VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557");
+    EXPECT_EQ(tracedMicromap(target), strictTests() ? kPlain : kForwards);
 }
 
 TEST_F(MicromapStructureRefused, Copies)
@@ -182,6 +282,7 @@ TEST_F(MicromapStructureRefused, Copies)
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     copy(micromap_.handle().khr, target.handle().khr, VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR);
     expectRefused("VUID-VkCopyAccelerationStructureInfoKHR-mode-03410");
+    EXPECT_EQ(tracedMicromap(target), strictTests() ? kPlain : kForwards);
     const Buffer memory(gpu(), 8192, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const auto out = [&](VkDeviceAddress address, VkCopyMicromapModeEXT mode, const char *rule) {
         gpu().submit([&](VkCommandBuffer commands) {
@@ -196,15 +297,26 @@ TEST_F(MicromapStructureRefused, Copies)
     };
     constexpr auto kOut = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
     constexpr auto kIn = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    out(memory.address(), VK_COPY_MICROMAP_MODE_CLONE_EXT,
-        "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412");
     out(0, kOut, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739");
-    out(memory.address() + 64, kOut, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
-    in(memory.address(), VK_COPY_MICROMAP_MODE_CLONE_EXT, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413");
+    out(memory.address() + 8, kOut, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
     in(0, kIn, "VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742");
-    in(memory.address() + 64, kIn, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
+    in(memory.address() + 8, kIn, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
     for (const std::uint8_t byte : memory.as<std::uint8_t>())
         ASSERT_EQ(byte, 0);
+    // Modes that these commands do not have, and addresses that are aligned enough for the layer.
+    const auto outAndIn = [&](VkDeviceAddress address, VkCopyMicromapModeEXT save, VkCopyMicromapModeEXT load,
+                              const char *outRule, const char *inRule) {
+        std::memset(memory.bytes(), 0, static_cast<std::size_t>(memory.size()));
+        target.forget();
+        out(address, save, outRule);
+        in(address, load, inRule);
+        EXPECT_EQ(tracedMicromap(target), strictTests() ? kPlain : kForwards);
+    };
+    outAndIn(memory.address(), VK_COPY_MICROMAP_MODE_CLONE_EXT, VK_COPY_MICROMAP_MODE_CLONE_EXT,
+             "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412",
+             "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413");
+    outAndIn(memory.address() + 16, kOut, kIn, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699",
+             "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
     // 128 is enough, where other structures need 256. By 11699 and 11700, that is; 03740 and 03743 except nothing from
     // their 256.
     gpu().breaks("VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740");
@@ -220,26 +332,42 @@ TEST_F(MicromapStructureRefused, Copies)
 TEST_F(MicromapStructureRefused, Creation)
 {
     const Buffer memory(gpu(), 4096, kStorage);
+    constexpr std::array kTypes{kMicromapType, kGeneric, kBottom, kTop};
     const auto create = [&](VkDeviceAddress address, VkDeviceSize size, const char *rule) {
-        for (const VkAccelerationStructureTypeKHR type : {kMicromapType, kGeneric, kBottom, kTop})
+        for (const VkAccelerationStructureTypeKHR type : kTypes)
             expectCreationRefused(type, {address, size}, rule);
     };
-    create(memory.address(), 4097, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603");
-    create(memory.address() + 256, ~VkDeviceSize{0}, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603");
-    create(memory.address() + 128, 256, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605");
+    // What lies in the buffer may be enough, and no driver looks at its usage.
+    constexpr const char *kInBuffer = "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603";
+    for (const VkAccelerationStructureTypeKHR type : kTypes) {
+        expectCreationDone(type, {memory.address(), 4097}, kInBuffer);
+        expectCreationDone(type, {memory.address() + 256, ~VkDeviceSize{0}}, kInBuffer);
+    }
+    constexpr const char *kAligned = "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605";
+    for (const VkAccelerationStructureTypeKHR type : {kGeneric, kBottom, kTop})
+        expectCreationRefused(type, {memory.address() + 128, 256}, kAligned);
+    expectCreationRefused(kMicromapType, {memory.address() + 8, 256}, kAligned);
+    expectCreationDone(kMicromapType, {memory.address() + 16, 1024}, kAligned);
     create(256, 256, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602");
     create(memory.address(), 0, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608");
     const Buffer other(gpu(), 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    create(other.address(), 1024, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603");
+    expectCreationDone(kMicromapType, {other.address(), 1024}, kInBuffer);
     VkAccelerationStructureCreateInfoKHR info{};
     info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
     info.buffer = memory.handle();
     info.size = 1024;
     info.type = kMicromapType;
     VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
+    constexpr const char *kOtherCommand = "VUID-VkAccelerationStructureCreateInfoKHR-type-11600";
+    EXPECT_EQ(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &handle) == VK_SUCCESS,
+              !strictTests());
+    expectRefused(kOtherCommand);
+    expectUsable(handle);
+    handle = VK_NULL_HANDLE;
+    info.offset = 4096;
     EXPECT_NE(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
     EXPECT_EQ(handle, VkAccelerationStructureKHR{});
-    expectRefused("VUID-VkAccelerationStructureCreateInfoKHR-type-11600");
+    expectRefused(kOtherCommand);
 }
 
 TEST_F(MicromapStructureRefused, Queries)

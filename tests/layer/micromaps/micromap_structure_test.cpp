@@ -225,8 +225,18 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
     const Tlas tlas(gpu(), {instance(blas, {}, 1), instance(plain, {2, 0, 0}, 2)});
     EXPECT_EQ(query(tlas.handle(), pointers), 2u);
     expectNoMessages();
-    query(first.handle().khr, pointers);
+    const QueryPool pool(gpu(), pointers);
+    const VkAccelerationStructureKHR micromap = first.handle().khr;
+    gpu().submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 1);
+        gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &micromap, pointers, pool, 0);
+    });
     expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425");
+    // It has none.
+    std::uint64_t value = 7;
+    EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT),
+              strictTests() ? VK_NOT_READY : VK_SUCCESS);
+    EXPECT_EQ(value, strictTests() ? 7u : 0u);
 }
 
 TEST_F(MicromapStructure, CompatibilityOfEveryKindOfData)
@@ -350,21 +360,34 @@ protected:
     MicromapStructureDisabled() : MicromapStructure({.api = Api::Khr, .micromapFeature = false}) {}
 };
 
-TEST_F(MicromapStructureDisabled, MicromapsAreRefused)
+TEST_F(MicromapStructureDisabled, IsTold)
 {
+    constexpr const char *kSizes = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559";
     const Buffer memory(gpu(), 4096, kStorage);
+    const MicromapInput input = eightStates();
+    if (!strictTests()) {
+        // It works all the same.
+        Micromap micromap(gpu(), input);
+        micromap.build();
+        const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+        ASSERT_EQ(messages.size(), 3u) << "sizes, creation, build";
+        EXPECT_EQ(messages[0].id, std::string("VELLUM-") + kSizes);
+        EXPECT_EQ(messages[1].id, "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
+        EXPECT_EQ(messages[2].id, std::string("VELLUM-") + kSizes);
+        EXPECT_EQ(tracedMicromap(micromap), kForwards);
+        return;
+    }
     expectCreationRefused(kMicromapType, {memory.address(), 1024},
                           "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
-    const MicromapInput input = eightStates();
     const std::vector<VkMicromapUsageEXT> usage = input.usage();
     VkMicromapBuildInfoEXT info{};
     info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
     info.pUsageCounts = usage.data();
     EXPECT_EQ(micromapSizes(gpu(), info).micromapSize, 0u);
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559");
+    expectRefused(kSizes);
     const Placed generic(gpu(), kGeneric, memory.address(), 4096);
     build(StructureBuild(info, generic.handle()).info);
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559");
+    expectRefused(kSizes);
     // All else works.
     const Blas blas(gpu(), {mapped(nullptr)});
     EXPECT_EQ(tracedBottom(blas.address()), kPlain);

@@ -165,7 +165,8 @@ protected:
         info.stage.pName = "main";
         info.layout = tracer_.layout();
         VkPipeline pipeline = VK_NULL_HANDLE;
-        EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), VK_SUCCESS);
+        EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), expected_);
+        EXPECT_EQ(pipeline != VK_NULL_HANDLE, expected_ == VK_SUCCESS);
         EXPECT_EQ(flags.flags, kDisallowMixed) << "the application's chain is const";
         vkDestroyPipeline(gpu().device(), pipeline, nullptr);
         vkDestroyShaderModule(gpu().device(), module, nullptr);
@@ -173,8 +174,17 @@ protected:
     void makeGraphics()
     {
         const Flags2 flags;
-        const Graphics graphics(gpu(), tracer_.layout(),
-                                {.vertex = plain_vertex, .fragment = query_fragment, .pNext = &flags}, 4);
+        if (expected_ == VK_SUCCESS) {
+            const Graphics graphics(gpu(), tracer_.layout(),
+                                    {.vertex = plain_vertex, .fragment = query_fragment, .pNext = &flags}, 4);
+            return;
+        }
+        VkGraphicsPipelineCreateInfo info{}; // refused before more of it is looked at
+        info.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
+        info.pNext = &flags;
+        VkPipeline pipeline = VK_NULL_HANDLE;
+        EXPECT_EQ(vkCreateGraphicsPipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), expected_);
+        EXPECT_EQ(pipeline, VkPipeline{});
     }
     void makeRayTracing(VkFlags64 others)
     {
@@ -187,10 +197,13 @@ protected:
         flags.flags |= others;
         info.get().pNext = &flags;
         VkPipeline pipeline = VK_NULL_HANDLE;
-        VT_CHECK(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
-                                                         nullptr, &pipeline));
+        EXPECT_EQ(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1,
+                                                          &info.get(), nullptr, &pipeline),
+                  expected_);
+        EXPECT_EQ(pipeline != VK_NULL_HANDLE, expected_ == VK_SUCCESS);
         vkDestroyPipeline(gpu().device(), pipeline, nullptr);
     }
+    VkResult expected_ = VK_SUCCESS; // of every pipeline
     void expectComplaint(const std::string &rule)
     {
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
@@ -211,6 +224,7 @@ TEST_F(MixedSpecialIndex, StaysInTheLayer)
 
 TEST_F(MixedSpecialIndex, WithoutTheBitOfRayTracingPipelines)
 {
+    expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeRayTracing(0);
     expectComplaint("VkRayTracingPipelineCreateInfoKHR-flags-11599");
 }
@@ -223,6 +237,7 @@ protected:
 
 TEST_F(MixedSpecialIndexWithoutKhr, IsReported)
 {
+    expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeCompute();
     expectComplaint("VkComputePipelineCreateInfo-flags-11593");
     makeGraphics();

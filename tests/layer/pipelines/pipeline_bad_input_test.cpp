@@ -21,6 +21,7 @@ protected:
         const VkResult result = gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE,
                                                                         1, &info.get(), nullptr, &pipeline);
         EXPECT_EQ(result == VK_SUCCESS, pipeline != VK_NULL_HANDLE);
+        made_ = result == VK_SUCCESS;
         vkDestroyPipeline(gpu().device(), pipeline, nullptr);
         return result;
     }
@@ -59,6 +60,7 @@ protected:
     }
 
     std::vector<Message> messages_;
+    bool made_ = false; // the changed pipeline
 };
 
 class PipelineWithoutFeature : public PipelineBadInput
@@ -70,6 +72,20 @@ protected:
 TEST_F(PipelineWithoutFeature, TheBit)
 {
     tryChanged([](PipelineSetup &setup) { setup.flags |= kMicromapBit; });
+    EXPECT_EQ(made_, !strictTests());
+    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
+}
+
+// Of the extension without its feature, pipelines use micromaps all the same.
+TEST_F(PipelineWithoutFeature, WorksAllTheSame)
+{
+    if (strictTests())
+        GTEST_SKIP() << "there is no such pipeline";
+    PipelineTracer tracer(gpu(), {.flags = kMicromapBit});
+    const PipelineScene scene(gpu(), {.micromaps = true});
+    takeAll();
+    for (const std::uint32_t flags : {0u, kRayOpaque})
+        scene.expect(tracer, flags);
     expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
 }
 
@@ -95,6 +111,8 @@ TEST_F(PipelineBadInput, LibraryWithoutTheBit)
         setup.groups.resize(1);
         setup.libraries = {libraries.back().handle()};
     });
+    // It is one without micromaps then.
+    EXPECT_EQ(made_, !strictTests());
     expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }
 
@@ -112,6 +130,7 @@ TEST_F(PipelineBadInput, OneLibraryOfTwoWithoutTheBit)
         setup.groups.resize(1);
         setup.libraries = {libraries[0].handle(), libraries[1].handle()};
     });
+    EXPECT_FALSE(made_);
     expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "pipelines/pipeline_scene.h"
+#include "shaders/pipeline_pushed.h"
 
 namespace
 {
@@ -224,6 +225,47 @@ TEST_F(PipelineLibrary, LibrariesWithTheBitInAPipelineWithoutIt)
                           }});
     for (const std::uint32_t flags : opacityRayFlags(false))
         plain.expect(tracer, flags);
+}
+
+// Lavapipe before Mesa 26 shows rays of linked libraries the push constants of the last dispatch. After one of the
+// layer's they are the application's, all of them.
+TEST_F(PipelineLibrary, PushConstantsAfterInjectedWork)
+{
+    VkPhysicalDeviceProperties properties{};
+    vkGetPhysicalDeviceProperties(gpu().physical(), &properties);
+    if (properties.limits.maxPushConstantsSize < 256)
+        GTEST_SKIP() << "fewer push constants";
+    const PipelineResources resources(gpu(), 1, 256);
+    PipelineSetup setup;
+    setup.stages = {{VK_SHADER_STAGE_RAYGEN_BIT_KHR, pipeline_pushed}};
+    setup.groups = {{.general = 0}};
+    setup.layout = resources.layout();
+    setup.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+    const RayPipeline library(gpu(), setup);
+    PipelineSetup linked;
+    linked.layout = resources.layout();
+    linked.libraries = {library.handle()};
+    const RayPipeline pipeline(gpu(), linked);
+    const BindingTable table(gpu(), pipeline, {});
+    std::array<std::uint32_t, 64> words{};
+    for (std::uint32_t i = 0; i < words.size(); ++i)
+        words[i] = 0x3254761 * (i + 1);
+    const Buffer seen(gpu(), sizeof words, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    const PipelineScene scene(gpu());
+    resources.write(scene.tlas().handle(), std::array<const Buffer *, 1>{&seen});
+    MicromapInput input;
+    input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+    Micromap micromap(gpu(), std::move(input));
+    gpu().submit([&](VkCommandBuffer commands) {
+        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline.handle());
+        resources.bind(commands);
+        vkCmdPushConstants(commands, resources.layout(), PipelineResources::kStages, 0, sizeof words, words.data());
+        micromap.record(commands);
+        table.trace(commands, static_cast<std::uint32_t>(words.size()));
+        barrier(commands);
+    });
+    for (std::size_t i = 0; i < words.size(); ++i)
+        ASSERT_EQ(seen.as<std::uint32_t>()[i], words[i]) << "word " << i;
 }
 
 // A library may be linked to several pipelines, and pipelines may be linked and destroyed in any order.

@@ -1,0 +1,25 @@
+// The commands that the layer intercepts and that need no work of its own, each as a loop of so many calls.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "command_sides.h"
+
+namespace vellum::bench
+{
+
+struct CommandCase {
+    std::string name;
+    // Calls the command `count` times; those that are recorded, into `commands`. What objects it makes it destroys.
+    std::function<void(const CommandSide &, VkCommandBuffer commands, std::uint32_t count)> run;
+    // Of pipelines and shader modules, which take a driver long: fewer are made.
+    bool creation = false;
+    // Whether a side has it.
+    std::function<bool(const CommandSide &)> available = [](const CommandSide &) { return true; };
+};
+
+std::vector<CommandCase> commandCases();
+
+} // namespace vellum::bench

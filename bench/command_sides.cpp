@@ -1,0 +1,377 @@
+#include "command_sides.h"
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+#include <utility>
+
+#include "shaders/command_bench_any_hit.h"
+#include "shaders/command_bench_closest_hit.h"
+#include "shaders/command_bench_compute.h"
+#include "shaders/command_bench_fragment.h"
+#include "shaders/command_bench_miss.h"
+#include "shaders/command_bench_queries.h"
+#include "shaders/command_bench_raygen.h"
+#include "shaders/command_bench_vertex.h"
+
+namespace vellum::bench
+{
+namespace
+{
+
+using cli::check;
+
+constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
+                                      VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT |
+                                      VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+
+bool hasExtension(VkPhysicalDevice device, const char *name)
+{
+    std::uint32_t count = 0;
+    check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr), "listing device extensions");
+    std::vector<VkExtensionProperties> extensions(count);
+    check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()),
+          "listing device extensions");
+    return std::any_of(extensions.begin(), extensions.end(),
+                       [name](const auto &e) { return std::string_view(e.extensionName) == name; });
+}
+
+} // namespace
+
+CommandSide::CommandSide(std::string sideName, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> micromaps,
+                         std::uint32_t objects)
+    : name(std::move(sideName)), api(micromaps), m_physical(info.handle)
+{
+    createDevice(info);
+    createObjects(objects);
+}
+
+void CommandSide::createDevice(const cli::DeviceInfo &info)
+{
+    VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR, nullptr, VK_TRUE};
+    VkPhysicalDeviceOpacityMicromapFeaturesKHR khr{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR,
+                                                   nullptr, VK_TRUE};
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT ext{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT,
+                                                   nullptr, VK_TRUE, VK_FALSE, VK_FALSE};
+    VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT, nullptr, VK_TRUE, VK_FALSE};
+    VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
+    pipelines.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR;
+    pipelines.rayTracingPipeline = VK_TRUE;
+    VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR, &pipelines,
+                                                 VK_TRUE};
+    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
+    structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
+    structures.pNext = &rayQuery;
+    structures.accelerationStructure = VK_TRUE;
+    VkPhysicalDeviceVulkan13Features features13{};
+    features13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
+    features13.pNext = &structures;
+    features13.synchronization2 = features13.dynamicRendering = features13.privateData = VK_TRUE;
+    VkPhysicalDeviceVulkan12Features features12{};
+    features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+    features12.pNext = &features13;
+    features12.bufferDeviceAddress = VK_TRUE;
+    const VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features12, {}};
+    std::vector<const char *> extensions = {
+        VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+        VK_KHR_RAY_QUERY_EXTENSION_NAME, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME};
+    const auto add = [&](auto &feature, const char *extension) {
+        feature.pNext = std::exchange(pipelines.pNext, &feature);
+        extensions.push_back(extension);
+    };
+    if (hasExtension(m_physical, VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+        add(conditional, VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME);
+    if (api == cli::MicromapApi::Khr) {
+        add(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+        add(khr, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    } else if (api == cli::MicromapApi::Ext) {
+        add(ext, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    }
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queueInfo{};
+    queueInfo.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queueInfo.queueCount = 1;
+    queueInfo.pQueuePriorities = &priority;
+    VkDeviceCreateInfo deviceInfo{};
+    deviceInfo.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    deviceInfo.pNext = &features;
+    deviceInfo.queueCreateInfoCount = 1;
+    deviceInfo.pQueueCreateInfos = &queueInfo;
+    deviceInfo.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    deviceInfo.ppEnabledExtensionNames = extensions.data();
+    check(vkCreateDevice(info.handle, &deviceInfo, nullptr, &device), "creating a Vulkan device");
+    const auto load = [this](auto &function, const char *command) {
+        function = reinterpret_cast<std::remove_reference_t<decltype(function)>>(vkGetDeviceProcAddr(device, command));
+    };
+#define VELLUM_LOAD(command)                                                                                           \
+    load(vk.command, "vk" #command);                                                                                   \
+    if (!vk.command)                                                                                                   \
+        throw cli::Error("the device lacks the command vk" #command);
+    VELLUM_BENCH_COMMANDS(VELLUM_LOAD)
+#undef VELLUM_LOAD
+#define VELLUM_LOAD(command) load(vk.command, "vk" #command);
+    VELLUM_BENCH_OPTIONAL_COMMANDS(VELLUM_LOAD)
+#undef VELLUM_LOAD
+    // Of the loader, which puts its table into what it gives away.
+    vkGetDeviceQueue(device, 0, 0, &queue);
+}
+
+void CommandSide::createObjects(std::uint32_t objects)
+{
+    const VkDescriptorSetLayoutBinding bindings[] = {
+        {0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr},
+        {1, VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1,
+         VK_SHADER_STAGE_COMPUTE_BIT | VK_SHADER_STAGE_RAYGEN_BIT_KHR, nullptr}};
+    const VkDescriptorSetLayoutCreateInfo setInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, 2,
+                                                  bindings};
+    check(vk.CreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout), "creating a descriptor set layout");
+    const VkPushConstantRange range{VK_SHADER_STAGE_ALL, 0, 128};
+    const VkPipelineLayoutCreateInfo layoutInfo{
+        VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout, 1, &range};
+    check(vk.CreatePipelineLayout(device, &layoutInfo, nullptr, &layout), "creating a pipeline layout");
+    plain = makeModule(command_bench_compute, sizeof command_bench_compute);
+    queries = makeModule(command_bench_queries, sizeof command_bench_queries);
+    vertex = makeModule(command_bench_vertex, sizeof command_bench_vertex);
+    fragment = makeModule(command_bench_fragment, sizeof command_bench_fragment);
+    raygen = makeModule(command_bench_raygen, sizeof command_bench_raygen);
+    miss = makeModule(command_bench_miss, sizeof command_bench_miss);
+    closestHit = makeModule(command_bench_closest_hit, sizeof command_bench_closest_hit);
+    anyHit = makeModule(command_bench_any_hit, sizeof command_bench_any_hit);
+    compute = makeCompute(plain);
+    graphics = makeGraphics();
+    rayTracing = makeRayTracing(false);
+
+    buffer = makeBuffer(65536, kUsage);
+    other = makeBuffer(65536, kUsage);
+    storage = makeBuffer(65536, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+                                    VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    VkAccelerationStructureCreateInfoKHR structureInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+    structureInfo.buffer = storage.buffer;
+    structureInfo.size = 16384;
+    structureInfo.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structure),
+          "creating an acceleration structure");
+    const VkQueryPoolCreateInfo queryInfo{
+        VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_TIMESTAMP, 64, 0};
+    check(vk.CreateQueryPool(device, &queryInfo, nullptr, &timestamps), "creating a query pool");
+    const VkEventCreateInfo eventInfo{VK_STRUCTURE_TYPE_EVENT_CREATE_INFO, nullptr, 0};
+    check(vk.CreateEvent(device, &eventInfo, nullptr, &event), "creating an event");
+    const VkFenceCreateInfo fenceInfo{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO, nullptr, VK_FENCE_CREATE_SIGNALED_BIT};
+    check(vk.CreateFence(device, &fenceInfo, nullptr, &fence), "creating a fence");
+    const VkPrivateDataSlotCreateInfo slotInfo{VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO, nullptr, 0};
+    check(vk.CreatePrivateDataSlot(device, &slotInfo, nullptr, &slot), "creating a private data slot");
+
+    secondaryPool = makePool();
+    secondary = allocate(secondaryPool, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
+    begin(secondary, VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT);
+    check(vk.EndCommandBuffer(secondary), "recording");
+    constexpr VkDeviceSize kSmall = 256;
+    m_manyStorage =
+        makeBuffer((VkDeviceSize{objects} + 1) * kSmall,
+                   VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    structureInfo.buffer = m_manyStorage.buffer;
+    structureInfo.size = kSmall;
+    for (std::uint32_t i = 0; i < objects; ++i) {
+        structureInfo.offset = i * kSmall;
+        check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &m_structures.emplace_back()),
+              "creating an acceleration structure");
+        const VkAccelerationStructureDeviceAddressInfoKHR query{
+            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, m_structures.back()};
+        (void)vk.GetAccelerationStructureDeviceAddressKHR(device, &query);
+        if (i % 256 == 0)
+            m_pools.push_back(makePool());
+        (void)allocate(m_pools.back(), VK_COMMAND_BUFFER_LEVEL_PRIMARY);
+        m_buffers.push_back(makeBuffer(256, kUsage));
+    }
+}
+
+CommandSide::~CommandSide()
+{
+    vk.DeviceWaitIdle(device);
+    for (const BenchBuffer &b : m_buffers)
+        destroy(b);
+    for (const VkCommandPool pool : m_pools)
+        vk.DestroyCommandPool(device, pool, nullptr);
+    vk.DestroyCommandPool(device, secondaryPool, nullptr);
+    vk.DestroyPrivateDataSlot(device, slot, nullptr);
+    vk.DestroyFence(device, fence, nullptr);
+    vk.DestroyEvent(device, event, nullptr);
+    vk.DestroyQueryPool(device, timestamps, nullptr);
+    vk.DestroyAccelerationStructureKHR(device, structure, nullptr);
+    for (const VkAccelerationStructureKHR s : m_structures)
+        vk.DestroyAccelerationStructureKHR(device, s, nullptr);
+    for (const BenchBuffer &b : {buffer, other, storage, m_manyStorage})
+        destroy(b);
+    for (const VkPipeline p : {compute, graphics, rayTracing})
+        vk.DestroyPipeline(device, p, nullptr);
+    for (const VkShaderModule m : {plain, queries, vertex, fragment, raygen, miss, closestHit, anyHit})
+        vk.DestroyShaderModule(device, m, nullptr);
+    vk.DestroyPipelineLayout(device, layout, nullptr);
+    vk.DestroyDescriptorSetLayout(device, setLayout, nullptr);
+    vk.DestroyDevice(device, nullptr);
+}
+
+VkCommandPool CommandSide::makePool() const
+{
+    const VkCommandPoolCreateInfo info{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr,
+                                       VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT, 0};
+    VkCommandPool pool = VK_NULL_HANDLE;
+    check(vk.CreateCommandPool(device, &info, nullptr, &pool), "creating a command pool");
+    return pool;
+}
+
+VkCommandBuffer CommandSide::allocate(VkCommandPool pool, VkCommandBufferLevel level) const
+{
+    const VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool, level, 1};
+    VkCommandBuffer commands = VK_NULL_HANDLE;
+    // Of the loader, like the queue.
+    check(vkAllocateCommandBuffers(device, &info, &commands), "allocating a command buffer");
+    return commands;
+}
+
+void CommandSide::begin(VkCommandBuffer commands, VkCommandBufferUsageFlags flags) const
+{
+    const VkCommandBufferInheritanceInfo inherited{VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO};
+    const VkCommandBufferBeginInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO, nullptr, flags, &inherited};
+    check(vk.BeginCommandBuffer(commands, &info), "recording");
+}
+
+BenchBuffer CommandSide::makeBuffer(VkDeviceSize bytes, VkBufferUsageFlags usage) const
+{
+    BenchBuffer result;
+    VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
+    info.size = bytes;
+    info.usage = usage;
+    check(vk.CreateBuffer(device, &info, nullptr, &result.buffer), "creating a buffer");
+    VkMemoryRequirements needs{};
+    vk.GetBufferMemoryRequirements(device, result.buffer, &needs);
+    VkPhysicalDeviceMemoryProperties memory{};
+    vkGetPhysicalDeviceMemoryProperties(m_physical, &memory);
+    std::uint32_t type = 0;
+    while ((needs.memoryTypeBits >> type & 1u) == 0 ||
+           (memory.memoryTypes[type].propertyFlags & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) == 0)
+        ++type;
+    const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
+                                          VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+    const VkMemoryAllocateInfo allocation{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size, type};
+    check(vk.AllocateMemory(device, &allocation, nullptr, &result.memory), "allocating memory");
+    check(vk.BindBufferMemory(device, result.buffer, result.memory, 0), "binding memory");
+    const VkBufferDeviceAddressInfo query{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, result.buffer};
+    result.address = vk.GetBufferDeviceAddress(device, &query);
+    return result;
+}
+
+void CommandSide::destroy(const BenchBuffer &b) const
+{
+    vk.DestroyBuffer(device, b.buffer, nullptr);
+    vk.FreeMemory(device, b.memory, nullptr);
+}
+
+VkShaderModule CommandSide::makeModule(const std::uint32_t *words, std::size_t bytes) const
+{
+    const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, words};
+    VkShaderModule module = VK_NULL_HANDLE;
+    check(vk.CreateShaderModule(device, &info, nullptr, &module), "creating a shader module");
+    return module;
+}
+
+VkPipeline CommandSide::makeCompute(VkShaderModule module) const
+{
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.stage.module = module;
+    info.stage.pName = "main";
+    info.layout = layout;
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    check(vk.CreateComputePipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "creating a pipeline");
+    return pipeline;
+}
+
+VkPipeline CommandSide::makeGraphics() const
+{
+    VkPipelineShaderStageCreateInfo stages[2] = {};
+    for (auto &stage : stages) {
+        stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+        stage.stage = &stage == stages ? VK_SHADER_STAGE_VERTEX_BIT : VK_SHADER_STAGE_FRAGMENT_BIT;
+        stage.module = &stage == stages ? vertex : fragment;
+        stage.pName = "main";
+    }
+    const VkFormat format = VK_FORMAT_R8G8B8A8_UNORM;
+    VkPipelineRenderingCreateInfo rendering{VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO};
+    rendering.colorAttachmentCount = 1;
+    rendering.pColorAttachmentFormats = &format;
+    const VkPipelineVertexInputStateCreateInfo vertexInput{VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
+    VkPipelineInputAssemblyStateCreateInfo assembly{VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO};
+    assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP;
+    const VkViewport viewport{0, 0, 16, 16, 0, 1};
+    const VkRect2D scissor{{0, 0}, {16, 16}};
+    const VkPipelineViewportStateCreateInfo viewports{
+        VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO, nullptr, 0, 1, &viewport, 1, &scissor};
+    VkPipelineRasterizationStateCreateInfo raster{VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO};
+    raster.lineWidth = 1;
+    VkPipelineMultisampleStateCreateInfo samples{VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO};
+    samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
+    VkPipelineColorBlendAttachmentState attachment{};
+    attachment.colorWriteMask = 0xf;
+    VkPipelineColorBlendStateCreateInfo blend{VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO};
+    blend.attachmentCount = 1;
+    blend.pAttachments = &attachment;
+    VkGraphicsPipelineCreateInfo info{VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO, &rendering};
+    info.stageCount = 2;
+    info.pStages = stages;
+    info.pVertexInputState = &vertexInput;
+    info.pInputAssemblyState = &assembly;
+    info.pViewportState = &viewports;
+    info.pRasterizationState = &raster;
+    info.pMultisampleState = &samples;
+    info.pColorBlendState = &blend;
+    info.layout = layout;
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    check(vk.CreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "creating a pipeline");
+    return pipeline;
+}
+
+VkPipeline CommandSide::makeRayTracing(bool micromaps) const
+{
+    const std::pair<VkShaderStageFlagBits, VkShaderModule> modules[] = {
+        {VK_SHADER_STAGE_RAYGEN_BIT_KHR, raygen},
+        {VK_SHADER_STAGE_MISS_BIT_KHR, miss},
+        {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, closestHit},
+        {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, anyHit}};
+    std::vector<VkPipelineShaderStageCreateInfo> stages;
+    for (const auto &[stage, module] : modules)
+        stages.push_back(
+            {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, stage, module, "main", nullptr});
+    constexpr std::uint32_t kNone = VK_SHADER_UNUSED_KHR;
+    const auto group = [](VkRayTracingShaderGroupTypeKHR type, std::uint32_t general, std::uint32_t closest,
+                          std::uint32_t any) {
+        return VkRayTracingShaderGroupCreateInfoKHR{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR,
+                                                    nullptr,
+                                                    type,
+                                                    general,
+                                                    closest,
+                                                    any,
+                                                    VK_SHADER_UNUSED_KHR,
+                                                    nullptr};
+    };
+    const std::array groups = {group(VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR, 0, kNone, kNone),
+                               group(VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR, 1, kNone, kNone),
+                               group(VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR, kNone, 2, 3)};
+    VkRayTracingPipelineCreateInfoKHR info{VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR};
+    info.flags = micromaps ? VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT : 0;
+    info.stageCount = static_cast<std::uint32_t>(stages.size());
+    info.pStages = stages.data();
+    info.groupCount = static_cast<std::uint32_t>(groups.size());
+    info.pGroups = groups.data();
+    info.maxPipelineRayRecursionDepth = 1;
+    info.layout = layout;
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    check(vk.CreateRayTracingPipelinesKHR(device, VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
+          "creating a pipeline");
+    return pipeline;
+}
+
+} // namespace vellum::bench

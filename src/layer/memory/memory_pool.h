@@ -1,0 +1,89 @@
+// Pieces of few allocations of memory. A device may allow no more than 4096 (maxMemoryAllocationCount), which are the
+// application's to use, and an application may have more command buffers and query pools than that. Each new block is
+// as large as half of those there are, so their number grows with the logarithm of what is used.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <set>
+#include <utility>
+
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+class MemoryPool
+{
+public:
+    using Usage = VkBufferUsageFlags (*)(const GpuContext &); // of the blocks' buffers
+    // `granularity`, a power of two: pieces are aligned to it, and no two share one.
+    MemoryPool(const GpuContext &context, VkDeviceSize granularity, Usage usage)
+        : context_(context), granularity_(granularity), usage_(usage)
+    {
+    }
+    MemoryPool(const MemoryPool &) = delete;
+    MemoryPool &operator=(const MemoryPool &) = delete;
+
+    struct Piece {
+        VkDeviceAddress address = 0; // 0: there is no memory
+        VkDeviceSize bytes = 0;      // at least what was asked for
+        VkBuffer buffer = VK_NULL_HANDLE;
+        VkDeviceSize offset = 0;
+        uint32_t *words = nullptr; // as the host sees it
+    };
+    // The content is undefined.
+    Piece take(VkDeviceSize bytes);
+    void giveBack(const Piece &piece);
+
+private:
+    struct Block {
+        GpuBuffer buffer;
+        VkDeviceAddress begin = 0;
+        VkDeviceSize bytes = 0;
+        VkDeviceSize used = 0;
+    };
+    [[nodiscard]] VkDeviceSize alignUp(VkDeviceSize bytes) const
+    {
+        return (bytes + granularity_ - 1) & ~(granularity_ - 1);
+    }
+    bool addBlock(VkDeviceSize bytes);
+    void addFree(VkDeviceAddress begin, VkDeviceSize bytes);
+    void removeFree(std::map<VkDeviceAddress, VkDeviceSize>::iterator range);
+
+    const GpuContext &context_;
+    const VkDeviceSize granularity_;
+    const Usage usage_;
+    std::mutex mutex_; // guards what is below
+    std::map<VkDeviceAddress, Block> blocks_;
+    VkDeviceSize total_ = 0;
+    std::map<VkDeviceAddress, VkDeviceSize> free_; // never adjacent within a block
+    std::set<std::pair<VkDeviceSize, VkDeviceAddress>> freeBySize_;
+};
+
+// A piece that goes back by itself.
+class PooledMemory
+{
+public:
+    PooledMemory() = default;
+    PooledMemory(MemoryPool &pool, VkDeviceSize bytes) : pool_(&pool), piece_(pool.take(bytes)) {}
+    ~PooledMemory() { reset(); }
+    PooledMemory(PooledMemory &&other) noexcept { *this = std::move(other); }
+    PooledMemory &operator=(PooledMemory &&other) noexcept;
+    PooledMemory(const PooledMemory &) = delete;
+    PooledMemory &operator=(const PooledMemory &) = delete;
+    void reset();
+
+    [[nodiscard]] VkDeviceAddress address() const { return piece_.address; } // 0: there is no memory
+    [[nodiscard]] VkDeviceSize bytes() const { return piece_.bytes; }
+    [[nodiscard]] VkBuffer buffer() const { return piece_.buffer; }
+    [[nodiscard]] VkDeviceSize offset() const { return piece_.offset; }
+    [[nodiscard]] uint32_t *words() const { return piece_.words; }
+
+private:
+    MemoryPool *pool_ = nullptr;
+    MemoryPool::Piece piece_;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,75 @@
+#include "layer/objects/cell_pool.h"
+
+#include <algorithm>
+
+#include "core/records.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+constexpr uint32_t kPageBytes = 4096; // of a page that the host's memory is guarded by
+constexpr uint32_t kCellsPerPage = kPageBytes / (kCellWords * 4);
+constexpr uint32_t kPagesPerBuffer = 32;
+
+} // namespace
+
+uint32_t *CellPool::words(uint32_t cell) const
+{
+    constexpr uint32_t kCellsPerBuffer = kPagesPerBuffer * kCellsPerPage;
+    return buffers_[cell / kCellsPerBuffer].words() + size_t{cell % kCellsPerBuffer} * kCellWords;
+}
+
+CellPlace CellPool::place(uint32_t cell) const
+{
+    constexpr uint32_t kCellsPerBuffer = kPagesPerBuffer * kCellsPerPage;
+    const GpuBuffer &buffer = buffers_[cell / kCellsPerBuffer];
+    const VkDeviceSize offset = VkDeviceSize{cell % kCellsPerBuffer} * kCellWords * 4;
+    return {buffer.address() + offset, buffer.buffer(), offset, words(cell)};
+}
+
+bool CellPool::grow(const GpuContext &context)
+{
+    GpuBuffer buffer;
+    if (buffer.create(context, VkDeviceSize{kPagesPerBuffer} * kPageBytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT) !=
+        VK_SUCCESS)
+        return false;
+    buffers_.push_back(std::move(buffer));
+    const auto first = static_cast<uint32_t>(pages_.size());
+    pages_.resize(first + kPagesPerBuffer);
+    for (uint32_t i = kPagesPerBuffer; i-- > 0;)
+        emptyPages_.push_back(first + i);
+    return true;
+}
+
+uint32_t CellPool::acquire(const GpuContext &context)
+{
+    if (open_ == kNone || pages_[open_].taken == kCellsPerPage) {
+        if (emptyPages_.empty() && !grow(context))
+            return kNone;
+        open_ = emptyPages_.back();
+        emptyPages_.pop_back();
+        Page &page = pages_[open_];
+        if (page.taken > 0)
+            std::fill_n(words(open_ * kCellsPerPage), kPageBytes / 4, 0u);
+        page.taken = 0;
+    }
+    Page &page = pages_[open_];
+    ++page.inUse;
+    return open_ * kCellsPerPage + page.taken++;
+}
+
+void CellPool::release(uint32_t cell)
+{
+    const uint32_t number = cell / kCellsPerPage;
+    if (--pages_[number].inUse > 0)
+        return;
+    emptyPages_.push_back(number);
+    if (open_ == number)
+        open_ = kNone;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,67 @@
+// The places that acceleration structures are made at. What was built somewhere belongs to the place and not to a
+// handle: an application with an allocator of its own makes several handles for one content, each as large as the
+// buffer is long, and destroys them in any order.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "core/records.h"
+#include "layer/objects/root_table.h"
+
+namespace vellum::layer
+{
+
+// What all acceleration structures share that begin at the same place.
+struct StructurePlace {
+    explicit StructurePlace(RootTable &table) : root(table) {}
+    ~StructurePlace();
+    StructurePlace(const StructurePlace &) = delete;
+    StructurePlace &operator=(const StructurePlace &) = delete;
+
+    RootTable &root;
+    std::mutex mutex;              // guards what is below
+    VkDeviceAddress reference = 0; // once acquired: this place is a user of that cell
+    CellPlace cell;
+    // Of what was recorded last; GENERIC: nothing was, or data of which only the device knows what it holds.
+    VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    VkDeviceSize lastBytes = 0; // of what was recorded last: what is written of a handle, however large it is; 0: unknown
+    bool deserialized = false;  // the latter: the cell tells it, once the copy was executed, and so is not as it was
+    std::array<uint32_t, shared::kCellWords> cellBefore{};
+    uint32_t lastInstances = 0; // of the top-level build recorded last
+    uint32_t mostInstances = 0; // of all builds recorded
+    std::shared_ptr<SlotRange> slots;
+    std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
+};
+
+class StructurePlaces
+{
+public:
+    explicit StructurePlaces(RootTable &root) : root_(root) {}
+
+    // A buffer, by its number of all of the device, and an offset in it.
+    using Key = std::pair<uint64_t, VkDeviceSize>;
+    // The place of that key; made when it is asked for first. Each call is paired with a release.
+    std::shared_ptr<StructurePlace> acquire(const Key &key);
+    void release(const Key &key);
+    // Bytes to the next place behind it in the same buffer; ~0 where there is none.
+    [[nodiscard]] VkDeviceSize bytesToNext(const Key &key) const;
+
+private:
+    struct Entry {
+        std::shared_ptr<StructurePlace> place;
+        uint32_t users = 0;
+    };
+    RootTable &root_;
+    mutable std::mutex mutex_;
+    std::map<Key, Entry> places_;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,22 @@
+// Handles for a driver that writes all of the handle that it builds into, whatever the build needs
+// (Driver::clearsWholeHandles). An application's handle may reach over what lies behind the structure.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+struct AccelerationStructure;
+struct DeviceStructures;
+
+// The handle that the driver is to build `bytes` bytes into: the application's own, or, where that one is larger and
+// the driver would write all of it, one at the same place of just that size, which lives as long as the structure.
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure,
+                                        VkAccelerationStructureKHR handle, VkDeviceSize bytes);
+// The handle that was built or copied to last at a structure's place, as far as the host knows: for what the driver is to
+// read of it.
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, VkAccelerationStructureKHR handle);
+void destroyFittedHandles(DeviceStructures &device, AccelerationStructure &structure);
+
+} // namespace vellum::layer

@@ -1,0 +1,230 @@
+// Deserialization of acceleration structures (core/records.h). What comes from the application's memory goes through
+// shaders, which know where it ends and believe nothing; the driver reads memory of the layer's.
+//
+// What data holds is written in it, and what a structure of type GENERIC is made for is not: its handle may have any
+// size. So everything is recorded that data can need, and the device lets one way have an effect.
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+
+#include "core/records.h"
+#include "layer/ground/judge.h"
+#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_structure.h"
+#include "layer/objects/acceleration_structure.h"
+#include "layer/structures/device_structures.h"
+#include "layer/structures/serialized_data.h"
+#include "layer/structures/structure_copy.h"
+#include "layer/structures/structure_layout.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+constexpr uint32_t kPlanCellWord = 8; // shaders/serialized.glsl
+
+struct Restore {
+    DeviceStructures &device;
+    VkCommandBuffer commandBuffer;
+    const VkCopyMemoryToAccelerationStructureInfoKHR &info;
+    std::shared_ptr<AccelerationStructure> target;
+    CommandState *state;
+
+    [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(info.src.deviceAddress); }
+
+    // Of any bottom-level structure.
+    [[nodiscard]] VkDeviceSize leastBytes() const { return blankStructure(device).structureBytes; }
+
+    // kCell*: kCellUnbuilt where only the data tells. A small structure cannot become a bottom-level one.
+    [[nodiscard]] uint32_t kind() const
+    {
+        switch (target->type) {
+        case VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR: return kCellTop;
+        case VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR: return kCellBottom;
+        default: return target->size >= leastBytes() ? kCellUnbuilt : mayBeMicromap() ? kCellMicromap : kCellTop;
+        }
+    }
+    [[nodiscard]] bool mayBeMicromap() const { return device.driver.asked.khr && canHoldMicromap(*target); }
+
+    [[nodiscard]] Judge judge() const
+    {
+        return {device.driver.report(), "vkCmdCopyMemoryToAccelerationStructureKHR",
+                VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst)};
+    }
+    void refused(const char *id, const char *text) const { judge().refuse(id, text); }
+
+    [[nodiscard]] bool valid() const
+    {
+        if (!target)
+            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter",
+                    "dst is not an acceleration structure of this device");
+        else if (blankStructure(device).units == 0)
+            device.driver.report().notAvailable(
+                "vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
+                "data could not be looked at,");
+        else if (kind() == kCellBottom && target->size < leastBytes())
+            // Not even what stands in for data that is refused has room.
+            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+                    "dst is smaller than any deserialized structure");
+        else
+            return (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR ||
+                    judge().tolerate("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
+                                     "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR")) &&
+                   judge().mayHoldSerialized(info.src.deviceAddress, mayBeMicromap() ? 128 : 256,
+                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
+                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743");
+        return false;
+    }
+
+    // The instances of the data, by its header: what the host can see of it, and where it is there already. A build for
+    // more would take more of the memory that a GENERIC structure reaches over than the header names.
+    [[nodiscard]] std::optional<uint32_t> instancesInHeader() const
+    {
+        constexpr VkDeviceSize kBytes = kSerializedHeaderWords * 4;
+        const AddressMap::Place place = device.buffers.addresses.find(info.src.deviceAddress);
+        if (!place.buffer || place.bytes < kBytes)
+            return std::nullopt;
+        std::array<uint32_t, kSerializedHeaderWords> words;
+        if (!device.buffers.host.peek(place.buffer, place.offset, words.data(), kBytes))
+            return std::nullopt;
+        const uint32_t *blank = blankStructure(device).memory.words();
+        for (uint32_t w = 0; w < 2 * VK_UUID_SIZE / 4; ++w) {
+            if (words[w] != (w < VK_UUID_SIZE / 4 ? blank[w] : blank[w] ^ kCompatibilityWord))
+                return std::nullopt;
+        }
+        return words[10] % 256 == kTopLevelSizeMark ? words[12] : 0;
+    }
+
+    // The instances that the data can hold and the structure, up to the next one in the buffer, has room for.
+    [[nodiscard]] uint32_t mostInstances() const
+    {
+        if (const auto known = kind() == kCellUnbuilt ? instancesInHeader() : std::nullopt)
+            return std::min(topLevelCapacity(device.driver, target->size), *known);
+        constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
+        const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
+        return std::min(topLevelCapacity(device.driver, roomOf(device.objects, *target)),
+                        static_cast<uint32_t>(inMemory));
+    }
+
+    [[nodiscard]] StructureRestorePush pushFor(VkDeviceAddress cell, VkDeviceSize stagingBytes) const
+    {
+        const BlankStructure &blank = blankStructure(device);
+        StructureRestorePush push{};
+        push.blob = info.src.deviceAddress;
+        push.cell = cell;
+        push.begin = beginOf(device.driver, *target);
+        push.root = device.objects.root.address();
+        push.blank = blank.memory.address();
+        push.blankUnits = blank.units;
+        push.capacity = unitsOf(readable());
+        push.stagingUnits = unitsOf(stagingBytes);
+        push.targetUnits = unitsOf(target->size);
+        push.kind = kind();
+        return push;
+    }
+
+    void dispatch(InjectedWork &work, StructureRestorePush &push, RestorePass pass, VkDeviceSize bytes) const
+    {
+        const bool one = pass == RestorePass::Check || pass == RestorePass::Decide;
+        push.pass = pass;
+        work.dispatch(InjectedShader::StructureRestore, push, one ? 1 : copyInvocations(bytes), 64);
+        work.barrier();
+    }
+
+    void record() const
+    {
+        const CellPlace cell = cellOf(device.objects, *target, info.dst);
+        if (kind() == kCellMicromap) {
+            becomeMicromap(device.objects, *target);
+            return recordMicromapRestore(device.micromaps, commandBuffer, target->micromap, info.src.deviceAddress);
+        }
+        const bool top = kind() == kCellTop;
+        const uint32_t most = kind() == kCellBottom ? 0 : mostInstances();
+        const VkDeviceSize blankBytes = leastBytes();
+        const VkDeviceSize stagingBytes = top ? 0
+                                              : std::max(VkDeviceSize{blankStructure(device).units} * 16,
+                                                         std::min(readable(), target->size + kDriverOverhead));
+        // What a way that turns out to be the wrong one overwrites.
+        const bool topFits = topLevelBytes(device.driver, 0, most) <= roomOf(device.objects, *target);
+        const VkDeviceSize keptBytes =
+            kind() != kCellUnbuilt
+                ? 0
+                : std::max(alignUp(blankBytes, 16), topFits ? topLevelBytes(device.driver, 0, most) : 0);
+        if (state)
+            state->scratch.restart();
+        StructureRestorePush push = pushFor(cell.address, stagingBytes);
+        push.staging = state && cell.address ? state->scratch.allocate(kPlanBytes + stagingBytes) : 0;
+        push.kept = push.staging && keptBytes > 0 ? state->scratch.allocate(keptBytes) : 0;
+        if (!push.staging || (keptBytes > 0 && !push.kept)) {
+            refused("VELLUM-out-of-memory", "no memory for the serialized data");
+            return;
+        }
+        push.keptUnits = unitsOf(std::min(keptBytes, target->size));
+        push.blankBuiltUnits = unitsOf(std::min(blankBytes, target->size));
+        push.topWay = topFits;
+        InjectedWork work(device.commands, commandBuffer);
+        work.barrier();
+        dispatch(work, push, RestorePass::Check, target->size);
+        dispatch(work, push, RestorePass::AddUp, target->size);
+        dispatch(work, push, RestorePass::Decide, target->size);
+        if (top)
+            return recordTop(work, push, most);
+        if (push.kind == kCellUnbuilt) {
+            dispatch(work, push, RestorePass::Keep, keptBytes);
+            if (topFits)
+                recordTop(work, push, most);
+            dispatch(work, push, RestorePass::GiveBack, keptBytes);
+        }
+        dispatch(work, push, RestorePass::Stage, target->size);
+        recordDriver(work, push);
+        if (push.kind == kCellUnbuilt)
+            dispatch(work, push, RestorePass::GiveBackLast, blankBytes);
+        dispatch(work, push, RestorePass::Finish, target->size);
+        if (push.kind == kCellUnbuilt) {
+            if (mayBeMicromap()) {
+                letMicromapBeNamed(device.objects, *target);
+                recordMicromapRestore(device.micromaps, commandBuffer, target->micromap, info.src.deviceAddress,
+                                      DataThatIsNone::LeavesTheTarget);
+            }
+            becomesUnknown(*target);
+        } else {
+            becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
+        }
+    }
+
+    void recordTop(InjectedWork &work, const StructureRestorePush &push, uint32_t most) const
+    {
+        recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst,
+                           push.staging + VkDeviceSize{kPlanCellWord} * 4, most, InstancesFrom::Serialized);
+    }
+
+    void recordDriver(InjectedWork &work, const StructureRestorePush &push) const
+    {
+        VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
+        driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
+        driverInfo.src.deviceAddress = push.staging + kPlanBytes;
+        device.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
+        work.barrier();
+    }
+};
+
+} // namespace
+
+void cmdCopyMemoryToAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                          const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    reportNotices(device.objects);
+    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR") ||
+        restoresMicromapStructure(device.micromaps, commandBuffer, *info))
+        return;
+    const Restore restore{device, commandBuffer, *info, device.objects.accelerationStructures.get(info->dst),
+                          device.commands.states.get(commandBuffer)};
+    if (restore.valid())
+        restore.record();
+}
+
+} // namespace vellum::layer

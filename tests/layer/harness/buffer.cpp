@@ -1,0 +1,90 @@
+#include "harness/harness.h"
+
+#include <algorithm>
+
+namespace vt
+{
+
+Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gpu), size_(size)
+{
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.size = size;
+    info.usage = usage;
+    VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
+
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
+    const bool addressed = (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
+    VkMemoryAllocateFlagsInfo flags{};
+    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    allocation.pNext = addressed ? &flags : nullptr;
+    allocation.allocationSize = needs.size;
+    allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
+                                                                          VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
+    VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
+    VT_CHECK(vkBindBufferMemory(gpu.device(), buffer_, memory_, 0));
+    void *mapped = nullptr;
+    VT_CHECK(vkMapMemory(gpu.device(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
+    bytes_ = static_cast<std::uint8_t *>(mapped);
+    std::memset(bytes_, 0, static_cast<std::size_t>(size));
+    if (addressed) {
+        VkBufferDeviceAddressInfo query{};
+        query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
+        query.buffer = buffer_;
+        address_ = vkGetBufferDeviceAddress(gpu.device(), &query);
+    }
+}
+
+Buffer::~Buffer()
+{
+    if (gpu_ == nullptr)
+        return;
+    vkDestroyBuffer(gpu_->device(), buffer_, nullptr);
+    vkFreeMemory(gpu_->device(), memory_, nullptr);
+}
+
+void Buffer::swap(Buffer &other) noexcept
+{
+    std::swap(gpu_, other.gpu_);
+    std::swap(buffer_, other.buffer_);
+    std::swap(memory_, other.memory_);
+    std::swap(size_, other.size_);
+    std::swap(address_, other.address_);
+    std::swap(bytes_, other.bytes_);
+}
+
+QueryPool::QueryPool(Gpu &gpu, VkQueryType type, std::uint32_t count) : gpu_(&gpu), type_(type)
+{
+    VkQueryPoolCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+    info.queryType = type;
+    info.queryCount = count;
+    VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &pool_));
+}
+
+QueryPool::~QueryPool()
+{
+    if (gpu_ != nullptr)
+        vkDestroyQueryPool(gpu_->device(), pool_, nullptr);
+}
+
+void QueryPool::swap(QueryPool &other) noexcept
+{
+    std::swap(gpu_, other.gpu_);
+    std::swap(type_, other.type_);
+    std::swap(pool_, other.pool_);
+}
+
+std::uint64_t QueryPool::value(std::uint32_t query) const
+{
+    std::uint64_t value = 0;
+    VT_CHECK(vkGetQueryPoolResults(gpu_->device(), pool_, query, 1, sizeof value, &value, sizeof value,
+                                   VK_QUERY_RESULT_64_BIT));
+    return value;
+}
+
+} // namespace vt

@@ -1,0 +1,75 @@
+// Many objects, as engines have them: what each costs must not depend on how many there are. Memory and allocations are
+// tested; times are only noted with the results (--gtest_output), as times are no tests.
+//   VELLUM_STRESS=full    ten times as many
+#pragma once
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "harness/copies.h"
+#include "structures/footprint.h"
+
+namespace vt
+{
+
+inline std::size_t scaled(std::size_t count)
+{
+    const char *setting = std::getenv("VELLUM_STRESS");
+    return setting != nullptr && std::string(setting) == "full" ? 10 * count : count;
+}
+
+// Of device memory, below Vellum's layer: a device may have as few as 4096 at a time (maxMemoryAllocationCount).
+inline std::uint64_t allocations()
+{
+    static const auto count = [] {
+        // The library is there already; the loader took it from one of these folders.
+        const std::string folders = std::getenv("VK_ADD_LAYER_PATH");
+        void *symbol = nullptr;
+        for (std::size_t begin = 0; begin != std::string::npos && symbol == nullptr;) {
+            const std::size_t end = folders.find(':', begin);
+            const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_spy.so";
+            const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
+            if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD))
+                symbol = dlsym(library, "vellumSpyAllocations");
+            begin = end == std::string::npos ? end : end + 1;
+        }
+        return reinterpret_cast<std::uint64_t (*)()>(symbol);
+    }();
+    if (count == nullptr)
+        throw std::runtime_error("the spy layer is not there");
+    return count();
+}
+
+class Scale : public GpuTest
+{
+protected:
+    explicit Scale(const Options &options = {.validation = false}) : GpuTest(options) {}
+
+    // Does something `count` times, and notes the microseconds that each took in the first and the last quarter.
+    template <class Work>
+    void timed(const std::string &name, std::size_t count, Work work)
+    {
+        using Clock = std::chrono::steady_clock;
+        std::vector<Clock::time_point> at{Clock::now()};
+        for (std::size_t i = 0; i < count; ++i) {
+            work(i);
+            at.push_back(Clock::now());
+        }
+        const std::size_t quarter = std::max<std::size_t>(count / 4, 1);
+        const auto note = [&](const char *which, std::size_t first) {
+            const std::chrono::duration<double, std::micro> time = at[first + quarter] - at[first];
+            RecordProperty(name + which, std::to_string(time.count() / static_cast<double>(quarter)));
+        };
+        note("_first_us", 0);
+        note("_last_us", count - quarter);
+    }
+};
+
+} // namespace vt

@@ -1,0 +1,72 @@
+// That the arena sees what it is there to see.
+#include <gtest/gtest-spi.h>
+
+#include "harness/arena/arena.h"
+
+namespace
+{
+
+using namespace vt;
+
+TEST(Pieces, LieAtTheSmallestAlignmentAndAreFreeAtOnce)
+{
+    std::vector<std::uint8_t> bytes(4096);
+    Pieces pieces(bytes, 0x10000);
+    const auto first = pieces.take(100, 256);
+    const auto second = pieces.take(100, 8);
+    ASSERT_TRUE(first && second);
+    EXPECT_EQ(*first % 512, 256u);
+    EXPECT_EQ(*second % 16, 8u);
+    EXPECT_LT(*second + 100, *first) << "the lowest place is not used";
+    pieces.give(*first);
+    EXPECT_EQ(pieces.take(200, 256), first);
+    EXPECT_FALSE(pieces.take(4096, 1));
+}
+
+TEST(Pieces, EveryGuardByteCounts)
+{
+    std::vector<std::uint8_t> bytes(1024);
+    Pieces pieces(bytes, 0);
+    const std::size_t first = *pieces.take(64, 64), second = *pieces.take(64, 64);
+    for (std::size_t i = 0; i < bytes.size(); ++i) {
+        const bool taken = (i >= first && i < first + 64) || (i >= second && i < second + 64);
+        const std::uint8_t was = std::exchange(bytes[i], std::uint8_t{7});
+        EXPECT_EQ(pieces.damage().has_value(), !taken) << i;
+        const bool beside = !taken && i > second - Pieces::kGap && i < second + 64 + Pieces::kGap;
+        EXPECT_TRUE(!beside || pieces.damageBeside(second)) << i;
+        bytes[i] = was;
+    }
+    EXPECT_FALSE(pieces.damage());
+}
+
+class ArenaTest : public GpuTest
+{
+protected:
+    ArenaTest() : GpuTest({.memory = Memory::PackedToTheEnd}) {}
+};
+
+TEST_F(ArenaTest, HandlesReachToTheEndOfTheBufferThatAllLiesIn)
+{
+    const Guarded a(gpu(), 1000, 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    const Guarded b(gpu(), 1000, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    EXPECT_EQ(a.buffer(), b.buffer());
+    EXPECT_EQ(a.offset() + a.handleSize(), b.offset() + b.handleSize());
+    EXPECT_EQ(a.address() % 256, 0u);
+}
+
+TEST_F(ArenaTest, WhatAnOperationMayNotWriteToIsCompared)
+{
+    const Guarded a(gpu(), 64, 4, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    const Guarded b(gpu(), 64, 4, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    Arena::Snapshot before(*gpu().arena());
+    b.bytes()[63] ^= 1;
+    before.expectOnlyChanged(std::array{b.range()}, "a write to b");
+    a.bytes()[0] ^= 1;
+    EXPECT_NONFATAL_FAILURE(before.expectOnlyChanged(std::array{b.range()}, "a write to a"), "a write to a: 1 bytes");
+    b.bytes()[64] ^= 1;
+    EXPECT_NONFATAL_FAILURE(gpu().arena()->expectIntact("a write behind b"), "a write behind b");
+    EXPECT_FALSE(b.intact());
+    b.bytes()[64] ^= 1;
+}
+
+} // namespace

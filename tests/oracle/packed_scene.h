@@ -1,0 +1,65 @@
+// A random scene in the memory of an arena, as an application keeps one: built on several threads and queues with
+// scratch memory that builds share, copied, compacted, serialized, updated and built again beside what stays, in room
+// that has just become free. After each operation the arena is compared with what it was before: nothing but what the
+// operation names has changed. Whatever happens, rays see the same scene.
+#pragma once
+
+#include <string>
+
+#include "compare.h"
+#include "harness/copies.h"
+
+namespace oracle
+{
+
+class PackedScene
+{
+public:
+    PackedScene(vt::Gpu &gpu, const Scene &scene, Random &random);
+    PackedScene(const PackedScene &) = delete;
+    PackedScene &operator=(const PackedScene &) = delete;
+
+    // Each of the objects has something done to it, and then the top level.
+    void change();
+    // Traces. Meanwhile one of the objects is built anew in another place, which the scene then uses.
+    void traceBesideBuild(vt::Tracer &tracer, std::span<const vt::Ray> rays, std::uint32_t capacity);
+    // What was done since the beginning, in words.
+    [[nodiscard]] const std::string &history() const { return history_; }
+
+private:
+    struct Bottom {
+        std::vector<vt::Geometry> geometries;
+        std::unique_ptr<vt::Blas> structure;
+    };
+    using Record = std::function<void(VkCommandBuffer)>;
+    using Writes = std::vector<vt::Arena::Range>;
+
+    void buildEverything();
+    void changeObject(std::size_t object);
+    void changeMicromapOf(Bottom &bottom, std::uint32_t way);
+    void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
+    void reloadObject(Bottom &bottom);
+    void buildObject(Bottom &bottom, VkBuildAccelerationStructureModeKHR mode);
+    void moveAndBuildOver(Bottom &moved, Bottom &built);
+    void renameObject(Bottom &bottom);
+    void buildTop();
+    void copyTop(std::uint32_t way);
+    [[nodiscard]] std::unique_ptr<vt::Structure> reloaded(const vt::Structure &source,
+                                                          std::unique_ptr<vt::Structure> target);
+
+    // Executes, and expects that nothing else was written to.
+    void run(const std::string &what, const Writes &writes, const Record &record);
+    [[nodiscard]] std::uint64_t asked(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &ask);
+    [[nodiscard]] VkDeviceSize sizeOf(const vt::Structure &structure, VkQueryType type);
+    [[nodiscard]] std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
+
+    vt::Gpu &gpu_;
+    const Scene &scene_;
+    Random &random_;
+    std::vector<std::unique_ptr<vt::Micromap>> micromaps_;
+    std::vector<Bottom> bottoms_;
+    std::unique_ptr<vt::Structure> top_;
+    std::string history_;
+};
+
+} // namespace oracle
