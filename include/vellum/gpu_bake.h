@@ -103,7 +103,7 @@ struct GpuBakeRoom {
 // What the GPU writes to an address that is a multiple of 4.
 struct GpuBakeResult {
     // kGpuBakeNoRoom: some triangle became unknown because the room of its level was full. kGpuBakeTooMuch: more than
-    // 16 GiB of data would have had to be looked at; all triangles that need a closer look became unknown.
+    // 2^32 pieces of 64 micro-triangles would have had to be looked at; all triangles that need that became unknown.
     std::uint32_t status;
     std::array<std::uint32_t, kGpuBakeLevels> triangles; // with data, by level: the room that does
     // Triangles that became a special index, by state (0 transparent, 1 opaque, 2 and 3 unknown). Not set by

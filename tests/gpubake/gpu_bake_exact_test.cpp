@@ -18,7 +18,6 @@ using test::Tally;
 class GpuBakeExact : public GpuBakeTest
 {
 protected:
-    // How many micro-triangles the CPU baker and the GPU's leave unknown.
     void record(const Tally &sum)
     {
         RecordProperty("microTriangles", std::to_string(sum.all));
@@ -78,7 +77,7 @@ TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSo)
     EXPECT_GT(sum.mixed, sum.all / 50);
 }
 
-// Corners on texel centres and sides, alpha equal to the cutoff: single precision has to leave many open, and must.
+// Corners on texel centres and sides, alpha equal to the cutoff: where the bounds for rounding show most.
 TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSoOnGrids)
 {
     test::TestRandom random(1);
@@ -119,8 +118,9 @@ TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSoOnGrids)
         ASSERT_EQ(sum.wrong, 0u);
     }
     record(sum);
+    EXPECT_LE(sum.needless * 200, sum.all);
     EXPECT_GT(sum.mixed, sum.all / 10);
-    EXPECT_LT(sum.mixed + sum.needless, sum.all - sum.all / 10);
+    EXPECT_LT(sum.mixed, sum.all - sum.all / 10);
 }
 
 // With the tolerances that a sampler needs, over the micro-triangle with its margins.
