@@ -80,7 +80,7 @@ TEST_F(StructurePlaces, DamagedDataIntoALargeHandle)
 {
     const Blas blas(gpu(), plain());
     Serialized data = serialize(gpu(), blas);
-    data.bytes().back() ^= 1;
+    data.bytes()[data.bytes().size() / 2] ^= 1; // of the driver's part, which the checksum covers
     const auto loaded = toTheEnd(256);
     deserialize(gpu(), data, *loaded);
     EXPECT_EQ(seenOf(gpu(), *loaded), std::vector<std::string>(Patchwork::rays().size()));
