@@ -93,6 +93,34 @@ class Installation(unittest.TestCase):
         self.check_example(output)
         self.assertIn("level is 13, not 0 to 12 or VELLUM_LEVEL_AUTOMATIC", output)
 
+    def test_gpu_baker_by_find_package(self):
+        project = options.scratch / "gpubake"
+        project.mkdir()
+        (project / "CMakeLists.txt").write_text("""
+            cmake_minimum_required(VERSION 3.21)
+            project(gpubake LANGUAGES CXX)
+            set(CMAKE_CXX_STANDARD 20)
+            find_package(Vellum REQUIRED COMPONENTS GpuBake)
+            add_executable(room room.cpp)
+            target_link_libraries(room PRIVATE Vellum::gpubake)
+            """)
+        (project / "room.cpp").write_text("""
+            #include <cstdio>
+            #include <vellum/gpu_bake.h>
+            int main()
+            {
+                vellum::GpuBakeRoom room{};
+                room.triangles[5] = 3;
+                std::printf("%llu bytes\\n", static_cast<unsigned long long>(
+                    vellum::GpuBaker::recordBytes(room)));
+            }
+            """)
+        run(options.cmake, "-S", project, "-B", project / "build", "-G", options.generator,
+            f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-DCMAKE_CXX_COMPILER={options.cxx}",
+            f"-DCMAKE_CXX_FLAGS={' '.join(WARNINGS + flags())}")
+        run(options.cmake, "--build", project / "build")
+        self.assertEqual(run(project / "build/room"), "24 bytes\n")
+
     def test_version_of_the_package(self):
         project = options.scratch / "versions"
         project.mkdir()
@@ -160,7 +188,7 @@ class Installation(unittest.TestCase):
     def test_nothing_else_is_installed(self):
         there = {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if not path.is_dir()}
         lib = options.libdir
-        patterns = (r"bin/vellum", r"include/vellum/\w+\.h", rf"{lib}/libvellum\.so[.\d]*",
+        patterns = (r"bin/vellum", r"include/vellum/\w+\.h", rf"{lib}/libvellum\.so[.\d]*", rf"{lib}/libvellum-gpubake\.a",
                     rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
                     rf"{lib}/pkgconfig/vellum\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
                     r"share/doc/vellum/examples/(c|cpp|python)/[\w.]+")
