@@ -59,8 +59,8 @@ VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
 VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 
 // --- scratch memory of a micromap build ---
-// 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes that follow micromap_stay.comp, at first 0
-// groups each, and those that it starts if it has to; then tables of words:
+// 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes that follow micromap_stay.comp, at first
+// 0 groups each, and those that it starts if it has to; then tables of words:
 //   sums        kPlaceBlock triangles each: units of the block, then of all blocks before it
 //   parts       two words each, {triangle, part}: pieces of triangles with more than kPartUnits units
 // and where identical data is to be shared:
@@ -175,15 +175,16 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // word 6: of a BLAS: 16-byte units of the driver's part of a compacted copy; 0: nobody has asked
 // word 7: of a kCellBoxes: which geometries are opaque: bit (geometry % 32), which says it for any number of geometries
 //         if they are all alike
+//         of others, and of kCellBoxes in word 6: number of the deserialization that wrote the cell; 0: none did
 //         in the place of a cell that describes serialized data: address (words 6, 7) of the handles
 VELLUM_CONST uint kCellWords = 8u;
-VELLUM_CONST uint kCellUnbuilt = 0u;  // nothing was built there
-VELLUM_CONST uint kCellBottom = 1u;   // a BLAS with geometry records
-VELLUM_CONST uint kCellTop = 2u;      // a TLAS
-VELLUM_CONST uint kCellBroken = 3u;   // a copy that was not carried out: not to be instanced
-VELLUM_CONST uint kCellPlain = 4u;    // a BLAS without geometry records
-// At the address of a micromap + kMicromapKey: word 3: units of its memory. At an address, only the kind: serialized data
-// that was deserialized there held a micromap.
+VELLUM_CONST uint kCellUnbuilt = 0u; // nothing was built there
+VELLUM_CONST uint kCellBottom = 1u;  // a BLAS with geometry records
+VELLUM_CONST uint kCellTop = 2u;     // a TLAS
+VELLUM_CONST uint kCellBroken = 3u;  // a copy that was not carried out: not to be instanced
+VELLUM_CONST uint kCellPlain = 4u;   // a BLAS without geometry records
+// At the address of a micromap + kMicromapKey: word 3: units of its memory. At an address, only the kind: serialized
+// data that was deserialized there held a micromap.
 VELLUM_CONST uint kCellMicromap = 6u;
 VELLUM_CONST uint kMicromapKey = 1u;
 VELLUM_CONST uint kCellBoxes = 5u; // the same, of boxes of which it is known which geometries are opaque
@@ -221,15 +222,15 @@ VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStruc
 // --- copies of micromaps (shaders/micromap_move.comp) ---
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
-VELLUM_CONST uint kMoveCopy = 2u;   // clone or compact: what is in use
-VELLUM_CONST uint kMoveMarked = 4u; // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
+VELLUM_CONST uint kMoveCopy = 2u;          // clone or compact: what is in use
+VELLUM_CONST uint kMoveMarked = 4u;        // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
 VELLUM_CONST uint kMoveOnlyMicromaps = 8u; // a bit: data of anything else is left alone, it is not a mistake
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 
 // --- values of queries (shaders/query_value.comp) ---
 VELLUM_CONST uint kQueryMicromapCompacted = 0u; // and the size that a clone needs: what is in use
 VELLUM_CONST uint kQueryMicromapSerialized = 1u;
-VELLUM_CONST uint kQueryMarked = 4u;       // a bit: the size is to be kMicromapSizeMark modulo 256
+VELLUM_CONST uint kQueryMarked = 4u; // a bit: the size is to be kMicromapSizeMark modulo 256
 // --- formats of their copies (shaders/query_copy.comp) ---
 VELLUM_CONST uint kQueryCopy64 = 1u;
 VELLUM_CONST uint kQueryCopyAvailability = 2u;

@@ -97,7 +97,7 @@ struct StructureRestorePush {
     VkDeviceAddress blob, staging, cell, begin, root, blank, kept;
     uint32_t blankUnits, capacity, stagingUnits, targetUnits, kind, keptUnits, blankBuiltUnits, topWay;
     RestorePass pass;
-    uint32_t padding;
+    uint32_t serial; // of this command: what the cell says once the device has carried it out
 };
 struct StructureSizePush {
     VkDeviceAddress cell, begin, value;

@@ -15,15 +15,23 @@ namespace vellum::layer
 namespace
 {
 
-// Of all devices of this process.
-std::mutex placesMutex;
-std::set<std::pair<std::string, int>> places;
+// Of all devices of this process. Never destroyed: a device that the application leaves behind may outlive it.
+struct Places {
+    std::mutex mutex;
+    std::set<std::pair<std::string, int>> taken;
+};
+
+Places &places()
+{
+    static auto &all = *new Places;
+    return all;
+}
 
 int takePlace(const std::string &stem)
 {
-    std::lock_guard lock(placesMutex);
+    std::lock_guard lock(places().mutex);
     int place = 0;
-    while (!places.emplace(stem, place).second)
+    while (!places().taken.emplace(stem, place).second)
         ++place;
     return place;
 }
@@ -34,8 +42,8 @@ KeptAddresses::~KeptAddresses()
 {
     if (!isOpen())
         return;
-    std::lock_guard lock(placesMutex);
-    places.erase({stem_, place_});
+    std::lock_guard lock(places().mutex);
+    places().taken.erase({stem_, place_});
 }
 
 void KeptAddresses::open(const std::string &stem, const std::array<uint64_t, kTables> &tableBytes)

@@ -1,7 +1,6 @@
 #include "layer/objects/acceleration_structure.h"
 
 #include <algorithm>
-#include <array>
 #include <string>
 
 #include "core/records.h"
@@ -84,24 +83,17 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
 namespace
 {
 
-std::array<uint32_t, kCellWords> wordsOf(const CellPlace &cell)
-{
-    std::array<uint32_t, kCellWords> words{};
-    for (uint32_t i = 0; i < kCellWords; ++i)
-        words[i] = __atomic_load_n(cell.words + i, __ATOMIC_ACQUIRE);
-    return words;
-}
-
 // Takes over what the device has found in deserialized data, if it has looked at it.
 bool learns(StructurePlace &place)
 {
-    const auto words = wordsOf(place.cell);
-    if (words == place.cellBefore)
+    const auto word = [&place](uint32_t i) { return __atomic_load_n(place.cell.words + i, __ATOMIC_ACQUIRE); };
+    const uint32_t kind = word(2);
+    if (word(kind == kCellBoxes ? 6 : 7) != place.deserialization)
         return false;
-    switch (words[2]) {
+    switch (kind) {
     case kCellTop:
         place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-        place.lastInstances = place.mostInstances = words[4];
+        place.lastInstances = place.mostInstances = word(4);
         break;
     case kCellMicromap: place.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; break;
     default: place.content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR; break;
@@ -127,19 +119,17 @@ VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure)
         return structure.type;
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
-    return place.deserialized && !learns(place) ? markedType(structure.size) : place.content;
+    return place.deserialization != 0 && !learns(place) ? markedType(structure.size) : place.content;
 }
 
-void becomesUnknown(AccelerationStructure &structure)
+void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization)
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
     place.content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     place.lastBytes = 0;
     place.lastInstances = place.mostInstances = 0;
-    place.deserialized = place.cell.words != nullptr;
-    if (place.deserialized)
-        place.cellBefore = wordsOf(place.cell);
+    place.deserialization = deserialization;
 }
 
 void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
@@ -148,7 +138,7 @@ void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR ty
     std::lock_guard lock(place.mutex);
     place.content = type;
     place.lastBytes = bytes;
-    place.deserialized = false;
+    place.deserialization = 0;
 }
 
 VkDeviceSize lastBytes(const AccelerationStructure &structure)
@@ -163,7 +153,7 @@ void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDev
     std::lock_guard lock(place.mutex);
     place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
     place.lastBytes = bytes;
-    place.deserialized = false;
+    place.deserialization = 0;
     place.lastInstances = instances;
     place.mostInstances = std::max(place.mostInstances, instances);
 }

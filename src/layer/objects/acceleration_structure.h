@@ -53,8 +53,9 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
 VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure);
 // Something of that type, and of so many bytes, is recorded into a structure. 0 bytes: only the device knows.
 void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes);
-// Data is deserialized into a GENERIC structure of which only the device knows what it holds.
-void becomesUnknown(AccelerationStructure &structure);
+// Data is deserialized into a GENERIC structure of which only the device knows what it holds. The structure has a cell,
+// in which the device leaves that number, not 0, with what it has found.
+void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization);
 // A top-level build for up to so many instances.
 void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
 // The bytes of what was recorded last, 0: only the device knows.

@@ -2,6 +2,7 @@
 // from a hit to its micromap, and names and private data of objects that are the layer's own.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -20,6 +21,7 @@ struct DeviceObjects {
     DeviceBuffers &buffers;
     RootTable root{};
     StructurePlaces places{root};
+    std::atomic<uint32_t> deserializations{0};
     PrivateData privateData{};
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
     std::mutex unnamedMutex{};                                            // guards the next one

@@ -3,7 +3,6 @@
 // buffer is long, and destroys them in any order.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -13,7 +12,6 @@
 
 #include <vulkan/vulkan.h>
 
-#include "core/records.h"
 #include "layer/objects/root_table.h"
 
 namespace vellum::layer
@@ -32,9 +30,10 @@ struct StructurePlace {
     CellPlace cell;
     // Of what was recorded last; GENERIC: nothing was, or data of which only the device knows what it holds.
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-    VkDeviceSize lastBytes = 0; // of what was recorded last: what is written of a handle, however large it is; 0: unknown
-    bool deserialized = false;  // the latter: the cell tells it, once the copy was executed, and so is not as it was
-    std::array<uint32_t, shared::kCellWords> cellBefore{};
+    VkDeviceSize lastBytes =
+        0; // of what was recorded last: what is written of a handle, however large it is; 0: unknown
+    // The latter: the cell tells it, once it has the number of the command that was recorded last; 0: none.
+    uint32_t deserialization = 0;
     uint32_t lastInstances = 0; // of the top-level build recorded last
     uint32_t mostInstances = 0; // of all builds recorded
     std::shared_ptr<SlotRange> slots;

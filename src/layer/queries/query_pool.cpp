@@ -342,12 +342,16 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
         if (!mayWriteProperty(device, judge, structures[i], i, type))
             return;
     }
-    // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing.
+    // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing. What a structure
+    // holds may be what the device finds meanwhile: it is asked once.
+    std::vector<const Micromap *> micromaps;
+    for (uint32_t i = 0; i < count; ++i)
+        micromaps.push_back(micromapAt(device, structures[i]));
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     for (uint32_t begin = 0; begin < count;) {
         uint32_t end = begin;
-        while (end < count && !micromapAt(device, structures[end]))
+        while (end < count && !micromaps[end])
             ++end;
         if (end > begin) {
             std::vector<VkAccelerationStructureKHR> fitted;
@@ -363,8 +367,8 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
     }
     work.barrier();
     for (uint32_t i = 0; i < count; ++i) {
-        if (const Micromap *micromap = micromapAt(device, structures[i]))
-            recordMicromapProperty(work, device, *micromap, type, pool->valueAddress(first + i));
+        if (micromaps[i])
+            recordMicromapProperty(work, device, *micromaps[i], type, pool->valueAddress(first + i));
         else
             recordStructureProperty(work, device.structures, structures[i], type, pool->valueAddress(first + i));
     }

@@ -1,35 +1,24 @@
 #include "layer/structures/fitted_handle.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "layer/structures/device_structures.h"
 
 namespace vellum::layer
 {
-namespace
-{
 
-// A structure that is built for another number of instances every frame gets few handles all the same: after so many,
-// sizes are rounded up by at most an eighth.
-constexpr std::size_t kExactHandles = 64;
-
-VkDeviceSize roundedUp(VkDeviceSize bytes)
+bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure)
 {
-    const VkDeviceSize step = std::max<VkDeviceSize>(std::bit_floor(bytes) / 8, 256);
-    return (bytes + step - 1) / step * step;
+    return device.driver.clearsWholeHandles && (structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
+                                                roomOf(device.objects, structure) < structure.size);
 }
-
-} // namespace
 
 VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure,
                                         VkAccelerationStructureKHR handle, VkDeviceSize bytes)
 {
-    if (!device.driver.clearsWholeHandles || structure.size <= bytes)
+    if (structure.size <= bytes || !reachesOver(device, structure))
         return handle;
     std::lock_guard lock(structure.mutex);
-    if (structure.fitted.size() >= kExactHandles)
-        bytes = std::min(roundedUp(bytes), structure.size);
     const auto known = std::ranges::find(structure.fitted, bytes, &AccelerationStructure::Fitted::bytes);
     if (known != structure.fitted.end())
         return known->handle;

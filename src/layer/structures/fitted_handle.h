@@ -10,12 +10,16 @@ namespace vellum::layer
 struct AccelerationStructure;
 struct DeviceStructures;
 
+// Whether the driver is such a one, and the handle may reach over what is not the structure's: a GENERIC one does, and
+// one that another begins in.
+bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure);
+
 // The handle that the driver is to build `bytes` bytes into: the application's own, or, where that one is larger and
-// the driver would write all of it, one at the same place of just that size, which lives as long as the structure.
+// reaches over something else, one at the same place of just that size, which lives as long as the structure.
 VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure,
                                         VkAccelerationStructureKHR handle, VkDeviceSize bytes);
-// The handle that was built or copied to last at a structure's place, as far as the host knows: for what the driver is to
-// read of it.
+// The handle that was built or copied to last at a structure's place, as far as the host knows: for what the driver is
+// to read of it.
 VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, VkAccelerationStructureKHR handle);
 void destroyFittedHandles(DeviceStructures &device, AccelerationStructure &structure);
 

@@ -234,7 +234,10 @@ private:
     // No more than the build needs is the driver's to write.
     void fitBottomLevel(Part &part, VkDeviceSize bytes)
     {
-        becomes(*part.target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, bytes);
+        // What is updated may be a compacted structure, of fewer bytes.
+        const bool known = !part.source || device_.driver.clearsWholeHandles;
+        becomes(*part.target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
+                known ? std::min(bytes, part.target->size) : 0);
         fit(part, bytes);
     }
     void fit(Part &part, VkDeviceSize bytes)

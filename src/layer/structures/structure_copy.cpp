@@ -82,14 +82,14 @@ struct Copy {
         const uint32_t fitsRoom = std::min(fits, topLevelCapacity(device.driver, roomOf(device.objects, *target)));
         std::lock_guard lock(source->place->mutex);
         const StructurePlace &place = *source->place;
+        const bool generic = source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
+                             target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
         if (place.mostInstances == 0)
-            return fitsRoom;
-        if (source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
-            target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+            return generic ? fitsRoom : fits;
+        if (generic)
             return std::min(fits, place.lastInstances);
         const uint64_t likely = std::max(uint64_t{place.mostInstances} * kMostGrowth, uint64_t{kFewInstances});
-        return std::max(static_cast<uint32_t>(std::min<uint64_t>(fitsRoom, likely)),
-                        std::min(fits, place.lastInstances));
+        return static_cast<uint32_t>(std::min<uint64_t>(fits, likely));
     }
 
     // A copy may be built for more instances than there are.
@@ -134,11 +134,12 @@ struct Copy {
             keepCount();
             return;
         }
-        const VkDeviceSize bytes = lastBytes(*source);
+        // Drivers that write whole handles do not compact.
+        const VkDeviceSize bytes = compacts() && !device.driver.clearsWholeHandles ? 0 : lastBytes(*source);
         becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, bytes);
         StructureCopyPush push{};
         // Of a content that only the device knows, such a driver would copy all that the handle reaches over.
-        push.whole = device.driver.clearsWholeHandles && bytes == 0;
+        push.whole = bytes == 0 && (reachesOver(device, *source) || reachesOver(device, *target));
         if (!push.whole) {
             VkCopyAccelerationStructureInfoKHR driverInfo = info;
             if (!compacts())

@@ -45,8 +45,11 @@ struct Restore {
         switch (target->type) {
         case VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR: return kCellTop;
         case VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR: return kCellBottom;
-        default: return target->size >= leastBytes() ? kCellUnbuilt : mayBeMicromap() ? kCellMicromap : kCellTop;
+        default: break;
         }
+        if (target->size >= leastBytes())
+            return kCellUnbuilt;
+        return mayBeMicromap() && target->size % 256 != kTopLevelSizeMark ? kCellMicromap : kCellTop;
     }
     [[nodiscard]] bool mayBeMicromap() const { return device.driver.asked.khr && canHoldMicromap(*target); }
 
@@ -99,15 +102,19 @@ struct Restore {
         return words[10] % 256 == kTopLevelSizeMark ? words[12] : 0;
     }
 
-    // The instances that the data can hold and the structure, up to the next one in the buffer, has room for.
+    // The instances that the data can hold and the structure has room for; a GENERIC one, up to the next one in the
+    // buffer, and not so many that structures that will never hold instances use up the slots.
     [[nodiscard]] uint32_t mostInstances() const
     {
-        if (const auto known = kind() == kCellUnbuilt ? instancesInHeader() : std::nullopt)
+        constexpr uint32_t kMostUnseen = 4096;
+        const bool generic = kind() == kCellUnbuilt;
+        if (const auto known = generic ? instancesInHeader() : std::nullopt)
             return std::min(topLevelCapacity(device.driver, target->size), *known);
         constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
         const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
-        return std::min(topLevelCapacity(device.driver, roomOf(device.objects, *target)),
-                        static_cast<uint32_t>(inMemory));
+        const VkDeviceSize room = generic ? roomOf(device.objects, *target) : target->size;
+        const uint32_t fits = std::min(topLevelCapacity(device.driver, room), static_cast<uint32_t>(inMemory));
+        return generic ? std::min(fits, kMostUnseen) : fits;
     }
 
     [[nodiscard]] StructureRestorePush pushFor(VkDeviceAddress cell, VkDeviceSize stagingBytes) const
@@ -166,40 +173,61 @@ struct Restore {
         push.keptUnits = unitsOf(std::min(keptBytes, target->size));
         push.blankBuiltUnits = unitsOf(std::min(blankBytes, target->size));
         push.topWay = topFits;
+        push.serial = ++device.objects.deserializations;
+        if (push.serial == 0)
+            push.serial = ++device.objects.deserializations;
+        if (push.kind == kCellUnbuilt)
+            return recordEither(push, most, keptBytes);
         InjectedWork work(device.commands, commandBuffer);
         work.barrier();
-        dispatch(work, push, RestorePass::Check, target->size);
-        dispatch(work, push, RestorePass::AddUp, target->size);
-        dispatch(work, push, RestorePass::Decide, target->size);
-        if (top)
-            return recordTop(work, push, most);
-        if (push.kind == kCellUnbuilt) {
-            dispatch(work, push, RestorePass::Keep, keptBytes);
-            if (topFits)
-                recordTop(work, push, most);
-            dispatch(work, push, RestorePass::GiveBack, keptBytes);
+        check(work, push);
+        if (top) {
+            recordTop(work, push, most);
+            return;
         }
         dispatch(work, push, RestorePass::Stage, target->size);
         recordDriver(work, push);
-        if (push.kind == kCellUnbuilt)
-            dispatch(work, push, RestorePass::GiveBackLast, blankBytes);
         dispatch(work, push, RestorePass::Finish, target->size);
-        if (push.kind == kCellUnbuilt) {
-            if (mayBeMicromap()) {
-                letMicromapBeNamed(device.objects, *target);
-                recordMicromapRestore(device.micromaps, commandBuffer, target->micromap, info.src.deviceAddress,
-                                      DataThatIsNone::LeavesTheTarget);
-            }
-            becomesUnknown(*target);
-        } else {
-            becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
-        }
+        becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
     }
 
-    void recordTop(InjectedWork &work, const StructureRestorePush &push, uint32_t most) const
+    void check(InjectedWork &work, StructureRestorePush &push) const
     {
-        recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst,
-                           push.staging + VkDeviceSize{kPlanCellWord} * 4, most, InstancesFrom::Serialized);
+        dispatch(work, push, RestorePass::Check, target->size);
+        dispatch(work, push, RestorePass::AddUp, target->size);
+        dispatch(work, push, RestorePass::Decide, target->size);
+    }
+
+    void recordEither(StructureRestorePush &push, uint32_t most, VkDeviceSize keptBytes) const
+    {
+        {
+            InjectedWork work(device.commands, commandBuffer);
+            work.barrier();
+            check(work, push);
+            dispatch(work, push, RestorePass::Keep, keptBytes);
+            if (push.topWay != 0 && !recordTop(work, push, most)) {
+                push.topWay = 0; // data of that kind is refused
+                check(work, push);
+            }
+            dispatch(work, push, RestorePass::GiveBack, keptBytes);
+            dispatch(work, push, RestorePass::Stage, target->size);
+            recordDriver(work, push);
+            dispatch(work, push, RestorePass::GiveBackLast, leastBytes());
+            dispatch(work, push, RestorePass::Finish, target->size);
+            work.barrier(true); // the host looks at the cell
+        }
+        if (mayBeMicromap()) {
+            letMicromapBeNamed(device.objects, *target);
+            recordMicromapRestore(device.micromaps, commandBuffer, target->micromap, info.src.deviceAddress,
+                                  DataThatIsNone::LeavesTheTarget);
+        }
+        becomesUnknown(*target, push.serial);
+    }
+
+    bool recordTop(InjectedWork &work, const StructureRestorePush &push, uint32_t most) const
+    {
+        return recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst,
+                                  push.staging + VkDeviceSize{kPlanCellWord} * 4, most, InstancesFrom::Serialized);
     }
 
     void recordDriver(InjectedWork &work, const StructureRestorePush &push) const

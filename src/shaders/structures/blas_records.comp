@@ -69,14 +69,15 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
     return uvec2(record.w[0], record.w[1]);
 }
 
-// An update keeps what it updates in its shape, which may be a compacted one: the records lie where they lie there.
+// An update keeps what it updates in its shape, which may be a compacted one: the records lie where they lie there. The cell
+// that is read may be the one that another invocation writes: what is compared is the same before and after.
 uvec2 tailPlace()
 {
     if (all(equal(push.source, uvec2(0))))
         return push.tail;
     const Cell source = loadCell(push.source);
     const uint at = unitsBetween(push.sourceBegin, source.tail);
-    return source.kind == kCellBottom && source.count == push.geometryCount && source.units == push.tailUnits &&
+    return source.kind == kCellBottom && source.count == push.geometryCount && source.recordUnits == push.tailUnits &&
                    fits(at, push.tailUnits, push.commonUnits)
                ? unitAddress(push.begin, at)
                : push.tail;

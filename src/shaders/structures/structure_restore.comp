@@ -33,6 +33,7 @@ layout(push_constant, std430) uniform Push
     uint blankBuiltUnits; // of a structure that a blank one was deserialized to
     uint topWay;       // 1: a top-level structure is built before the driver deserializes
     uint pass;         // kPass*
+    uint serial;       // of this command
 } push;
 
 const uint kPassCheck = 0u;
@@ -220,29 +221,39 @@ uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
     return uvec2(0);
 }
 
+// Says in the cell that the data has been looked at (core/records.h).
+void sign()
+{
+    Words cell = Words(push.cell);
+    cell.w[cell.w[2] == kCellBoxes ? 6u : 7u] = push.serial;
+}
+
 void finish(uint me, uint all)
 {
     Words p = Words(push.staging);
     if (p.w[kPlanOk] == 0u) {
         if (me == 0u)
-            storeCell(push.cell, Cell(uvec2(0), kind == kCellMicromap ? kCellMicromap : kCellBroken, 0u, 0u, 0u, uvec2(0)));
+            storeCell(push.cell, Cell(uvec2(0), kind == kCellMicromap ? kCellMicromap : kCellBroken, 0u, 0u, 0u, uvec2(0, push.serial)));
         return;
     }
-    if (kind == kCellTop)
-        return; // the build has written its cell
+    if (kind == kCellTop) { // the build has written its cell
+        if (me == 0u)
+            sign();
+        return;
+    }
     const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
     Words b = Words(unitAddress(push.blob, block));
     const uint tailUnits = b.w[kBlockHeaderTailUnits];
     const uint count = b.w[kBlockHeaderCount];
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
     if (me == 0u && b.w[kBlockHeaderKind] == kCellBottom)
-        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0)));
+        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0, push.serial)));
     else if (me == 0u) {
         Words driver = Words(unitAddress(push.staging, kPlanUnits));
         const uvec2 end = unitAddress(push.begin, unitsOfBytes(uvec2(driver.w[10], driver.w[11])));
         const bool boxes = b.w[kBlockHeaderKind] == kCellBoxes;
         storeCell(push.cell, Cell(end, boxes ? kCellBoxes : kCellPlain, 0u, 0u, 0u,
-                                  uvec2(0u, boxes ? b.w[kBlockHeaderOpaqueBoxes] : 0u)));
+                                  boxes ? uvec2(push.serial, b.w[kBlockHeaderOpaqueBoxes]) : uvec2(0u, push.serial)));
     }
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));
     Units to = Units(tail);

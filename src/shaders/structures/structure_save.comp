@@ -149,7 +149,7 @@ void plan()
     b.w[kBlockHeaderTailUnits] = tailUnits;
     b.w[kBlockHeaderTailOffset] = tailOffset;
     b.w[kBlockHeaderChecksum] = 0u;
-    b.w[kBlockHeaderOpaqueBoxes] = cell.extra.y;
+    b.w[kBlockHeaderOpaqueBoxes] = cell.kind == kCellBoxes ? cell.extra.y : 0u;
     placeData(cell, unitAddress(push.blob, block + kBlockUnits));
 }
 

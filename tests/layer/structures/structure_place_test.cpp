@@ -159,4 +159,48 @@ TEST_F(StructurePlaces, TopLevelsSideBySide)
     expectUntouchedFrom(256 + packed.size() * size);
 }
 
+// The cell then holds what it held before.
+TEST_F(StructurePlaces, TheSameDataTwice)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas tlas(gpu(), {instance(blas, {}, 77)});
+    const auto expected = seenIn(tlas);
+    const Serialized data = serialize(gpu(), tlas);
+    const auto loaded = toTheEnd(256);
+    for (int round = 0; round < 2; ++round) {
+        SCOPED_TRACE(round);
+        deserialize(gpu(), data, *loaded);
+        const auto clone = toTheEnd(kRoomBytes / 2);
+        copy(gpu(), *loaded, *clone);
+        EXPECT_EQ(seenIn(*clone), expected);
+    }
+}
+
+// Every count is another size, and another handle of the driver's.
+TEST_F(StructurePlaces, ManySizesBesideANeighbour)
+{
+    constexpr std::size_t kCounts = 80;
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas source(gpu(), {instance(blas, {}, 77)});
+    const auto expected = seenIn(source);
+    const auto changing = toTheEnd(256);
+    for (std::size_t count = 1; count <= kCounts; ++count) {
+        SCOPED_TRACE(count);
+        Tlas tlas(gpu());
+        tlas.prepare(std::vector<VkAccelerationStructureInstanceKHR>(count, instance(blas, {}, 77)));
+        // Behind it, as near as it may be.
+        const auto neighbour = toTheEnd((256 + tlas.size() + 255) / 256 * 256);
+        copy(gpu(), source, *neighbour);
+        VkAccelerationStructureBuildGeometryInfoKHR info = tlas.buildInfo();
+        info.dstAccelerationStructure = changing->handle();
+        gpu().submit([&](VkCommandBuffer commands) {
+            const VkAccelerationStructureBuildRangeInfoKHR *ranges = tlas.ranges();
+            gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        });
+        EXPECT_EQ(seenIn(*neighbour), expected);
+    }
+}
+
 } // namespace
