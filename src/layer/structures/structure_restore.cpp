@@ -156,11 +156,13 @@ struct Restore {
                                               : std::max(VkDeviceSize{blankStructure(device).units} * 16,
                                                          std::min(readable(), target->size + kDriverOverhead));
         // What a way that turns out to be the wrong one overwrites.
-        const bool topFits = topLevelBytes(device.driver, 0, most) <= roomOf(device.objects, *target);
-        const VkDeviceSize keptBytes =
-            kind() != kCellUnbuilt
-                ? 0
-                : std::max(alignUp(blankBytes, 16), topFits ? topLevelBytes(device.driver, 0, most) : 0);
+        VkDeviceSize keptBytes = 0;
+        bool topFits = false;
+        if (kind() == kCellUnbuilt) {
+            const VkDeviceSize topBytes = topLevelBytes(device.driver, 0, most);
+            topFits = topBytes <= roomOf(device.objects, *target);
+            keptBytes = std::max(alignUp(blankBytes, 16), topFits ? topBytes : 0);
+        }
         if (state)
             state->scratch.restart();
         StructureRestorePush push = pushFor(cell.address, stagingBytes);
@@ -172,7 +174,7 @@ struct Restore {
         }
         push.keptUnits = unitsOf(std::min(keptBytes, target->size));
         push.blankBuiltUnits = unitsOf(std::min(blankBytes, target->size));
-        push.topWay = topFits;
+        push.topWay = top || topFits;
         push.serial = ++device.objects.deserializations;
         if (push.serial == 0)
             push.serial = ++device.objects.deserializations;

@@ -177,6 +177,19 @@ TEST_F(StructurePlaces, TheSameDataTwice)
     }
 }
 
+// As one does that is not used any more and not destroyed yet.
+TEST_F(StructurePlaces, TopLevelDataWhereAnotherHandleBegins)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas tlas(gpu(), {instance(blas, {}, 77)});
+    const Serialized data = serialize(gpu(), tlas);
+    const auto old = placed(512, 256);
+    const auto loaded = placed(256, data.deserializedSize(), VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+    deserialize(gpu(), data, *loaded);
+    EXPECT_EQ(seenIn(*loaded), seenIn(tlas));
+}
+
 // Every count is another size, and another handle of the driver's.
 TEST_F(StructurePlaces, ManySizesBesideANeighbour)
 {
