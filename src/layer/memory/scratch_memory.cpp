@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "layer/ground/align.h"
+
 namespace vellum::layer
 {
 namespace
@@ -24,7 +26,7 @@ VkBufferUsageFlags scratchUsage(const GpuContext &context)
 
 ScratchMemory::Place ScratchMemory::place(VkDeviceSize bytes)
 {
-    const VkDeviceSize needed = (bytes + kScratchAlignment - 1) / kScratchAlignment * kScratchAlignment;
+    const VkDeviceSize needed = alignUp(bytes, kScratchAlignment);
     const VkDeviceSize had = pieces_.empty() ? 0 : pieces_.back().bytes();
     if (had - next_ < needed) {
         // Larger by half than the last one, so that copies of growing structures make few.

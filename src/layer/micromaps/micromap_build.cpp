@@ -7,6 +7,7 @@
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/records.h"
+#include "layer/ground/align.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap_extent.h"
 
@@ -66,7 +67,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT 
     push.micromap = micromapAddress(device.driver, info.dstMicromap);
     push.triangleArray = info.triangleArray.deviceAddress;
     push.data = info.data.deviceAddress;
-    push.scratch = (info.scratchData.deviceAddress + kBuildScratchAlignment - 1) / kBuildScratchAlignment * kBuildScratchAlignment;
+    push.scratch = alignUp(info.scratchData.deviceAddress, kBuildScratchAlignment);
     push.log = device.commands.complaints.address();
     push.object = complaintObject(info.dstMicromap);
     push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);

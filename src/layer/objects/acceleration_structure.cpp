@@ -101,6 +101,14 @@ bool learns(StructurePlace &place)
     return true;
 }
 
+// With the place's mutex held.
+void setContent(StructurePlace &place, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
+{
+    place.content = type;
+    place.lastBytes = bytes;
+    place.deserialization = 0;
+}
+
 // What a structure is for whose size is just what a query or the header of serialized data tells.
 VkAccelerationStructureTypeKHR markedType(VkDeviceSize size)
 {
@@ -126,19 +134,15 @@ void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization)
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
-    place.content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-    place.lastBytes = 0;
+    setContent(place, VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR, 0);
     place.lastInstances = place.mostInstances = 0;
     place.deserialization = deserialization;
 }
 
 void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
 {
-    StructurePlace &place = *structure.place;
-    std::lock_guard lock(place.mutex);
-    place.content = type;
-    place.lastBytes = bytes;
-    place.deserialization = 0;
+    std::lock_guard lock(structure.place->mutex);
+    setContent(*structure.place, type, bytes);
 }
 
 VkDeviceSize lastBytes(const AccelerationStructure &structure)
@@ -151,9 +155,7 @@ void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDev
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
-    place.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-    place.lastBytes = bytes;
-    place.deserialization = 0;
+    setContent(place, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR, bytes);
     place.lastInstances = instances;
     place.mostInstances = std::max(place.mostInstances, instances);
 }

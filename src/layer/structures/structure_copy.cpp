@@ -79,13 +79,12 @@ struct Copy {
     {
         const uint32_t fits =
             std::min(topLevelCapacity(device.driver, source->size), topLevelCapacity(device.driver, target->size));
-        const uint32_t fitsRoom = std::min(fits, topLevelCapacity(device.driver, roomOf(device.objects, *target)));
         std::lock_guard lock(source->place->mutex);
         const StructurePlace &place = *source->place;
         const bool generic = source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
                              target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
         if (place.mostInstances == 0)
-            return generic ? fitsRoom : fits;
+            return generic ? std::min(fits, topLevelCapacity(device.driver, roomOf(device.objects, *target))) : fits;
         if (generic)
             return std::min(fits, place.lastInstances);
         const uint64_t likely = std::max(uint64_t{place.mostInstances} * kMostGrowth, uint64_t{kFewInstances});

@@ -57,22 +57,35 @@ Place placeOf(const DeviceStructures &device, const VkAccelerationStructureCreat
     return {found.buffer, found.offset, std::min(size, found.bytes)};
 }
 
-// One of the layer's own handles, which never reach the driver.
-VkAccelerationStructureKHR addMicromap(DeviceStructures &device, const Place &place)
+std::shared_ptr<AccelerationStructure> newStructure(const Place &place, VkAccelerationStructureTypeKHR type)
 {
     auto structure = std::make_shared<AccelerationStructure>();
     structure->buffer = place.buffer;
     structure->offset = place.offset;
     structure->size = place.size;
-    structure->type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
-    structure->micromap = {place.buffer,
-                           place.offset,
-                           place.size,
+    structure->type = type;
+    return structure;
+}
+
+// A new structure has its handle, and is known from now on.
+void addStructure(DeviceStructures &device, std::shared_ptr<AccelerationStructure> structure,
+                  VkAccelerationStructureKHR handle)
+{
+    structure->micromap = {structure->buffer,
+                           structure->offset,
+                           structure->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(handle)}};
     takePlace(device.objects, *structure);
     letMicromapBeNamedOnceBound(device.objects, structure);
     device.objects.accelerationStructures.set(handle, std::move(structure));
+}
+
+// One of the layer's own handles, which never reach the driver.
+VkAccelerationStructureKHR addMicromap(DeviceStructures &device, const Place &place)
+{
+    auto structure = newStructure(place, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
+    addStructure(device, std::move(structure), handle);
     return handle;
 }
 
@@ -98,21 +111,11 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
 {
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return createMicromapInBuffer(device, *info, *result);
-    auto structure = std::make_shared<AccelerationStructure>();
-    structure->buffer = info->buffer;
-    structure->offset = info->offset;
-    structure->size = info->size;
-    structure->type = info->type;
+    auto structure = newStructure({info->buffer, info->offset, info->size}, info->type);
     const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    structure->micromap = {info->buffer,
-                           info->offset,
-                           info->size,
-                           {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
-    takePlace(device.objects, *structure);
-    letMicromapBeNamedOnceBound(device.objects, structure);
-    device.objects.accelerationStructures.set(*result, std::move(structure));
+    addStructure(device, std::move(structure), *result);
     return created;
 }
 
@@ -188,11 +191,7 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
         *result = addMicromap(device, place);
         return VK_SUCCESS;
     }
-    auto structure = std::make_shared<AccelerationStructure>();
-    structure->buffer = place.buffer;
-    structure->offset = place.offset;
-    structure->size = place.size;
-    structure->type = info->type;
+    auto structure = newStructure(place, info->type);
     if (device.driver.next.CreateAccelerationStructure2KHR) {
         const VkResult created = device.driver.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
         if (created != VK_SUCCESS)
@@ -210,13 +209,7 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
         if (created != VK_SUCCESS)
             return created;
     }
-    structure->micromap = {place.buffer,
-                           place.offset,
-                           structure->size,
-                           {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(*result)}};
-    takePlace(device.objects, *structure);
-    letMicromapBeNamed(device.objects, *structure);
-    device.objects.accelerationStructures.set(*result, std::move(structure));
+    addStructure(device, std::move(structure), *result);
     return VK_SUCCESS;
 }
 
