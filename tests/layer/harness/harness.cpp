@@ -15,8 +15,7 @@ namespace
 
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
-constexpr const char *kSpyLayer = "VK_LAYER_VELLUM_test_spy";
-constexpr const char *kCapableLayer = "VK_LAYER_VELLUM_test_capable";
+constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
 
 // Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
 // others, with the reason.
@@ -226,10 +225,12 @@ void Gpu::createInstance()
         layers.push_back(kVellumLayer);
     if (options_.validation && (options_.oldValidation || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
-    if (options_.spy)
-        layers.push_back(kSpyLayer);
-    if (options_.capable)
-        layers.push_back(kCapableLayer);
+    std::string traits = options_.spy ? "spy," : "";
+    traits += options_.traits + ',';
+    if (const char *chosen = std::getenv("VELLUM_TEST_TRAITS"))
+        traits += chosen;
+    if (traits.find_first_not_of(',') != std::string::npos)
+        layers.push_back(kDriverLayer);
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
@@ -240,7 +241,9 @@ void Gpu::createInstance()
     info.ppEnabledExtensionNames = extensions.data();
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
+    setenv("VELLUM_TEST_DRIVER", traits.c_str(), 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
+    unsetenv("VELLUM_TEST_DRIVER");
     unsetenv("VELLUM_VALIDATE");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
     VT_INSTANCE_COMMANDS(VT_LOAD)

@@ -56,8 +56,8 @@ struct Options {
     bool vellum = true;
     bool validation = true;
     bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
-    bool spy = true;           // spy_layer.cpp, below everything
-    bool capable = false;      // capable_layer.cpp, below even that
+    bool spy = true;           // layers/spy.cpp: what must not reach the driver
+    std::string traits = {};   // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
     bool bothApis = false;     // enable the other one, too

@@ -34,7 +34,7 @@ inline std::uint64_t allocations()
         void *symbol = nullptr;
         for (std::size_t begin = 0; begin != std::string::npos && symbol == nullptr;) {
             const std::size_t end = folders.find(':', begin);
-            const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_spy.so";
+            const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_driver.so";
             const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
             if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD))
                 symbol = dlsym(library, "vellumSpyAllocations");
