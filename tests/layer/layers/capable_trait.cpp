@@ -22,8 +22,8 @@ void setFeatures(const void *chain, VkBool32 value)
     if (auto *f = inChainOut<VkPhysicalDeviceBufferDeviceAddressFeatures>(
             chain, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES))
         f->bufferDeviceAddressCaptureReplay = value;
-    if (auto *f = inChainOut<VkPhysicalDeviceVulkan12Features>(chain,
-                                                               VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES))
+    if (auto *f =
+            inChainOut<VkPhysicalDeviceVulkan12Features>(chain, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES))
         f->bufferDeviceAddressCaptureReplay = value;
 }
 

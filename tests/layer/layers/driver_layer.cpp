@@ -32,12 +32,8 @@ struct NamedLevel {
 std::span<const NamedLevel> levels()
 {
     static const NamedLevel all[]{
-        {Level::Spy, spyRows()},
-        {Level::Limits, limitRows()},
-        {Level::Memory, memoryRows()},
-        {Level::Addresses, addressRows()},
-        {Level::Replay, replayRows()},
-        {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Spy, spyRows()},           {Level::Limits, limitRows()},  {Level::Memory, memoryRows()},
+        {Level::Addresses, addressRows()}, {Level::Replay, replayRows()}, {Level::IndirectBuilds, indirectBuildRows()},
     };
     return all;
 }
@@ -94,7 +90,8 @@ bool isName(std::string_view name, std::string_view row)
 
 const Row *rowOf(std::span<const Row> rows, std::string_view name)
 {
-    const auto found = std::find_if(rows.begin(), rows.end(), [name](const Row &row) { return isName(name, row.name); });
+    const auto found =
+        std::find_if(rows.begin(), rows.end(), [name](const Row &row) { return isName(name, row.name); });
     return found == rows.end() ? nullptr : &*found;
 }
 
@@ -194,8 +191,7 @@ Function belowOfInstance(VkInstance instance, const char *name)
 VKAPI_ATTR VkResult VKAPI_CALL createMessenger(VkInstance instance, const VkDebugUtilsMessengerCreateInfoEXT *info,
                                                const VkAllocationCallbacks *allocator, VkDebugUtilsMessengerEXT *out)
 {
-    const auto create =
-        belowOfInstance<PFN_vkCreateDebugUtilsMessengerEXT>(instance, "vkCreateDebugUtilsMessengerEXT");
+    const auto create = belowOfInstance<PFN_vkCreateDebugUtilsMessengerEXT>(instance, "vkCreateDebugUtilsMessengerEXT");
     const VkResult result = create(instance, info, allocator, out);
     if (result == VK_SUCCESS) {
         std::lock_guard lock(mutex);
@@ -289,14 +285,15 @@ PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)
         if (const Row *row = rowBehind(*instance.traits, &level, &LevelRows::instance, name))
             return row->function;
         return std::strcmp(name, "vkCreateDevice") == 0 ? DRIVER_FUNCTION(createDriversDevice)
-                                                         : instance.below.at(name);
+                                                        : instance.below.at(name);
     }
     Device &device = found->second;
     const auto [known, isNew] = device.found.try_emplace({level, name}, nullptr);
     if (isNew) {
         const PFN_vkVoidFunction below = device.get(device.handle, name);
         const Row *row = rowBehind(*device.traits, &level, &LevelRows::device, name);
-        known->second = row != nullptr && (row->where == Row::Where::Always || below != nullptr) ? row->function : below;
+        known->second =
+            row != nullptr && (row->where == Row::Where::Always || below != nullptr) ? row->function : below;
     }
     return known->second;
 }

@@ -27,8 +27,8 @@ inline VkResult importMemory(Level level, VkDevice device, const VkMemoryAllocat
                                                   VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT, data};
     const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, &import,
                                           VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-    const VkMemoryAllocateInfo below{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags,
-                                     importedBytes(info.allocationSize), info.memoryTypeIndex};
+    const VkMemoryAllocateInfo below{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, importedBytes(info.allocationSize),
+                                     info.memoryTypeIndex};
     return next<PFN_vkAllocateMemory>(level, keyOf(device), "vkAllocateMemory")(device, &below, allocator, memory);
 }
 

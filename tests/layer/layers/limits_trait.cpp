@@ -67,8 +67,9 @@ void expectScratch(const char *command, std::uint32_t count, const VkAcceleratio
         if (info.scratchData.deviceAddress % kScratchAlignment != 0)
             tell(std::string(command) + ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710: scratch memory at " +
                  std::to_string(info.scratchData.deviceAddress));
-        if (info.geometryCount > 0 && (info.pGeometries != nullptr ? info.pGeometries[0] : *info.ppGeometries[0])
-                                              .geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR) {
+        if (info.geometryCount > 0 &&
+            (info.pGeometries != nullptr ? info.pGeometries[0] : *info.ppGeometries[0]).geometryType ==
+                VK_GEOMETRY_TYPE_INSTANCES_KHR) {
             const auto &instances =
                 (info.pGeometries != nullptr ? info.pGeometries[0] : *info.ppGeometries[0]).geometry.instances;
             if (instances.data.deviceAddress % (instances.arrayOfPointers ? 8 : 16) != 0)

@@ -34,11 +34,13 @@ const Memories &memoriesOf(void *key)
     static const Memories discrete{
         {{kLocal, 0}, {kVisible | kCached, 1}, {kVisible | kCoherent, 1}, {kVisible | kCoherent | kCached, 1}},
         {{8192 * kMiB, VK_MEMORY_HEAP_DEVICE_LOCAL_BIT}, {8192 * kMiB, 0}}};
-    static const Memories window{
-        {{kLocal, 0}, {kVisible | kCoherent, 2}, {kVisible | kCoherent | kCached, 2}, {kLocal | kVisible | kCoherent, 1}},
-        {{8192 * kMiB, VK_MEMORY_HEAP_DEVICE_LOCAL_BIT},
-         {256 * kMiB, VK_MEMORY_HEAP_DEVICE_LOCAL_BIT},
-         {8192 * kMiB, 0}}};
+    static const Memories window{{{kLocal, 0},
+                                  {kVisible | kCoherent, 2},
+                                  {kVisible | kCoherent | kCached, 2},
+                                  {kLocal | kVisible | kCoherent, 1}},
+                                 {{8192 * kMiB, VK_MEMORY_HEAP_DEVICE_LOCAL_BIT},
+                                  {256 * kMiB, VK_MEMORY_HEAP_DEVICE_LOCAL_BIT},
+                                  {8192 * kMiB, 0}}};
     static const Memories uncached{{{kLocal, 0},
                                     {kVisible | kCoherent, 1},
                                     {kVisible | kCoherent | kCached, 1},
@@ -112,8 +114,7 @@ VKAPI_ATTR VkResult VKAPI_CALL getHostPointerProperties(VkDevice handle, VkExter
                                                         const void *pointer,
                                                         VkMemoryHostPointerPropertiesEXT *properties)
 {
-    const VkResult result =
-        DRIVER_NEXT(vkGetMemoryHostPointerPropertiesEXT)(handle, type, pointer, properties);
+    const VkResult result = DRIVER_NEXT(vkGetMemoryHostPointerPropertiesEXT)(handle, type, pointer, properties);
     const Memories &own = memoriesOf(keyOf(handle));
     properties->memoryTypeBits = 0;
     for (std::uint32_t i = 0; i < own.types.size(); ++i) {
@@ -176,7 +177,8 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
         return result;
     }
     Allocation &made = allocations[*memory];
-    made = {keyOf(handle), info->memoryTypeIndex, type.heapIndex, info->allocationSize, type.propertyFlags, nullptr, {}};
+    made = {
+        keyOf(handle), info->memoryTypeIndex, type.heapIndex, info->allocationSize, type.propertyFlags, nullptr, {}};
     if ((type.propertyFlags & (kVisible | kCoherent)) == kVisible)
         made.host = std::make_unique<std::vector<std::uint8_t>>(info->allocationSize, kNeverInvalidated);
     return result;
@@ -225,7 +227,8 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const MapInfo *info, 
 }
 
 // Between the host's view of memory that is not coherent, and the device's.
-VkResult move(VkDevice handle, const char *command, std::uint32_t count, const VkMappedMemoryRange *ranges, bool toDevice)
+VkResult move(VkDevice handle, const char *command, std::uint32_t count, const VkMappedMemoryRange *ranges,
+              bool toDevice)
 {
     const VkDeviceSize atom = has(keyOf(handle), "alignments") ? 256 : 64; // limits_trait.cpp, or lavapipe's own
     std::lock_guard lock(mutex);

@@ -1,5 +1,6 @@
 // The trait "replay": memory with VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT is at the address that was asked
-// for, or at a random one, and host memory cannot be imported (but by this layer). With "capable", which has the feature.
+// for, or at a random one, and host memory cannot be imported (but by this layer). With "capable", which has the
+// feature.
 #include "layers/imported_memory.h"
 
 #include <sys/mman.h>
@@ -23,9 +24,8 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, cons
     next(handle, nullptr, &below, nullptr);
     std::vector<VkExtensionProperties> all(below);
     next(handle, nullptr, &below, all.data());
-    std::erase_if(all, [](const VkExtensionProperties &e) {
-        return std::strcmp(e.extensionName, kImportExtension) == 0;
-    });
+    std::erase_if(all,
+                  [](const VkExtensionProperties &e) { return std::strcmp(e.extensionName, kImportExtension) == 0; });
     return list<VkExtensionProperties>(all, count, properties);
 }
 
@@ -48,8 +48,7 @@ void *mapAt(std::uint64_t address, std::size_t bytes)
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
-    const auto *flags =
-        inChain<VkMemoryAllocateFlagsInfo>(info->pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO);
+    const auto *flags = inChain<VkMemoryAllocateFlagsInfo>(info->pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO);
     if (flags == nullptr || (flags->flags & VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT) == 0)
         return DRIVER_NEXT(vkAllocateMemory)(handle, info, allocator, memory);
     const auto *opaque = inChain<VkMemoryOpaqueCaptureAddressAllocateInfo>(

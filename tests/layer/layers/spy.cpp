@@ -1,8 +1,8 @@
 // The trait "spy": devices, and all of its commands together. With the trait "displacement" the driver says that it has
 // micromaps, and displacement micromaps.
 // It also checks that stack sizes which the application sets have room for all shaders of the driver's pipeline. Where
-// VELLUM_TEST_SPY_MARKER is in the environment, it is a driver with VK_AMD_buffer_marker; where VELLUM_TEST_SPY_BARRIERS
-// is, it tells of every memory and buffer barrier.
+// VELLUM_TEST_SPY_MARKER is in the environment, it is a driver with VK_AMD_buffer_marker; where
+// VELLUM_TEST_SPY_BARRIERS is, it tells of every memory and buffer barrier.
 #include "layers/spy.h"
 
 #include <algorithm>
@@ -67,9 +67,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
                                             const VkAllocationCallbacks *allocator, VkDevice *device)
 {
     for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount)) {
-        for (const char *ours : {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, "VK_KHR_opacity_micromap",
-                                 "VK_ARM_pipeline_opacity_micromap", VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME,
-                                 kDisplacement}) {
+        for (const char *ours :
+             {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
+              VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, kDisplacement}) {
             if (std::strcmp(name, ours) == 0)
                 tell(std::string("vkCreateDevice: ") + ours);
         }
