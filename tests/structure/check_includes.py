@@ -29,6 +29,7 @@ ROOMS = {
               "door"),
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "gpubake"),
     "bake": ("numbers", "texture", ""),
+    "gltf": ("file", "data", "", "micromaps"),
     "cli": ("base", "picture", "scene", "vulkan", "renderer", ""),
 }
 
