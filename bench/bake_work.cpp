@@ -28,7 +28,7 @@ BakeWork leafCards(const std::filesystem::path &file)
     const Scene scene = readGltf(file);
     for (const Geometry &geometry : scene.geometries) {
         const Material &material = scene.materials[geometry.material];
-        if (!material.masked)
+        if (!material.masked())
             continue;
         const Image &image = scene.images[static_cast<std::size_t>(material.image)];
         BakeMesh mesh;

@@ -15,8 +15,8 @@
 #include <fmt/format.h>
 
 #include "cli/base/statistics.h"
-#include "cli/options.h"
 #include "cli/render_command.h"
+#include "cli/render_options.h"
 #include "command_cases.h"
 #include "creation_bench.h"
 

@@ -7,8 +7,8 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "cli/options.h"
 #include "cli/render_command.h"
+#include "cli/render_options.h"
 #include "creation_bench.h"
 #include "side_by_side.h"
 

@@ -5,8 +5,8 @@
 
 #include "api_bench.h"
 #include "cli/base/progress.h"
-#include "cli/options.h"
 #include "cli/render_command.h"
+#include "cli/render_options.h"
 #include "creation_bench.h"
 #include "scene_bench.h"
 

@@ -3,8 +3,8 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "cli/options.h"
 #include "cli/render_command.h"
+#include "cli/render_options.h"
 #include "core/curve.h"
 #include "core/lossy.h"
 #include "core/micromap_memory.h"
@@ -39,7 +39,7 @@ std::uint64_t compactedBytes(const Micromap &micromap)
 void cut(Scene &scene, std::uint32_t n)
 {
     for (Geometry &g : scene.geometries) {
-        if (!scene.materials[g.material].masked || n < 2)
+        if (!scene.materials[g.material].masked() || n < 2)
             continue;
         Geometry out{.material = g.material};
         for (std::size_t t = 0; t + 2 < g.indices.size(); t += 3) {

@@ -1,7 +1,7 @@
 #include <cstdio>
 #include <exception>
 
-#include "cli/options.h"
+#include "cli/command_line.h"
 
 int main(int argc, char **argv)
 {

@@ -1,7 +1,7 @@
 // `vellum render`
 #pragma once
 
-#include "cli/options.h"
+#include "cli/render_options.h"
 
 namespace vellum::cli
 {

@@ -42,7 +42,7 @@ TEST(Gltf, ReadsACard)
     ASSERT_EQ(scene.images.size(), 1u);
     const Material &leaf = scene.materials[0];
     EXPECT_EQ(leaf.name, "leaf");
-    EXPECT_TRUE(leaf.masked);
+    EXPECT_TRUE(leaf.masked());
     EXPECT_EQ(leaf.alphaCutoff, 0.25f);
     EXPECT_EQ(leaf.baseColor, (std::array<float, 4>{1, 0.5f, 0.25f, 0.75f}));
     EXPECT_EQ(leaf.wrapU, Wrap::Clamp);
@@ -57,7 +57,7 @@ TEST(Gltf, ReadsACard)
     EXPECT_EQ(card.indices, (std::vector<std::uint32_t>{0, 1, 2, 0, 2, 3}));
     EXPECT_EQ(card.positions[2], (Vec3{1, 4, 0})); // moved by its node
     EXPECT_EQ(card.uvs[0], (TexCoord{0, 1}));
-    EXPECT_FALSE(scene.materials[1].masked);
+    EXPECT_FALSE(scene.materials[1].masked());
     EXPECT_EQ(scene.geometries[1].indices, (std::vector<std::uint32_t>{0, 1, 2}));
 }
 
@@ -95,12 +95,21 @@ TEST(Gltf, ReadsTextFilesWithFilesBesideThem)
     EXPECT_EQ(readGltf(folder / "card.gltf").images[0].width, 16u);
 }
 
+// glTF 2.0, "pbrMetallicRoughness": a texture that is not there reads as 1.
+TEST(Gltf, MaskedWithoutTexture)
+{
+    const Scene scene = read(cardGlb({{", \"baseColorTexture\": {\"index\": 0}", ""}}));
+    const Material &leaf = scene.materials[0];
+    ASSERT_GE(leaf.image, 0);
+    EXPECT_EQ(scene.images[static_cast<std::size_t>(leaf.image)].rgba, (std::vector<std::uint8_t>{255, 255, 255, 255}));
+    EXPECT_EQ(alphaTexture(leaf, scene.images[static_cast<std::size_t>(leaf.image)]).alpha,
+              std::vector<float>{leaf.baseColor[3]});
+}
+
 TEST(Gltf, SaysWhatIsWrong)
 {
     EXPECT_EQ(errorOf({{", \"TEXCOORD_0\": 1", ""}}),
               "mesh 0 primitive 0 has the masked material \"leaf\" but no texture coordinates (TEXCOORD_0)");
-    EXPECT_EQ(errorOf({{", \"baseColorTexture\": {\"index\": 0}", ""}}),
-              "masked material \"leaf\" has no base colour texture");
     EXPECT_EQ(errorOf({{"\"baseColorTexture\": {\"index\": 0}", "\"baseColorTexture\": {\"index\": 3}"}}),
               "texture 3 does not exist");
     EXPECT_EQ(errorOf({{"\"source\": 0, ", ""}}), "image -1 does not exist");

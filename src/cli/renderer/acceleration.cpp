@@ -114,7 +114,7 @@ std::unique_ptr<AccelerationStructure> World::buildBottom(Device &device, std::s
         VkAccelerationStructureGeometryKHR info{};
         info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
         info.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
-        const bool masked = materials != nullptr && materials->materials[g.material].masked;
+        const bool masked = materials != nullptr && materials->materials[g.material].masked();
         info.flags = masked ? VkGeometryFlagsKHR{0} : VkGeometryFlagsKHR{VK_GEOMETRY_OPAQUE_BIT_KHR};
         VkAccelerationStructureGeometryTrianglesDataKHR &triangles = info.geometry.triangles;
         triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;

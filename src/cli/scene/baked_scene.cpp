@@ -39,7 +39,7 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options)
     BakedScene baked;
     for (const Geometry &g : scene.geometries) {
         const Material &m = scene.materials[g.material];
-        if (!m.masked) {
+        if (!m.masked()) {
             baked.results.emplace_back();
             continue;
         }

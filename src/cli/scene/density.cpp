@@ -32,7 +32,7 @@ Density::Density(const Scene &scene)
     m_area.resize(static_cast<std::size_t>(m_count[0] * m_count[1] * m_count[2]));
     for (const Geometry &g : scene.geometries) {
         // About half of a leaf card is leaf.
-        const float share = scene.materials[g.material].masked ? 0.4f : 1.0f;
+        const float share = scene.materials[g.material].masked() ? 0.4f : 1.0f;
         for (std::size_t i = 0; i + 2 < g.indices.size(); i += 3) {
             const Vec3 &a = g.positions[g.indices[i]];
             const Vec3 &b = g.positions[g.indices[i + 1]];

@@ -168,7 +168,7 @@ Material leafMaterial(const char *name, int image)
 {
     Material m;
     m.name = name;
-    m.masked = true;
+    m.alphaMode = AlphaMode::Mask;
     m.image = image;
     m.wrapU = Wrap::Clamp;
     m.wrapV = Wrap::Clamp;

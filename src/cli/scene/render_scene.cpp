@@ -75,7 +75,7 @@ float groundHeight(const Scene &scene, const Box &all)
 {
     float height = 1e30f;
     for (const Geometry &g : scene.geometries)
-        if (!scene.materials[g.material].masked)
+        if (!scene.materials[g.material].masked())
             for (const Vec3 &p : g.positions)
                 height = std::min(height, p[1]);
     return height < 1e29f ? height : all.low[1];
@@ -158,7 +158,7 @@ std::size_t RenderScene::maskedTriangles() const
 {
     std::size_t count = 0;
     for (const Geometry &g : scene.geometries)
-        count += scene.materials[g.material].masked ? g.indices.size() / 3 : 0;
+        count += scene.materials[g.material].masked() ? g.indices.size() / 3 : 0;
     return count;
 }
 
@@ -166,7 +166,7 @@ std::size_t RenderScene::solidTriangles() const
 {
     std::size_t count = 0;
     for (const Geometry &g : scene.geometries)
-        count += scene.materials[g.material].masked ? 0 : g.indices.size() / 3;
+        count += scene.materials[g.material].masked() ? 0 : g.indices.size() / 3;
     return count;
 }
 
@@ -200,7 +200,7 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
     const Density density(result.scene);
     for (const Geometry &g : result.scene.geometries) {
         const Material &m = result.scene.materials[g.material];
-        const Kind kind = m.masked ? Kind::Leaves : Kind::Solid;
+        const Kind kind = m.masked() ? Kind::Leaves : Kind::Solid;
         addGeometry(result, g,
                     {0,
                      textureOf[g.material],

@@ -16,6 +16,7 @@ namespace
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
+constexpr const char *kNullLayer = "VK_LAYER_VELLUM_test_null";
 
 // Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
 // others, with the reason.
@@ -231,6 +232,10 @@ void Gpu::createInstance()
         traits += chosen;
     if (traits.find_first_not_of(',') != std::string::npos)
         layers.push_back(kDriverLayer);
+    if (!options_.absentGpu.empty()) {
+        layers.push_back(kNullLayer);
+        setenv("RADV_FORCE_FAMILY", options_.absentGpu.c_str(), 1);
+    }
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
@@ -299,6 +304,8 @@ void Gpu::createDevice()
     }
     if (options_.shaderObject)
         add("VK_EXT_shader_object");
+    if (!options_.absentGpu.empty())
+        add(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME);
     if (options_.debugMarker)
         extensions_.emplace_back(VK_EXT_DEBUG_MARKER_EXTENSION_NAME);
     if (options_.maintenance)
@@ -340,6 +347,7 @@ void Gpu::createDevice()
     VkPhysicalDeviceMeshShaderFeaturesEXT mesh{};
     VkPhysicalDeviceTransformFeedbackFeaturesEXT feedback{};
     VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
+    VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR executables{};
     OneFeature maintenance6{kMaintenance6Features};
     OneFeature shaderObjects{kShaderObjectFeatures};
     std::array<OneFeature, kNewerExtensions.size()> newer{};
@@ -368,6 +376,8 @@ void Gpu::createDevice()
         chain(feedback, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TRANSFORM_FEEDBACK_FEATURES_EXT);
     if (has(VK_EXT_ROBUSTNESS_2_EXTENSION_NAME))
         chain(robustness, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT);
+    if (has(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME))
+        chain(executables, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_EXECUTABLE_PROPERTIES_FEATURES_KHR);
     if (has(kMaintenance6))
         chain(maintenance6, maintenance6.sType);
     if (options_.shaderObject)
@@ -388,22 +398,32 @@ void Gpu::createDevice()
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 
-    std::uint32_t families = 1;
-    VkQueueFamilyProperties family{};
-    vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, &family);
+    std::uint32_t families = 0;
+    vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, nullptr);
+    families_.resize(families);
+    vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, families_.data());
+    constexpr VkQueueFlags kBoth = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT;
+    while (family_ < families - 1 && (families_[family_].queueFlags & kBoth) != kBoth)
+        ++family_;
     constexpr std::array<float, 4> priorities{1, 1, 1, 1};
-    VkDeviceQueueCreateInfo queue{};
-    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueCount = std::min<std::uint32_t>(family.queueCount, priorities.size());
-    queue.pQueuePriorities = priorities.data();
+    std::vector<VkDeviceQueueCreateInfo> queues(families);
+    for (std::uint32_t i = 0; i < families; ++i) {
+        queues[i].sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+        queues[i].queueFamilyIndex = i;
+        queues[i].queueCount = i == family_ ? std::min<std::uint32_t>(families_[i].queueCount, priorities.size()) : 1u;
+        queues[i].pQueuePriorities = priorities.data();
+    }
+    // Of an absent GPU (absentGpu), queues of other kinds are of no use.
+    if (!options_.absentGpu.empty())
+        queues = {queues[family_]};
     std::vector<const char *> names;
     for (const std::string &name : extensions_)
         names.push_back(name.c_str());
     VkDeviceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
     info.pNext = &features;
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
+    info.queueCreateInfoCount = static_cast<std::uint32_t>(queues.size());
+    info.pQueueCreateInfos = queues.data();
     info.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
     info.ppEnabledExtensionNames = names.data();
     VT_CHECK(vkCreateDevice(physical_, &info, nullptr, &device_));
@@ -411,12 +431,14 @@ void Gpu::createDevice()
     VT_DEVICE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
 
-    for (std::uint32_t i = 0; i < queue.queueCount; ++i)
-        vkGetDeviceQueue(device_, 0, i, &queues_.emplace_back());
+    const std::uint32_t ownQueues = std::min<std::uint32_t>(families_[family_].queueCount, priorities.size());
+    for (std::uint32_t i = 0; i < ownQueues; ++i)
+        vkGetDeviceQueue(device_, family_, i, &queues_.emplace_back());
     queue_ = queues_[0];
     VkCommandPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
     pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
+    pool.queueFamilyIndex = family_;
     VT_CHECK(vkCreateCommandPool(device_, &pool, nullptr, &pool_));
 
     VkPhysicalDeviceAccelerationStructurePropertiesKHR limits{};
@@ -434,6 +456,13 @@ void Gpu::createDevice()
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
     lavapipe26_ = driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
+}
+
+VkQueue Gpu::queueOf(std::uint32_t family) const
+{
+    VkQueue queue = VK_NULL_HANDLE;
+    vkGetDeviceQueue(device_, family, 0, &queue);
+    return queue;
 }
 
 bool Gpu::has(const char *deviceExtension) const

@@ -40,6 +40,8 @@ struct LevelRows {
 // One of each level, in the file of its name.
 LevelRows spyRows();
 LevelRows limitRows();
+LevelRows queueRows();
+LevelRows structureRows();
 LevelRows memoryRows();
 LevelRows addressRows();
 LevelRows replayRows();

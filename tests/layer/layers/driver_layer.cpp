@@ -32,8 +32,10 @@ struct NamedLevel {
 std::span<const NamedLevel> levels()
 {
     static const NamedLevel all[]{
-        {Level::Spy, spyRows()},           {Level::Limits, limitRows()},  {Level::Memory, memoryRows()},
-        {Level::Addresses, addressRows()}, {Level::Replay, replayRows()}, {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Spy, spyRows()},       {Level::Limits, limitRows()},
+        {Level::Queues, queueRows()},  {Level::Structures, structureRows()},
+        {Level::Memory, memoryRows()}, {Level::Addresses, addressRows()},
+        {Level::Replay, replayRows()}, {Level::IndirectBuilds, indirectBuildRows()},
     };
     return all;
 }

@@ -15,6 +15,12 @@ std::span<const Trait> allTraits()
          "the largest alignments (Required Limits): scratch memory 256, group handles 32, group tables 64, strides of "
          "at most 4096, non-coherent atoms 256"},
         {"push128", Level::Limits, "maxPushConstantsSize is 128, the least that there may be (Required Limits)"},
+        {"queues", Level::Queues,
+         "queue families for graphics, graphics and compute, compute, and transfers, in this order (Physical Devices)"},
+        {"structures", Level::Structures,
+         "structures need half as much again when they are built than they hold; sizes are odd, and compaction "
+         "shrinks; "
+         "a driver writes no more of a handle than the structure needs"},
         {"discrete", Level::Memory,
          "memory of the device is not host-visible, the host's not local to the device, and one type of it not "
          "coherent (Device Memory)"},

@@ -1,4 +1,4 @@
-#include "gltf/image.h"
+#include "gltf/data/image.h"
 
 #include <memory>
 
@@ -11,6 +11,8 @@
 #define STBI_NO_HDR
 #define STBI_MAX_DIMENSIONS 16384
 #include <stb/stb_image.h>
+
+#include "gltf/file/gltf_error.h"
 
 namespace vellum
 {

@@ -1,9 +1,9 @@
-#include "gltf/accessor.h"
+#include "gltf/data/accessor.h"
 
 #include <cstring>
 
-#include "gltf/scene.h"
-#include "gltf/tinygltf.h"
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -18,11 +18,16 @@ struct Elements {
     bool normalized;
 };
 
-Elements findElements(const tinygltf::Model &model, int index, std::uint32_t components, const std::string &what)
+const tinygltf::Accessor &accessorAt(const tinygltf::Model &model, int index, const std::string &what)
 {
     if (index < 0 || static_cast<std::size_t>(index) >= model.accessors.size())
         throw GltfError(what + ": accessor " + std::to_string(index) + " does not exist");
-    const tinygltf::Accessor &accessor = model.accessors[static_cast<std::size_t>(index)];
+    return model.accessors[static_cast<std::size_t>(index)];
+}
+
+Elements findElements(const tinygltf::Model &model, int index, std::uint32_t components, const std::string &what)
+{
+    const tinygltf::Accessor &accessor = accessorAt(model, index, what);
     if (accessor.sparse.isSparse)
         throw GltfError(what + ": sparse accessors are not supported");
     const int found = tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(accessor.type));
@@ -76,6 +81,22 @@ std::span<const std::uint8_t> readBufferView(const tinygltf::Model &model, int v
     if (range.byteOffset > data.size() || range.byteLength > data.size() - range.byteOffset)
         throw GltfError(what + ": buffer view " + std::to_string(view) + " reaches outside of its buffer");
     return {data.data() + range.byteOffset, range.byteLength};
+}
+
+std::size_t accessorCount(const tinygltf::Model &model, int accessor, const std::string &what)
+{
+    return accessorAt(model, accessor, what).count;
+}
+
+std::vector<float> readAlphas(const tinygltf::Model &model, int accessor, const std::string &what)
+{
+    if (accessorAt(model, accessor, what).type == TINYGLTF_TYPE_VEC3)
+        return {};
+    const std::vector<float> colors = readFloats(model, accessor, 4, what);
+    std::vector<float> alphas;
+    for (std::size_t i = 3; i < colors.size(); i += 4)
+        alphas.push_back(colors[i]);
+    return alphas;
 }
 
 std::vector<float> readFloats(const tinygltf::Model &model, int accessor, std::uint32_t components,

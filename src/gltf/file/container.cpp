@@ -1,10 +1,11 @@
-#include "gltf/container.h"
+#include "gltf/file/container.h"
 
 #include <cstring>
 #include <fstream>
+#include <tuple>
 
-#include "gltf/scene.h"
-#include "gltf/tinygltf.h"
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -114,30 +115,39 @@ std::string firstLine(const std::string &message)
 
 } // namespace
 
-void loadModel(const std::filesystem::path &path, tinygltf::Model &model)
+Container readContainer(const std::filesystem::path &path)
 {
-    const std::vector<std::uint8_t> bytes = readFile(path);
+    Container container{.bytes = readFile(path)};
+    const std::vector<std::uint8_t> &bytes = container.bytes;
     if (bytes.empty())
         throw GltfError("the file is empty");
-    tinygltf::TinyGLTF loader;
-    loader.SetImageLoader(keepEncoded, nullptr);
-    const std::string folder = path.parent_path().empty() ? "." : path.parent_path().string();
     const char *text = reinterpret_cast<const char *>(bytes.data());
-    const auto size = static_cast<unsigned>(bytes.size());
-    std::string error;
-    std::string warning;
-    bool loaded = false;
-    if (bytes.size() >= 4 && wordAt(bytes, 0) == kGlbMagic) {
-        const auto [offset, length] = checkGlb(bytes);
-        checkNesting(text + offset, length);
-        loaded = loader.LoadBinaryFromMemory(&model, &error, &warning, bytes.data(), size, folder);
+    container.binary = bytes.size() >= 4 && wordAt(bytes, 0) == kGlbMagic;
+    if (container.binary) {
+        std::tie(container.jsonOffset, container.jsonSize) = checkGlb(bytes);
     } else {
         const std::size_t start = std::string_view(text, bytes.size()).find_first_not_of(" \t\r\n\xef\xbb\xbf");
         if (start == std::string_view::npos || text[start] != '{')
             throw GltfError("neither a GLB nor a glTF file");
-        checkNesting(text, bytes.size());
-        loaded = loader.LoadASCIIFromString(&model, &error, &warning, text, size, folder);
+        container.jsonSize = bytes.size();
     }
+    checkNesting(text + container.jsonOffset, container.jsonSize);
+    return container;
+}
+
+void parseModel(const Container &container, const std::filesystem::path &folder, tinygltf::Model &model)
+{
+    tinygltf::TinyGLTF loader;
+    loader.SetImageLoader(keepEncoded, nullptr);
+    const auto size = static_cast<unsigned>(container.bytes.size());
+    const std::string base = folder.empty() ? "." : folder.string();
+    std::string error;
+    std::string warning;
+    const bool loaded =
+        container.binary
+            ? loader.LoadBinaryFromMemory(&model, &error, &warning, container.bytes.data(), size, base)
+            : loader.LoadASCIIFromString(&model, &error, &warning,
+                                         reinterpret_cast<const char *>(container.bytes.data()), size, base);
     if (!loaded)
         throw GltfError(firstLine(error));
 }

@@ -1,4 +1,4 @@
-// The command line.
+// The options of `vellum render`.
 #pragma once
 
 #include <cstdint>
@@ -36,9 +36,5 @@ const std::map<std::string, MicromapApi> &micromapApis();
 
 // "1280x720". Throws Error.
 void parseSize(const std::string &text, RenderSettings &settings);
-
-// Parses the command line and runs the command it names. Prints what --help and --version ask for. Returns the
-// process's exit code; throws Error, GltfError or BakeError.
-int runCommandLine(int argc, char **argv);
 
 } // namespace vellum::cli

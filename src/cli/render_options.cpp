@@ -1,10 +1,10 @@
-#include "cli/options.h"
+#include "cli/render_options.h"
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cmath>
-#include <iostream>
+#include <memory>
 
+#include "cli/commands.h"
 #include "cli/render_command.h"
 
 namespace vellum::cli
@@ -146,13 +146,6 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
     options.bake.format = raw.format == 2 ? Format::TwoState : Format::FourState;
 }
 
-// CLI11's messages can have several lines.
-std::string oneLine(std::string text)
-{
-    std::replace(text.begin(), text.end(), '\n', ' ');
-    return text;
-}
-
 } // namespace
 
 const std::map<std::string, MicromapApi> &micromapApis()
@@ -174,26 +167,20 @@ void parseSize(const std::string &text, RenderSettings &settings)
     settings.height = height;
 }
 
-int runCommandLine(int argc, char **argv)
+std::function<int()> declareRenderCommand(CLI::App &app)
 {
-    CLI::App app("Opacity micromaps for every device that traces rays.", "vellum");
-    app.set_version_flag("--version", std::string("vellum ") + VELLUM_VERSION);
-    app.require_subcommand(1);
-    app.footer("vellum render --help has examples.");
-    RenderOptions options;
-    RawOptions raw;
-    CLI::App &render =
-        *app.add_subcommand("render", "Renders foliage, from a glTF file or built in, to a PNG by tracing rays");
-    declareRender(render, options, raw);
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::Success &asked) { // --help and --version
-        return app.exit(asked);
-    } catch (const CLI::ParseError &error) {
-        throw Error(oneLine(error.what()) + " (vellum --help tells more)");
-    }
-    finishRender(options, raw);
-    return renderCommand(options);
+    struct Options {
+        RenderOptions options;
+        RawOptions raw;
+    };
+    const auto all = std::make_shared<Options>();
+    declareRender(
+        *app.add_subcommand("render", "Renders foliage, from a glTF file or built in, to a PNG by tracing rays"),
+        all->options, all->raw);
+    return [all] {
+        finishRender(all->options, all->raw);
+        return renderCommand(all->options);
+    };
 }
 
 } // namespace vellum::cli

@@ -19,6 +19,12 @@ namespace vellum
 std::vector<float> readFloats(const tinygltf::Model &model, int accessor, std::uint32_t components,
                               const std::string &what);
 
+// How many elements it has.
+std::size_t accessorCount(const tinygltf::Model &model, int accessor, const std::string &what);
+
+// The fourth components of colours; none where they have three.
+std::vector<float> readAlphas(const tinygltf::Model &model, int accessor, const std::string &what);
+
 // Vertex indices, from unsigned 8/16/32-bit data. Throws GltfError as above.
 std::vector<std::uint32_t> readIndices(const tinygltf::Model &model, int accessor, const std::string &what);
 

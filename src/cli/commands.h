@@ -1,0 +1,17 @@
+// The subcommands. Each adds itself and its options to the command line, and returns what runs it once the command line
+// is parsed: a function whose result is the exit code, and which throws Error, GltfError or BakeError.
+#pragma once
+
+#include <functional>
+
+namespace CLI
+{
+class App;
+}
+
+namespace vellum::cli
+{
+
+std::function<int()> declareRenderCommand(CLI::App &app);
+
+} // namespace vellum::cli

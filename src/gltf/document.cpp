@@ -1,0 +1,50 @@
+#include "gltf/document.h"
+
+#include "gltf/file/container.h"
+#include "gltf/file/tinygltf.h"
+
+namespace vellum
+{
+
+Document::Document(const std::filesystem::path &path) : m_path(path), m_model(std::make_unique<tinygltf::Model>())
+{
+    named([&] {
+        Container container = readContainer(path);
+        parseModel(container, path.parent_path(), *m_model);
+        m_bytes = std::move(container.bytes);
+        m_jsonOffset = container.jsonOffset;
+        m_jsonSize = container.jsonSize;
+        m_binary = container.binary;
+    });
+}
+
+Document::~Document() = default;
+Document::Document(Document &&) noexcept = default;
+Document &Document::operator=(Document &&) noexcept = default;
+
+std::string_view Document::json() const
+{
+    return {reinterpret_cast<const char *>(m_bytes.data()) + m_jsonOffset, m_jsonSize};
+}
+
+std::span<const std::uint8_t> Document::otherChunks() const
+{
+    return std::span(m_bytes).subspan(m_jsonOffset + m_jsonSize);
+}
+
+std::string Document::nameOf(PrimitivePlace place) const
+{
+    std::string name = "mesh " + std::to_string(place.mesh);
+    if (place.mesh < m_model->meshes.size() && !m_model->meshes[place.mesh].name.empty())
+        name += " \"" + m_model->meshes[place.mesh].name + "\"";
+    return name + " primitive " + std::to_string(place.primitive);
+}
+
+// Once: functions that read call each other.
+std::string Document::withPath(const std::string &message) const
+{
+    const std::string prefix = m_path.string() + ": ";
+    return message.starts_with(prefix) ? message : prefix + message;
+}
+
+} // namespace vellum

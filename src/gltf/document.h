@@ -1,0 +1,79 @@
+// A glTF file that was read: tinygltf's model of it, and the bytes as they were.
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "gltf/file/gltf_error.h"
+
+namespace tinygltf
+{
+class Model;
+}
+
+namespace vellum
+{
+
+// A primitive in the meshes of a file: meshes[mesh].primitives[primitive].
+struct PrimitivePlace {
+    std::uint32_t mesh = 0;
+    std::uint32_t primitive = 0;
+    auto operator<=>(const PrimitivePlace &) const = default;
+};
+
+class Document
+{
+public:
+    // Reads a .glb or .gltf file and the buffers and images beside it. Throws GltfError for a file that cannot be read
+    // or is not glTF 2. What the file says of accessors, nodes and so on is checked where it is read.
+    explicit Document(const std::filesystem::path &path);
+    ~Document();
+    Document(Document &&) noexcept;
+    Document &operator=(Document &&) noexcept;
+
+    [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
+    // Images are left encoded: those with a URI in Image::image, the others in their buffer view.
+    [[nodiscard]] const tinygltf::Model &model() const { return *m_model; }
+
+    // Whether it is a GLB.
+    [[nodiscard]] bool binary() const { return m_binary; }
+    [[nodiscard]] std::span<const std::uint8_t> bytes() const { return m_bytes; }
+    // The JSON text, of a GLB that of its first chunk, padding included.
+    [[nodiscard]] std::string_view json() const;
+    // What follows the JSON chunk in a GLB, from the header of the second chunk on; empty where nothing does.
+    [[nodiscard]] std::span<const std::uint8_t> otherChunks() const;
+
+    // `mesh 2 "leaves" primitive 0`; without the name where there is none.
+    [[nodiscard]] std::string nameOf(PrimitivePlace place) const;
+
+    // Returns what `read` returns, and puts the file's name in front of what it throws.
+    template <typename Read>
+    auto named(Read &&read) const
+    {
+        try {
+            return read();
+        } catch (const GltfUnsupported &error) {
+            throw GltfUnsupported(withPath(error.what()));
+        } catch (const GltfError &error) {
+            throw GltfError(withPath(error.what()));
+        }
+    }
+
+private:
+    [[nodiscard]] std::string withPath(const std::string &message) const;
+
+    std::filesystem::path m_path;
+    std::vector<std::uint8_t> m_bytes;
+    std::size_t m_jsonOffset = 0;
+    std::size_t m_jsonSize = 0;
+    bool m_binary = false;
+    std::unique_ptr<tinygltf::Model> m_model;
+};
+
+} // namespace vellum

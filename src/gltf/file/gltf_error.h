@@ -1,0 +1,23 @@
+// What is wrong with a glTF file.
+#pragma once
+
+#include <stdexcept>
+
+namespace vellum
+{
+
+// In one line, which names the file where a function reads one by its path or as a Document.
+class GltfError : public std::runtime_error
+{
+public:
+    using std::runtime_error::runtime_error;
+};
+
+// Something that the file may well have, and that is not supported: a compression, a kind of image.
+class GltfUnsupported : public GltfError
+{
+public:
+    using GltfError::GltfError;
+};
+
+} // namespace vellum

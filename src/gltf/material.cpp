@@ -1,0 +1,129 @@
+#include <cmath>
+
+#include "gltf/data/accessor.h"
+#include "gltf/data/image.h"
+#include "gltf/file/tinygltf.h"
+#include "gltf/primitive.h"
+
+namespace vellum
+{
+namespace
+{
+
+double numberOr(const tinygltf::Value &value, double other)
+{
+    return value.IsNumber() ? value.GetNumberAsDouble() : other;
+}
+
+// KHR_texture_transform: "Overview" gives the matrix, translation * rotation * scale.
+void readTransform(const tinygltf::TextureInfo &texture, Material &material)
+{
+    material.uvSet = texture.texCoord;
+    const auto found = texture.extensions.find("KHR_texture_transform");
+    if (found == texture.extensions.end() || !found->second.IsObject())
+        return;
+    const tinygltf::Value &extension = found->second;
+    const auto pair = [&](const char *name, double other) {
+        std::array<double, 2> values{other, other};
+        const tinygltf::Value &value = extension.Get(name);
+        if (value.IsArray() && value.ArrayLen() == 2)
+            for (std::size_t i = 0; i < 2; ++i)
+                values[i] = numberOr(value.Get<tinygltf::Value::Array>()[i], values[i]);
+        return values;
+    };
+    const std::array<double, 2> offset = pair("offset", 0);
+    const std::array<double, 2> scale = pair("scale", 1);
+    const double rotation = numberOr(extension.Get("rotation"), 0);
+    const double c = rotation == 0 ? 1 : std::cos(rotation);
+    const double s = rotation == 0 ? 0 : std::sin(rotation);
+    material.uvTransform = {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
+    material.uvSet = static_cast<int>(numberOr(extension.Get("texCoord"), material.uvSet));
+}
+
+Wrap wrapOf(int mode)
+{
+    switch (mode) {
+    case TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE: return Wrap::Clamp;
+    case TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT: return Wrap::Mirror;
+    default: return Wrap::Repeat;
+    }
+}
+
+void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info, Material &material)
+{
+    if (static_cast<std::size_t>(info.index) >= model.textures.size())
+        throw GltfError("texture " + std::to_string(info.index) + " does not exist");
+    const tinygltf::Texture &texture = model.textures[static_cast<std::size_t>(info.index)];
+    material.image = texture.source;
+    if (texture.source < 0 || static_cast<std::size_t>(texture.source) >= model.images.size())
+        throw GltfError("image " + std::to_string(texture.source) + " does not exist");
+    readTransform(info, material);
+    if (texture.sampler < 0)
+        return;
+    if (static_cast<std::size_t>(texture.sampler) >= model.samplers.size())
+        throw GltfError("sampler " + std::to_string(texture.sampler) + " does not exist");
+    const tinygltf::Sampler &sampler = model.samplers[static_cast<std::size_t>(texture.sampler)];
+    material.wrapU = wrapOf(sampler.wrapS);
+    material.wrapV = wrapOf(sampler.wrapT);
+    material.filter = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? Filter::Nearest : Filter::Bilinear;
+}
+
+} // namespace
+
+Material readMaterial(const Document &document, int index)
+{
+    Material material;
+    if (index < 0)
+        return material;
+    return document.named([&] {
+        const tinygltf::Model &model = document.model();
+        if (static_cast<std::size_t>(index) >= model.materials.size())
+            throw GltfError("material " + std::to_string(index) + " does not exist");
+        const tinygltf::Material &source = model.materials[static_cast<std::size_t>(index)];
+        const tinygltf::PbrMetallicRoughness &pbr = source.pbrMetallicRoughness;
+        material.name = source.name.empty() ? std::to_string(index) : source.name;
+        if (source.alphaMode == "MASK") {
+            material.alphaMode = AlphaMode::Mask;
+            material.alphaCutoff = static_cast<float>(source.alphaCutoff);
+        } else if (source.alphaMode == "BLEND") {
+            material.alphaMode = AlphaMode::Blend;
+        }
+        for (std::size_t i = 0; i < 4 && i < pbr.baseColorFactor.size(); ++i)
+            material.baseColor[i] = static_cast<float>(pbr.baseColorFactor[i]);
+        if (pbr.baseColorTexture.index >= 0)
+            readTexture(model, pbr.baseColorTexture, material);
+        return material;
+    });
+}
+
+Image readImage(const Document &document, int index)
+{
+    return document.named([&] {
+        const tinygltf::Model &model = document.model();
+        const std::string what = "image " + std::to_string(index);
+        if (index < 0 || static_cast<std::size_t>(index) >= model.images.size())
+            throw GltfError(what + " does not exist");
+        const tinygltf::Image &image = model.images[static_cast<std::size_t>(index)];
+        std::span<const std::uint8_t> encoded(image.image);
+        if (image.bufferView >= 0)
+            encoded = readBufferView(model, image.bufferView, what);
+        if (encoded.empty())
+            throw GltfError(what + (image.uri.empty() ? " is empty" : " (" + image.uri + ") cannot be read"));
+        return decodeImage(encoded, what);
+    });
+}
+
+AlphaTexture alphaTexture(const Material &material, const Image &image)
+{
+    const std::uint8_t full = 255;
+    AlphaTexture texture =
+        material.image < 0
+            ? AlphaTexture::fromUnorm8(1, 1, &full, 1, material.baseColor[3])
+            : AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4, material.baseColor[3]);
+    texture.wrapU = material.wrapU;
+    texture.wrapV = material.wrapV;
+    texture.filter = material.filter;
+    return texture;
+}
+
+} // namespace vellum

@@ -1,0 +1,76 @@
+// What alpha testing needs of a file: triangles with the texture coordinates that their material's base colour texture
+// is read at, materials, and images.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "bake/bake.h"
+#include "gltf/data/image.h"
+#include "gltf/document.h"
+
+namespace vellum
+{
+
+using Vec3 = std::array<float, 3>;
+
+enum class AlphaMode : std::uint8_t { Opaque, Mask, Blend };
+
+struct Material {
+    std::string name; // its number where the file has none
+    AlphaMode alphaMode = AlphaMode::Opaque;
+    float alphaCutoff = 0.5f;                   // 0.5 for AlphaMode::Blend
+    std::array<float, 4> baseColor{1, 1, 1, 1}; // linear factor of the texture
+    int image = -1;                             // images[] of the file; -1 without a texture, which reads as 1
+    int uvSet = 0;                              // the n of TEXCOORD_n
+    // KHR_texture_transform: (u, v) becomes (m[0] u + m[1] v + m[2], m[3] u + m[4] v + m[5]).
+    std::array<double, 6> uvTransform{1, 0, 0, 0, 1, 0};
+    Wrap wrapU = Wrap::Repeat;
+    Wrap wrapV = Wrap::Repeat;
+    Filter filter = Filter::Bilinear; // magFilter: what mip level 0 is read with
+
+    // Alpha-tested: alphaMode MASK, or BLEND, which is treated as a mask.
+    [[nodiscard]] bool masked() const { return alphaMode != AlphaMode::Opaque; }
+};
+
+struct Primitive {
+    int material = -1; // materials[] of the file; -1: glTF's default material, which is opaque
+    // One for each vertex, or none where the file has none. In the space of the mesh.
+    std::vector<Vec3> positions;
+    // Of the material's base colour texture, uvTransform applied; one for each vertex; none where the material has no
+    // texture or the primitive no such set.
+    std::vector<TexCoord> uvs;
+    // COLOR_0's alpha, which the texture's is multiplied with; none where it is 1 all over.
+    std::vector<float> alphas;
+    // Three for each triangle, all below the number of vertices; strips and fans are unfolded into triangles in the
+    // order and with the winding that glTF gives them.
+    std::vector<std::uint32_t> indices;
+
+    [[nodiscard]] std::size_t triangleCount() const { return indices.size() / 3; }
+};
+
+// Every primitive made of triangles (lists, strips, fans), in the file's order, used by a node or not.
+std::vector<PrimitivePlace> trianglePrimitives(const Document &document);
+bool isMadeOfTriangles(const Document &document, PrimitivePlace place);
+
+// All of these throw GltfError for what does not exist, contradicts itself or reaches outside of its buffer, and
+// GltfUnsupported for what cannot be decoded here. Messages name the file and the place in it.
+
+// -1 gives the default material.
+Material readMaterial(const Document &document, int material);
+
+enum class Positions : std::uint8_t { Read, Leave };
+Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions);
+
+Image readImage(const Document &document, int image);
+
+// The alpha of a material's texture as its sampler reads it, times the base colour factor's; one texel of that factor
+// where there is no texture. `image` is what readImage gives for material.image, unread without a texture.
+AlphaTexture alphaTexture(const Material &material, const Image &image);
+
+// The corners' coordinates for each triangle. All zero where the primitive has none.
+std::vector<TriangleUvs> triangleUvs(const Primitive &primitive);
+
+} // namespace vellum
