@@ -39,6 +39,7 @@ struct LevelRows {
 };
 // One of each level, in the file of its name.
 LevelRows spyRows();
+LevelRows failureRows();
 LevelRows limitRows();
 LevelRows queueRows();
 LevelRows structureRows();

@@ -11,6 +11,9 @@ std::span<const Trait> allTraits()
          "a driver that knows nothing of micromaps, and tells of every flag, structure and name of theirs"},
         {"displacement", Level::Spy, "a driver with micromaps and VK_NV_displacement_micromap, which it only says"},
         {"hostmemory", Level::Spy, "a memory type more, of which there is memory left when there is no other"},
+        {"failures", Level::Failures, "what a test asks for runs out of memory, or the device is lost (Lost Device)"},
+        {"uncompiled", Level::Failures,
+         "pipelines that are made only if nothing has to be compiled are not made (VK_PIPELINE_COMPILE_REQUIRED)"},
         {"alignments", Level::Limits,
          "the largest alignments (Required Limits): scratch memory 256, group handles 32, group tables 64, strides of "
          "at most 4096, non-coherent atoms 256"},
