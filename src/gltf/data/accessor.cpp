@@ -65,6 +65,10 @@ float toFloat(const Elements &elements, const std::uint8_t *element, std::uint32
         return static_cast<float>(element[component]) / 255.0f;
     if (elements.normalized && elements.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT)
         return static_cast<float>(load<std::uint16_t>(element + 2 * component)) / 65535.0f;
+    if (elements.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE)
+        return static_cast<float>(element[component]);
+    if (elements.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT)
+        return static_cast<float>(load<std::uint16_t>(element + 2 * component));
     throw GltfError(what + ": component type " + std::to_string(elements.componentType) + " is not supported");
 }
 

@@ -14,8 +14,9 @@ class Model;
 namespace vellum
 {
 
-// `count` elements of `components` floats each, from FLOAT or normalised 8/16-bit data. `what` names the accessor in
-// the GltfError that is thrown for one that does not exist, is of another type or reaches outside of its buffer.
+// `count` elements of `components` floats each, from FLOAT or unsigned 8/16-bit data, normalised or not. `what` names
+// the accessor in the GltfError that is thrown for one that does not exist, is of another type or reaches outside of
+// its buffer.
 std::vector<float> readFloats(const tinygltf::Model &model, int accessor, std::uint32_t components,
                               const std::string &what);
 
