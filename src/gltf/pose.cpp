@@ -27,7 +27,7 @@ std::vector<float> readAttribute(const Document &document, int accessor, std::ui
 {
     if (accessorCount(document.model(), accessor, what) != vertices)
         throw GltfError(what + " has not one element for each of " + std::to_string(vertices) + " vertices");
-    return readFloats(document.model(), accessor, components, what);
+    return readFloats(document.bufferViews(), accessor, components, what);
 }
 
 } // namespace
@@ -65,7 +65,7 @@ std::vector<Matrix> jointMatrices(const Document &document, int index, const std
     const tinygltf::Skin &skin = model.skins[static_cast<std::size_t>(index)];
     std::vector<float> inverse;
     if (skin.inverseBindMatrices >= 0)
-        inverse = readFloats(model, skin.inverseBindMatrices, 16, what + " inverseBindMatrices");
+        inverse = readFloats(document.bufferViews(), skin.inverseBindMatrices, 16, what + " inverseBindMatrices");
     if (!inverse.empty() && inverse.size() < 16 * skin.joints.size())
         throw GltfError(what + " has " + std::to_string(inverse.size() / 16) + " inverse bind matrices for " +
                         std::to_string(skin.joints.size()) + " joints");

@@ -196,7 +196,7 @@ std::vector<Matrix> Reader::gpuInstances(const tinygltf::Node &node, const std::
             throw GltfError(where + " has " + std::to_string(elements) + " elements, more than " +
                             std::to_string(kMostInstances));
         count = elements;
-        return readFloats(m_model, accessor.GetNumberAsInt(), components, where);
+        return readFloats(m_document.bufferViews(), accessor.GetNumberAsInt(), components, where);
     };
     const std::vector<float> translations = read("TRANSLATION", 3);
     const std::vector<float> rotations = read("ROTATION", 4);
