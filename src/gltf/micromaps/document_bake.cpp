@@ -163,6 +163,8 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     if (material.image >= 0 && primitive.uvs.empty())
         return leave(place, material,
                      "it has no texture coordinates (TEXCOORD_" + std::to_string(material.uvSet) + ")");
+    if (primitive.morphed)
+        return leave(place, material, "morph targets change its texture coordinates or alphas");
     if (primitive.indices.empty())
         return leave(place, material, "it has no triangles");
     addTriangles(sourceOf(material), primitive);
