@@ -326,7 +326,7 @@ TEST(Driver, NoDisplacementBesideEmulation)
         if (m.fromVellum()) // the loader says something, too
             told.push_back(m.id);
     }
-    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-displacement-micromaps"});
+    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-hidden-extension"});
 }
 
 // The driver has both, but with an extension that it lacks micromaps are the layer's.
@@ -359,7 +359,7 @@ TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
         if (m.fromVellum())
             told.push_back(m.id);
     }
-    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-displacement-micromaps"});
+    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-hidden-extension"});
 }
 
 } // namespace
