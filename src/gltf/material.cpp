@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "gltf/data/image.h"
+#include "gltf/file/outside_file.h"
 #include "gltf/file/tinygltf.h"
 #include "gltf/primitive.h"
 
@@ -69,6 +70,19 @@ void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info
     material.filter = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? Filter::Nearest : Filter::Bilinear;
 }
 
+Image readImageFile(const Document &document, const std::string &uri, const std::string &what)
+{
+    std::vector<std::uint8_t> encoded;
+    try {
+        encoded = readWholeFile(fileOfUri(document.path().parent_path(), uri));
+    } catch (const GltfUnsupported &error) {
+        throw GltfUnsupported(what + ": " + error.what());
+    } catch (const GltfError &error) {
+        throw GltfError(what + ": " + error.what());
+    }
+    return decodeImage(encoded, what);
+}
+
 } // namespace
 
 Material readMaterial(const Document &document, int index)
@@ -105,11 +119,11 @@ Image readImage(const Document &document, int index)
         if (index < 0 || static_cast<std::size_t>(index) >= model.images.size())
             throw GltfError(what + " does not exist");
         const tinygltf::Image &image = model.images[static_cast<std::size_t>(index)];
+        if (!image.uri.empty())
+            return readImageFile(document, image.uri, what + " (" + image.uri + ")");
         std::span<const std::uint8_t> encoded(image.image);
         if (image.bufferView >= 0)
             encoded = document.bufferViews().bytes(image.bufferView, what);
-        if (encoded.empty())
-            throw GltfError(what + (image.uri.empty() ? " is empty" : " (" + image.uri + ") cannot be read"));
         return decodeImage(encoded, what);
     });
 }

@@ -12,6 +12,7 @@ namespace vellum
 {
 
 class JsonValue;
+struct JsonMember;
 
 class JsonTree
 {
@@ -22,6 +23,9 @@ public:
 
     [[nodiscard]] std::string_view text() const { return m_text; }
     [[nodiscard]] JsonValue root() const;
+
+    // Throws GltfError where an object has two members of one name (glTF 2.0, 2.6, "JSON Encoding").
+    void checkNames() const;
 
 private:
     friend class JsonValue;
@@ -60,6 +64,8 @@ public:
     [[nodiscard]] std::size_t count(std::string_view name) const;
     // The elements of an array, or the values of an object's members; empty for anything else.
     [[nodiscard]] std::vector<JsonValue> children() const;
+    // The members of an object; empty for anything else.
+    [[nodiscard]] std::vector<JsonMember> members() const;
 
     // A number without a fraction that 64 bits hold.
     [[nodiscard]] std::optional<std::int64_t> integer() const;
@@ -72,6 +78,11 @@ private:
 
     const JsonTree *m_tree = nullptr;
     std::uint32_t m_index = 0;
+};
+
+struct JsonMember {
+    std::string name;
+    JsonValue value;
 };
 
 } // namespace vellum
