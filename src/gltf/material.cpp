@@ -51,14 +51,33 @@ Wrap wrapOf(int mode)
     }
 }
 
+// The image that a renderer takes which reads what is read here: that of EXT_texture_webp; the texture's own, also in
+// place of what is not read here; else one of the latter, so that the error is about it.
+int imageOf(const tinygltf::Texture &texture, int index)
+{
+    const auto sourceOf = [&](const char *extension) {
+        const auto found = texture.extensions.find(extension);
+        const bool there = found != texture.extensions.end() && found->second.Get("source").IsInt();
+        return there ? found->second.Get("source").Get<int>() : -1;
+    };
+    if (const int webp = sourceOf("EXT_texture_webp"); webp >= 0)
+        return webp;
+    if (texture.source >= 0)
+        return texture.source;
+    for (const char *extension : {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"})
+        if (const int source = sourceOf(extension); source >= 0)
+            return source;
+    throw GltfUnsupported("texture " + std::to_string(index) + " has no image that is known here");
+}
+
 void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info, Material &material)
 {
     if (static_cast<std::size_t>(info.index) >= model.textures.size())
         throw GltfError("texture " + std::to_string(info.index) + " does not exist");
     const tinygltf::Texture &texture = model.textures[static_cast<std::size_t>(info.index)];
-    material.image = texture.source;
-    if (texture.source < 0 || static_cast<std::size_t>(texture.source) >= model.images.size())
-        throw GltfError("image " + std::to_string(texture.source) + " does not exist");
+    material.image = imageOf(texture, info.index);
+    if (static_cast<std::size_t>(material.image) >= model.images.size())
+        throw GltfError("image " + std::to_string(material.image) + " does not exist");
     readTransform(info, material);
     if (texture.sampler < 0)
         return;
