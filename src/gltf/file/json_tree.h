@@ -6,13 +6,13 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace vellum
 {
 
 class JsonValue;
-struct JsonMember;
 
 class JsonTree
 {
@@ -64,8 +64,9 @@ public:
     [[nodiscard]] std::size_t count(std::string_view name) const;
     // The elements of an array, or the values of an object's members; empty for anything else.
     [[nodiscard]] std::vector<JsonValue> children() const;
-    // The members of an object; empty for anything else.
-    [[nodiscard]] std::vector<JsonMember> members() const;
+
+    // The names, which are strings, and values of an object's members; empty for anything else.
+    [[nodiscard]] std::vector<std::pair<JsonValue, JsonValue>> members() const;
 
     // A number without a fraction that 64 bits hold.
     [[nodiscard]] std::optional<std::int64_t> integer() const;
@@ -78,11 +79,6 @@ private:
 
     const JsonTree *m_tree = nullptr;
     std::uint32_t m_index = 0;
-};
-
-struct JsonMember {
-    std::string name;
-    JsonValue value;
 };
 
 } // namespace vellum

@@ -58,6 +58,19 @@ std::string numbered(const char *what, std::size_t index)
     return std::string(what).append(" ").append(std::to_string(index));
 }
 
+struct JsonMember {
+    std::string name;
+    JsonValue value;
+};
+
+std::vector<JsonMember> membersOf(const JsonValue &object)
+{
+    std::vector<JsonMember> members;
+    for (const auto &[name, value] : object.members())
+        members.push_back({name.string().value_or(""), value});
+    return members;
+}
+
 class ModelReader
 {
 public:
@@ -172,7 +185,7 @@ void ModelReader::prepareMember(const JsonMember &member)
 void ModelReader::prepare(const JsonValue &value)
 {
     if (value.isObject()) {
-        for (const JsonMember &member : value.members())
+        for (const JsonMember &member : membersOf(value))
             prepareMember(member);
         return;
     }
@@ -244,10 +257,10 @@ void ModelReader::prepareMeshes(const JsonValue &meshes)
             const JsonValue attributes = primitive["attributes"];
             if (!attributes.isObject())
                 throw GltfError(place() + " has no \"attributes\"");
-            for (const JsonMember &attribute : attributes.members())
+            for (const JsonMember &attribute : membersOf(attributes))
                 prepareInteger(attribute, kLargestIndex);
             for (const JsonValue &target : primitive["targets"].children())
-                for (const JsonMember &attribute : target.members())
+                for (const JsonMember &attribute : membersOf(target))
                     prepareInteger(attribute, kLargestIndex);
             if (const JsonValue mode = primitive["mode"]; mode.exists())
                 prepareInteger({"mode", mode}, kLargestIndex);

@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/relative_uri.h"
 
 namespace vellum
 {
@@ -12,40 +13,6 @@ namespace
 {
 
 constexpr std::uintmax_t kMostBytes = 0x7fffffff;
-
-int hexDigit(char c)
-{
-    if (c >= '0' && c <= '9')
-        return c - '0';
-    if (c >= 'a' && c <= 'f')
-        return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F')
-        return c - 'A' + 10;
-    return -1;
-}
-
-// A percent sign that is not followed by two digits is itself: not every program encodes the names it writes.
-std::string percentDecoded(std::string_view text)
-{
-    std::string decoded;
-    decoded.reserve(text.size());
-    for (std::size_t i = 0; i < text.size(); ++i) {
-        if (text[i] == '%' && i + 2 < text.size() && hexDigit(text[i + 1]) >= 0 && hexDigit(text[i + 2]) >= 0) {
-            decoded += static_cast<char>(16 * hexDigit(text[i + 1]) + hexDigit(text[i + 2]));
-            i += 2;
-        } else {
-            decoded += text[i];
-        }
-    }
-    return decoded;
-}
-
-// "https:" and the like. One letter before the colon is no scheme that anything has.
-bool hasScheme(std::string_view uri)
-{
-    const std::size_t colon = uri.find(':');
-    return colon != std::string_view::npos && colon > 0 && uri.substr(0, colon).find_first_of("/?#%") == colon;
-}
 
 constexpr std::uint8_t kNoDigit = 64;
 
@@ -107,17 +74,12 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
 {
     if (uri.empty())
         throw GltfError("the URI is empty");
-    if (hasScheme(uri))
+    const auto path = decodedUri(uri);
+    if (!path || path->is_absolute())
         throw GltfUnsupported("the URI is not a relative path");
-    const std::string name = percentDecoded(uri);
-    if (name.find('\0') != std::string::npos)
-        throw GltfError("the URI has a NUL character");
-    const std::filesystem::path path(name);
-    if (path.is_absolute())
-        throw GltfUnsupported("the URI is not a relative path");
-    if (std::find(path.begin(), path.end(), "..") != path.end())
+    if (std::find(path->begin(), path->end(), "..") != path->end())
         throw GltfUnsupported("the URI leads out of the file's folder");
-    return folder / path;
+    return folder / *path;
 }
 
 bool isDataUri(std::string_view uri)
