@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <fmt/format.h>
 
+#include "cli/base/output_file.h"
 #include "cli/base/paired_timing.h"
 #include "cli/base/progress.h"
 #include "cli/renderer/state_table.h"
