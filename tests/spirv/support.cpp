@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <spirv-tools/optimizer.hpp>
 
+#include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -73,8 +75,29 @@ std::string validate(const Module &words)
     return messages.empty() ? "invalid" : messages;
 }
 
+namespace
+{
+
+// For tests/drivers: in the folder that the environment names, if it does.
+void writeModule(const Module &words)
+{
+    const char *folder = std::getenv("VELLUM_TEST_MODULES");
+    if (folder == nullptr)
+        return;
+    const auto *test = testing::UnitTest::GetInstance()->current_test_info();
+    static int number = 0;
+    std::string name = std::string(test->test_suite_name()) + "." + test->name() + "." + std::to_string(number++);
+    std::ranges::replace(name, '/', '-');
+    std::ofstream file(std::string(folder) + "/" + name + ".spv", std::ios::binary);
+    file.write(reinterpret_cast<const char *>(words.data()), static_cast<std::streamsize>(words.size() * 4));
+    EXPECT_TRUE(file.flush()) << folder;
+}
+
+} // namespace
+
 Module rewriteValid(const Module &words)
 {
+    writeModule(words);
     EXPECT_EQ(validate(words), "") << disassemble(words);
     // Both halves differ, so that a mix-up shows.
     const auto result = spirv::rewrite(words, {.rootAddress = 0xfedcba9876543210});

@@ -1,4 +1,5 @@
-// The micromaps that a glTF file has by EXT_mesh_opacity_micromap, or by its earlier spelling KHR_mesh_opacity_micromap.
+// The micromaps that a glTF file has by EXT_mesh_opacity_micromap, or by its earlier spelling
+// KHR_mesh_opacity_micromap.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +23,9 @@ struct StoredMicromap {
 
 // What a primitive says of its triangles.
 struct PrimitiveMicromap {
-    std::uint32_t micromap = 0;        // into StoredMicromaps::micromaps
-    std::vector<std::int32_t> indices; // one for each triangle: a micromap triangle less baseTriangle, or a special index
+    std::uint32_t micromap = 0; // into StoredMicromaps::micromaps
+    std::vector<std::int32_t>
+        indices; // one for each triangle: a micromap triangle less baseTriangle, or a special index
     std::uint32_t baseTriangle = 0;
 };
 

@@ -17,6 +17,7 @@ constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kSpyLayer = "VK_LAYER_VELLUM_test_spy";
 constexpr const char *kCapableLayer = "VK_LAYER_VELLUM_test_capable";
+constexpr const char *kNullLayer = "VK_LAYER_VELLUM_test_null";
 
 // Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
 // others, with the reason.
@@ -230,6 +231,10 @@ void Gpu::createInstance()
         layers.push_back(kSpyLayer);
     if (options_.capable)
         layers.push_back(kCapableLayer);
+    if (!options_.absentGpu.empty()) {
+        layers.push_back(kNullLayer);
+        setenv("RADV_FORCE_FAMILY", options_.absentGpu.c_str(), 1);
+    }
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
@@ -296,6 +301,8 @@ void Gpu::createDevice()
     }
     if (options_.shaderObject)
         add("VK_EXT_shader_object");
+    if (!options_.absentGpu.empty())
+        add(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME);
     if (options_.debugMarker)
         extensions_.emplace_back(VK_EXT_DEBUG_MARKER_EXTENSION_NAME);
     if (options_.maintenance)
@@ -337,6 +344,7 @@ void Gpu::createDevice()
     VkPhysicalDeviceMeshShaderFeaturesEXT mesh{};
     VkPhysicalDeviceTransformFeedbackFeaturesEXT feedback{};
     VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
+    VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR executables{};
     OneFeature maintenance6{kMaintenance6Features};
     OneFeature shaderObjects{kShaderObjectFeatures};
     std::array<OneFeature, kNewerExtensions.size()> newer{};
@@ -365,6 +373,8 @@ void Gpu::createDevice()
         chain(feedback, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TRANSFORM_FEEDBACK_FEATURES_EXT);
     if (has(VK_EXT_ROBUSTNESS_2_EXTENSION_NAME))
         chain(robustness, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT);
+    if (has(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME))
+        chain(executables, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_EXECUTABLE_PROPERTIES_FEATURES_KHR);
     if (has(kMaintenance6))
         chain(maintenance6, maintenance6.sType);
     if (options_.shaderObject)

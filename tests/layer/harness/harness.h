@@ -58,6 +58,9 @@ struct Options {
     bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
     bool spy = true;           // spy_layer.cpp, below everything
     bool capable = false;      // capable_layer.cpp, below even that
+    // A GPU that RADV compiles for though it is not there, by RADV's name of it; null_layer.cpp stands for the device.
+    // The process must have RADV as its driver.
+    std::string absentGpu{};
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
     bool bothApis = false;     // enable the other one, too

@@ -1,0 +1,77 @@
+// JSON with the place of everything in the text, so that parts can be replaced and the rest stays byte for byte.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vellum
+{
+
+class JsonValue;
+
+class JsonTree
+{
+public:
+    // Parses `text`, which must outlive the tree. A byte order mark in front and anything behind the value (the padding
+    // of a GLB's chunk) are left alone. Nesting must be bounded (readContainer sees to that). Throws GltfError.
+    explicit JsonTree(std::string_view text);
+
+    [[nodiscard]] std::string_view text() const { return m_text; }
+    [[nodiscard]] JsonValue root() const;
+
+private:
+    friend class JsonValue;
+    friend struct JsonEvents;
+    enum class Kind : std::uint8_t { Scalar, String, Array, Object };
+    // In the order of the text. In an object a name, which is a string, is followed by its value.
+    struct Node {
+        std::uint32_t begin = 0;
+        std::uint32_t end = 0;  // behind the last byte
+        std::uint32_t next = 0; // the node behind this one and all that is in it
+        Kind kind = Kind::Scalar;
+    };
+
+    std::string_view m_text;
+    std::vector<Node> m_nodes;
+};
+
+// A value in a tree, or nothing: what is looked for in nothing is nothing. Valid as long as its tree.
+class JsonValue
+{
+public:
+    JsonValue() = default;
+
+    [[nodiscard]] bool exists() const { return m_tree != nullptr; }
+    [[nodiscard]] bool isArray() const { return exists() && node().kind == JsonTree::Kind::Array; }
+    [[nodiscard]] bool isObject() const { return exists() && node().kind == JsonTree::Kind::Object; }
+
+    // Where the text of it is.
+    [[nodiscard]] std::size_t begin() const { return node().begin; }
+    [[nodiscard]] std::size_t end() const { return node().end; }
+    [[nodiscard]] std::string_view text() const { return m_tree->m_text.substr(begin(), end() - begin()); }
+
+    // A member of an object; the last one where there are several of that name.
+    [[nodiscard]] JsonValue operator[](std::string_view name) const;
+    // How many members an object has by that name.
+    [[nodiscard]] std::size_t count(std::string_view name) const;
+    // The elements of an array, or the values of an object's members; empty for anything else.
+    [[nodiscard]] std::vector<JsonValue> children() const;
+
+    // A number without a fraction that 64 bits hold.
+    [[nodiscard]] std::optional<std::int64_t> integer() const;
+    [[nodiscard]] std::optional<std::string> string() const;
+
+private:
+    friend class JsonTree;
+    JsonValue(const JsonTree &tree, std::uint32_t index) : m_tree(&tree), m_index(index) {}
+    [[nodiscard]] const JsonTree::Node &node() const { return m_tree->m_nodes[m_index]; }
+
+    const JsonTree *m_tree = nullptr;
+    std::uint32_t m_index = 0;
+};
+
+} // namespace vellum

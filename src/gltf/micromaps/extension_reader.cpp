@@ -1,0 +1,425 @@
+#include "gltf/micromaps/extension_reader.h"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <numeric>
+
+#include "core/curve.h"
+#include "gltf/data/accessor.h"
+#include "gltf/file/tinygltf.h"
+
+namespace vellum
+{
+namespace
+{
+
+constexpr const char *kSpellings[] = {"EXT_mesh_opacity_micromap", "KHR_mesh_opacity_micromap"};
+constexpr std::size_t kRecordBytes = 8;
+
+template <typename T>
+T load(const std::uint8_t *bytes)
+{
+    T value;
+    std::memcpy(&value, bytes, sizeof value);
+    return value;
+}
+
+std::string number(std::uint64_t value)
+{
+    return std::to_string(value);
+}
+
+// "Special indices MUST be stored as the two's-complement bit pattern of the signed value": in an unsigned type the
+// four highest numbers.
+template <typename T>
+std::int64_t lookupValue(const std::uint8_t *bytes)
+{
+    const T value = load<T>(bytes);
+    if constexpr (std::is_unsigned_v<T>)
+        if (value > std::numeric_limits<T>::max() - 4)
+            return static_cast<std::int64_t>(value) - std::numeric_limits<T>::max() - 1;
+    return value;
+}
+
+using ReadLookup = std::int64_t (*)(const std::uint8_t *);
+
+struct LookupType {
+    std::size_t bytes;
+    ReadLookup read;
+};
+
+std::optional<LookupType> lookupType(int componentType)
+{
+    switch (componentType) {
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return LookupType{1, lookupValue<std::uint8_t>};
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return LookupType{2, lookupValue<std::uint16_t>};
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: return LookupType{4, lookupValue<std::uint32_t>};
+    case TINYGLTF_COMPONENT_TYPE_SHORT: return LookupType{2, lookupValue<std::int16_t>};
+    case TINYGLTF_COMPONENT_TYPE_INT: return LookupType{4, lookupValue<std::int32_t>};
+    default: return std::nullopt;
+    }
+}
+
+std::uint64_t bufferBytes(const tinygltf::Model &model)
+{
+    std::uint64_t bytes = 0;
+    for (const tinygltf::Buffer &buffer : model.buffers)
+        bytes += buffer.data.size();
+    return bytes;
+}
+
+} // namespace
+
+ExtensionReader::ExtensionReader(const Document &document, std::size_t most)
+    : m_document(document), m_tree(document.json()), m_most(most),
+      m_allowance(2 * bufferBytes(document.model()) + (std::uint64_t{64} << 20))
+{
+}
+
+void ExtensionReader::note(const std::string &message)
+{
+    if (!full())
+        m_offences.push_back({m_place, message});
+    if (full())
+        throw Broken{};
+}
+
+void ExtensionReader::fail(const std::string &message)
+{
+    note(message);
+    throw Broken{};
+}
+
+template <typename Read>
+void ExtensionReader::at(std::string place, Read &&read)
+{
+    if (full())
+        return;
+    m_place = std::move(place);
+    try {
+        read();
+    } catch (const Broken &) {
+        // It is on the list.
+    } catch (const GltfError &error) {
+        if (!full())
+            m_offences.push_back({m_place, error.what()});
+    }
+}
+
+std::int64_t ExtensionReader::required(const JsonValue &object, const char *name)
+{
+    const JsonValue value = object[name];
+    if (!value.exists())
+        fail(std::string("\"") + name + "\" is missing");
+    const auto integer = value.integer();
+    if (!integer || *integer < 0)
+        fail(std::string("\"") + name + "\" is not an integer of at least 0");
+    return *integer;
+}
+
+std::vector<std::int64_t> ExtensionReader::requiredList(const JsonValue &object, const char *name)
+{
+    const JsonValue value = object[name];
+    if (!value.exists())
+        fail(std::string("\"") + name + "\" is missing");
+    std::vector<std::int64_t> list;
+    for (const JsonValue &element : value.children()) {
+        const auto integer = element.integer();
+        if (!value.isArray() || !integer)
+            fail(std::string("\"") + name + "\" has an element that is not an integer");
+        list.push_back(*integer);
+    }
+    if (!value.isArray() || list.empty())
+        fail(std::string("\"") + name + "\" is not an array with elements");
+    return list;
+}
+
+std::span<const std::uint8_t> ExtensionReader::view(std::int64_t index, const char *name)
+{
+    const tinygltf::Model &model = m_document.model();
+    if (index >= static_cast<std::int64_t>(model.bufferViews.size()))
+        fail(std::string("\"") + name + "\": buffer view " + std::to_string(index) + " does not exist");
+    return readBufferView(model, static_cast<int>(index), std::string("\"") + name + "\"");
+}
+
+void ExtensionReader::account(std::size_t bytes)
+{
+    if (bytes > m_allowance)
+        fail("the micromaps take several times the bytes of the file's buffers");
+    m_allowance -= bytes;
+}
+
+StoredMicromaps ExtensionReader::read()
+{
+    at("extensions", [&] { findExtension(); });
+    const JsonValue root = m_tree.root();
+    if (!m_stored.extension.empty()) {
+        const std::vector<JsonValue> elements = root["extensions"][m_stored.extension]["micromaps"].children();
+        m_stored.micromaps.resize(elements.size());
+        m_whole.resize(elements.size());
+        for (std::size_t i = 0; i < elements.size() && !full(); ++i) {
+            const std::size_t before = m_offences.size();
+            at("micromaps[" + number(i) + "]", [&] { readMicromap(elements[i], m_stored.micromaps[i]); });
+            m_whole[i] = m_offences.size() == before;
+        }
+    }
+    const std::vector<JsonValue> meshes = root["meshes"].children();
+    for (std::uint32_t m = 0; m < meshes.size() && !full(); ++m)
+        at("mesh " + number(m), [&] { readMesh(m, meshes[m]); });
+    return std::move(m_stored);
+}
+
+void ExtensionReader::findExtension()
+{
+    const JsonValue root = m_tree.root();
+    for (const char *spelling : kSpellings) {
+        const JsonValue extension = root["extensions"][spelling];
+        if (!extension.exists() || !m_stored.extension.empty())
+            continue;
+        m_stored.extension = spelling;
+        const JsonValue list = extension["micromaps"];
+        if (!list.isArray() || list.children().empty())
+            note(m_stored.extension + ": \"micromaps\" is not an array with elements");
+        const std::vector<JsonValue> used = root["extensionsUsed"].children();
+        if (std::none_of(used.begin(), used.end(), [&](const JsonValue &name) { return name.string() == spelling; }))
+            note("\"extensionsUsed\" does not name " + m_stored.extension);
+    }
+}
+
+void ExtensionReader::readMicromap(const JsonValue &element, StoredMicromap &micromap)
+{
+    if (!element.isObject())
+        fail("it is not an object");
+    readUsage(element, micromap);
+    const auto data = view(required(element, "data"), "data");
+    account(data.size());
+    micromap.data.assign(data.begin(), data.end());
+    readRecords(element, micromap);
+    checkRecords(micromap);
+    checkOverlap(micromap);
+    checkUsage(micromap);
+}
+
+void ExtensionReader::readUsage(const JsonValue &element, StoredMicromap &micromap)
+{
+    const auto counts = requiredList(element, "usageCounts");
+    const auto levels = requiredList(element, "usageLevels");
+    const auto formats = requiredList(element, "usageFormats");
+    if (counts.size() != levels.size() || counts.size() != formats.size())
+        fail("usageCounts has " + number(counts.size()) + " elements, usageLevels " + number(levels.size()) +
+             ", usageFormats " + number(formats.size()));
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+        const std::string which = std::string("[").append(number(i)).append("] is ");
+        if (counts[i] < 1 || counts[i] > std::numeric_limits<std::uint32_t>::max())
+            fail("usageCounts" + which + std::to_string(counts[i]) + ", not 1 or more");
+        if (levels[i] < 0 || levels[i] > static_cast<std::int64_t>(shared::kMaxSubdivisionLevel))
+            fail("usageLevels" + which + std::to_string(levels[i]) + ", not 0 to 12");
+        if (formats[i] != 1 && formats[i] != 2)
+            fail("usageFormats" + which + std::to_string(formats[i]) + ", neither 1 (2-state) nor 2 (4-state)");
+        micromap.usage.push_back({static_cast<std::uint32_t>(counts[i]), static_cast<std::uint32_t>(levels[i]),
+                                  static_cast<Format>(formats[i])});
+    }
+}
+
+void ExtensionReader::readRecords(const JsonValue &element, StoredMicromap &micromap)
+{
+    const std::int64_t index = required(element, "triangles");
+    const auto bytes = view(index, "triangles");
+    const std::size_t declared = m_document.model().bufferViews[static_cast<std::size_t>(index)].byteStride;
+    const std::size_t stride = declared == 0 ? kRecordBytes : declared;
+    if (stride < kRecordBytes || stride % 4 != 0)
+        fail("\"triangles\": a byteStride of " + number(stride) + " is not a multiple of 4 that is at least 8");
+    if (bytes.size() % stride != 0 && bytes.size() % stride != kRecordBytes)
+        fail("\"triangles\": " + number(bytes.size()) + " bytes are no whole number of records of " + number(stride) +
+             " bytes");
+    account(bytes.size() / stride * kRecordBytes);
+    for (std::size_t at = 0; at + kRecordBytes <= bytes.size(); at += stride)
+        micromap.triangles.push_back({load<std::uint32_t>(&bytes[at]), load<std::uint16_t>(&bytes[at + 4]),
+                                      static_cast<Format>(load<std::uint16_t>(&bytes[at + 6]))});
+}
+
+void ExtensionReader::checkRecords(const StoredMicromap &micromap)
+{
+    bool whole = true;
+    for (std::size_t i = 0; i < micromap.triangles.size(); ++i) {
+        const MicromapTriangle &t = micromap.triangles[i];
+        const std::string which = "triangle " + number(i) + ": ";
+        const std::size_t before = m_offences.size();
+        if (t.format != Format::TwoState && t.format != Format::FourState)
+            note(which + "format " + number(static_cast<unsigned>(t.format)) +
+                 " is neither 1 (2-state) nor 2 (4-state)");
+        else if (t.subdivisionLevel > shared::kMaxSubdivisionLevel)
+            note(which + "subdivision level " + number(t.subdivisionLevel) + " is above 12");
+        else if (const auto end = std::uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
+                 end > micromap.data.size())
+            note(which + "its data ends at byte " + number(end) + " of " + number(micromap.data.size()));
+        whole = whole && m_offences.size() == before;
+    }
+    if (!whole)
+        throw Broken{}; // regions mean nothing now
+}
+
+void ExtensionReader::checkOverlap(const StoredMicromap &micromap)
+{
+    const std::vector<MicromapTriangle> &triangles = micromap.triangles;
+    std::vector<std::uint32_t> order(triangles.size());
+    std::iota(order.begin(), order.end(), 0u);
+    const auto before = [&](std::uint32_t a, std::uint32_t b) {
+        return triangles[a].dataOffset < triangles[b].dataOffset;
+    };
+    if (!std::is_sorted(order.begin(), order.end(), before))
+        std::stable_sort(order.begin(), order.end(), before);
+    std::uint64_t end = 0;
+    std::uint32_t last = 0; // whose data ends there
+    for (const std::uint32_t i : order) {
+        const MicromapTriangle &t = triangles[i];
+        if (t.dataOffset < end)
+            note("triangle " + number(i) + ": its data overlaps that of triangle " + number(last));
+        const std::uint64_t itsEnd = std::uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
+        if (itsEnd > end) {
+            end = itsEnd;
+            last = i;
+        }
+    }
+}
+
+void ExtensionReader::checkUsage(const StoredMicromap &micromap)
+{
+    std::map<std::pair<Format, std::uint32_t>, std::pair<std::uint64_t, std::uint64_t>> counts; // said, found
+    std::uint64_t sum = 0;
+    for (const MicromapUsage &usage : micromap.usage) {
+        counts[{usage.format, usage.subdivisionLevel}].first += usage.count;
+        sum += usage.count;
+    }
+    for (const MicromapTriangle &t : micromap.triangles)
+        ++counts[{t.format, t.subdivisionLevel}].second;
+    if (sum != micromap.triangles.size())
+        note("usageCounts add up to " + number(sum) + " triangles, there are " + number(micromap.triangles.size()));
+    for (const auto &[kind, count] : counts)
+        if (count.first != count.second)
+            note("usageCounts has " + number(count.first) + " triangles of level " + number(kind.second) + ", format " +
+                 number(static_cast<unsigned>(kind.first)) + ", there are " + number(count.second));
+}
+
+void ExtensionReader::readMesh(std::uint32_t mesh, const JsonValue &value)
+{
+    const std::vector<JsonValue> primitives = value["primitives"].children();
+    // tinygltf leaves out what it cannot read, and then the numbers would mean other primitives.
+    const auto &meshes = m_document.model().meshes;
+    const bool same = mesh < meshes.size() && meshes[mesh].primitives.size() == primitives.size();
+    for (std::uint32_t p = 0; p < primitives.size() && !full(); ++p) {
+        const JsonValue extensions = primitives[p]["extensions"];
+        for (const char *spelling : kSpellings) {
+            const JsonValue extension = extensions[spelling];
+            if (!extension.exists() || (!m_stored.extension.empty() && m_stored.extension != spelling))
+                continue;
+            const PrimitivePlace place{mesh, p};
+            at(m_document.nameOf(place), [&] {
+                if (!same)
+                    fail("a primitive of its mesh cannot be read");
+                if (m_stored.extension.empty())
+                    fail(std::string("it has ") + spelling + ", the file's root has not");
+                readPrimitive(place, extension);
+            });
+        }
+    }
+}
+
+void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &extension)
+{
+    if (!extension.isObject())
+        fail(m_stored.extension + " is not an object");
+    const auto micromap = static_cast<std::size_t>(required(extension, "micromap"));
+    if (micromap >= m_stored.micromaps.size())
+        fail("micromap " + number(micromap) + " does not exist");
+    std::int64_t base = 0;
+    if (extension["micromapBaseTriangle"].exists())
+        base = required(extension, "micromapBaseTriangle");
+    if (base > std::numeric_limits<std::uint32_t>::max())
+        fail("micromapBaseTriangle " + std::to_string(base) + " is too large");
+    const int mode = m_document.model().meshes[place.mesh].primitives[place.primitive].mode;
+    if (mode != -1 && mode != TINYGLTF_MODE_TRIANGLES)
+        fail("its mode is " + std::to_string(mode) + ", not 4 (TRIANGLES)");
+    if (!m_whole[micromap])
+        return; // said there
+    PrimitiveMicromap primitive{static_cast<std::uint32_t>(micromap), {}, static_cast<std::uint32_t>(base)};
+    const std::uint64_t triangles = triangleCount(place);
+    const std::size_t records = m_stored.micromaps[micromap].triangles.size();
+    if (extension["micromapIndices"].exists()) {
+        primitive.indices = readIndices(required(extension, "micromapIndices"), triangles);
+    } else {
+        if (triangles + primitive.baseTriangle > records)
+            fail("its " + number(triangles) + " triangles from base triangle " + number(primitive.baseTriangle) +
+                 " on are outside of the micromap's " + number(records) + " triangles");
+        account(triangles * sizeof(std::int32_t));
+        primitive.indices.resize(triangles);
+        std::iota(primitive.indices.begin(), primitive.indices.end(), 0);
+    }
+    const std::size_t before = m_offences.size();
+    checkIndices(primitive, records);
+    if (m_offences.size() == before)
+        m_stored.primitives[place] = std::move(primitive);
+}
+
+std::uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
+{
+    const tinygltf::Model &model = m_document.model();
+    const tinygltf::Primitive &primitive = model.meshes[place.mesh].primitives[place.primitive];
+    if (primitive.indices >= 0)
+        return accessorCount(model, primitive.indices, "indices") / 3;
+    const auto position = primitive.attributes.find("POSITION");
+    if (position == primitive.attributes.end())
+        fail("it has no positions");
+    return accessorCount(model, position->second, "POSITION") / 3;
+}
+
+std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::uint64_t triangles)
+{
+    const tinygltf::Model &model = m_document.model();
+    const std::string what = "micromapIndices: accessor " + std::to_string(index);
+    if (index >= static_cast<std::int64_t>(model.accessors.size()))
+        fail(what + " does not exist");
+    const tinygltf::Accessor &accessor = model.accessors[static_cast<std::size_t>(index)];
+    const auto type = lookupType(accessor.componentType);
+    if (accessor.type != TINYGLTF_TYPE_SCALAR || !type || accessor.normalized)
+        fail(what + " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
+    if (accessor.count != triangles)
+        fail(what + " has " + number(accessor.count) + " elements for " + number(triangles) + " triangles");
+    if (accessor.sparse.isSparse || accessor.bufferView < 0)
+        fail(what + " has no buffer view of its own or is sparse, which is not supported");
+    const auto bytes = readBufferView(model, accessor.bufferView, what);
+    const tinygltf::BufferView &range = model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
+    const std::size_t stride = range.byteStride == 0 ? type->bytes : range.byteStride;
+    if ((range.byteOffset + accessor.byteOffset) % type->bytes != 0 || stride % type->bytes != 0)
+        fail(what + " is not aligned to its component type");
+    if (stride < type->bytes ||
+        (accessor.count > 0 &&
+         (accessor.byteOffset > bytes.size() || type->bytes > bytes.size() - accessor.byteOffset ||
+          accessor.count - 1 > (bytes.size() - accessor.byteOffset - type->bytes) / stride)))
+        fail(what + " reaches outside of its buffer view");
+    account(accessor.count * sizeof(std::int32_t));
+    std::vector<std::int32_t> indices;
+    indices.reserve(accessor.count);
+    for (std::size_t i = 0; i < accessor.count; ++i) {
+        const std::int64_t value = type->read(&bytes[accessor.byteOffset + i * stride]);
+        if (value < -4 || value > std::numeric_limits<std::int32_t>::max())
+            fail(what + ": element " + number(i) + " is " + std::to_string(value) +
+                 ", neither an index nor a special index");
+        indices.push_back(static_cast<std::int32_t>(value));
+    }
+    return indices;
+}
+
+void ExtensionReader::checkIndices(const PrimitiveMicromap &primitive, std::size_t records)
+{
+    for (std::size_t t = 0; t < primitive.indices.size(); ++t) {
+        const std::int32_t index = primitive.indices[t];
+        if (index >= 0 && std::uint64_t{primitive.baseTriangle} + static_cast<std::uint32_t>(index) >= records)
+            note("triangle " + number(t) + ": index " + std::to_string(index) + " + base triangle " +
+                 number(primitive.baseTriangle) + " is outside of the micromap's " + number(records) + " triangles");
+    }
+}
+
+} // namespace vellum

@@ -1,0 +1,67 @@
+// Reads the extension and collects whatever breaks a rule on the way.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "gltf/document.h"
+#include "gltf/file/json_tree.h"
+#include "gltf/micromaps/stored_micromaps.h"
+
+namespace vellum
+{
+
+class ExtensionReader
+{
+public:
+    // Stops at `most` offences.
+    ExtensionReader(const Document &document, std::size_t most);
+
+    // What is whole; the others are left empty.
+    StoredMicromaps read();
+    [[nodiscard]] std::vector<MicromapOffence> takeOffences() { return std::move(m_offences); }
+
+private:
+    // Thrown at the first offence of an element or a primitive after which the rest of it has no meaning.
+    struct Broken {
+    };
+
+    void note(const std::string &message);
+    [[noreturn]] void fail(const std::string &message);
+    [[nodiscard]] bool full() const { return m_offences.size() >= m_most; }
+    template <typename Read>
+    void at(std::string place, Read &&read);
+
+    void findExtension();
+    void readMicromap(const JsonValue &element, StoredMicromap &micromap);
+    void readUsage(const JsonValue &element, StoredMicromap &micromap);
+    void readRecords(const JsonValue &element, StoredMicromap &micromap);
+    void checkRecords(const StoredMicromap &micromap);
+    void checkOverlap(const StoredMicromap &micromap);
+    void checkUsage(const StoredMicromap &micromap);
+    void readMesh(std::uint32_t mesh, const JsonValue &value);
+    void readPrimitive(PrimitivePlace place, const JsonValue &extension);
+    std::uint64_t triangleCount(PrimitivePlace place);
+    std::vector<std::int32_t> readIndices(std::int64_t accessor, std::uint64_t triangles);
+    void checkIndices(const PrimitiveMicromap &primitive, std::size_t records);
+
+    std::int64_t required(const JsonValue &object, const char *name);
+    std::vector<std::int64_t> requiredList(const JsonValue &object, const char *name);
+    std::span<const std::uint8_t> view(std::int64_t index, const char *name);
+    // Many elements may name one buffer view: what is copied out of the file is bounded.
+    void account(std::size_t bytes);
+
+    const Document &m_document;
+    JsonTree m_tree;
+    std::size_t m_most;
+    std::string m_place;
+    std::vector<MicromapOffence> m_offences;
+    std::uint64_t m_allowance;
+    StoredMicromaps m_stored;
+    std::vector<bool> m_whole; // by micromap
+};
+
+} // namespace vellum

@@ -1,0 +1,62 @@
+#include "gltf/micromaps/stored_micromaps.h"
+
+#include <algorithm>
+
+#include "gltf/micromaps/extension_reader.h"
+
+namespace vellum
+{
+
+std::vector<MicromapOffence> findMicromapOffences(const Document &document, std::size_t most)
+{
+    return document.named([&] {
+        ExtensionReader reader(document, most);
+        reader.read();
+        return reader.takeOffences();
+    });
+}
+
+StoredMicromaps readMicromaps(const Document &document)
+{
+    return document.named([&] {
+        ExtensionReader reader(document, 1);
+        StoredMicromaps stored = reader.read();
+        for (const MicromapOffence &offence : reader.takeOffences())
+            throw GltfError(offence.place + ": " + offence.message);
+        return stored;
+    });
+}
+
+std::optional<Micromap> StoredMicromaps::of(PrimitivePlace place) const
+{
+    const auto found = primitives.find(place);
+    if (found == primitives.end())
+        return std::nullopt;
+    const PrimitiveMicromap &primitive = found->second;
+    const StoredMicromap &source = micromaps[primitive.micromap];
+    // Which triangles of the source are used, in their order there.
+    std::vector<std::uint32_t> used;
+    for (const std::int32_t index : primitive.indices)
+        if (index >= 0)
+            used.push_back(static_cast<std::uint32_t>(index) + primitive.baseTriangle);
+    std::sort(used.begin(), used.end());
+    used.erase(std::unique(used.begin(), used.end()), used.end());
+    Micromap micromap;
+    for (const std::uint32_t triangle : used) {
+        MicromapTriangle copy = source.triangles[triangle];
+        const auto begin = source.data.begin() + copy.dataOffset;
+        const auto end = begin + packedBytes(copy.subdivisionLevel, copy.format);
+        copy.dataOffset = static_cast<std::uint32_t>(micromap.data.size());
+        micromap.data.insert(micromap.data.end(), begin, end);
+        micromap.triangles.push_back(copy);
+    }
+    for (const std::int32_t index : primitive.indices) {
+        const auto triangle = static_cast<std::uint32_t>(index) + primitive.baseTriangle;
+        micromap.indices.push_back(
+            index < 0 ? index
+                      : static_cast<std::int32_t>(std::lower_bound(used.begin(), used.end(), triangle) - used.begin()));
+    }
+    return micromap;
+}
+
+} // namespace vellum

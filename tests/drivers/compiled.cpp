@@ -1,0 +1,204 @@
+#include "compiled.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace vellum::test
+{
+namespace
+{
+
+constexpr VkPipelineCreateFlags kStatistics = VK_PIPELINE_CREATE_CAPTURE_STATISTICS_BIT_KHR;
+constexpr std::uint32_t kPushBytes = 128; // the least that every device has
+
+template <class Function>
+Function load(const vt::Gpu &gpu, const char *name)
+{
+    return reinterpret_cast<Function>(vkGetDeviceProcAddr(gpu.device(), name));
+}
+
+VkPipelineShaderStageCreateInfo stageInfo(VkShaderStageFlagBits stage, VkShaderModule module, const char *entry)
+{
+    VkPipelineShaderStageCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO};
+    info.stage = stage;
+    info.module = module;
+    info.pName = entry;
+    return info;
+}
+
+} // namespace
+
+std::optional<std::string> radvManifest()
+{
+    std::error_code ignored;
+    for (const auto &entry : std::filesystem::directory_iterator("/usr/share/vulkan/icd.d", ignored)) {
+        if (entry.path().filename().string().starts_with("radeon_icd"))
+            return entry.path().string();
+    }
+    return {};
+}
+
+void useRadv(const std::string &manifest, const char *layerPath)
+{
+    // VK_LAYER_PATH would hide VK_ADD_LAYER_PATH; implicit layers of this machine are not wanted.
+    unsetenv("VK_LAYER_PATH");
+    unsetenv("VK_INSTANCE_LAYERS");
+    setenv("VK_ADD_LAYER_PATH", layerPath, 1);
+    setenv("VK_LOADER_LAYERS_DISABLE", "~implicit~", 1);
+    setenv("VK_DRIVER_FILES", manifest.c_str(), 1);
+    setenv("VK_ICD_FILENAMES", manifest.c_str(), 1);
+    setenv("MESA_SHADER_CACHE_DISABLE", "true", 1);
+}
+
+Layout::Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules) : gpu_(gpu)
+{
+    std::map<std::uint32_t, std::map<std::uint32_t, VkDescriptorSetLayoutBinding>> sets;
+    for (const ModuleFacts &facts : modules) {
+        for (const Binding &b : facts.bindings) {
+            VkDescriptorSetLayoutBinding &made = sets[b.set][b.binding];
+            made = {b.binding, b.type, std::max(b.count, made.descriptorCount), VK_SHADER_STAGE_ALL, nullptr};
+        }
+    }
+    const std::uint32_t count = sets.empty() ? 0 : sets.rbegin()->first + 1;
+    for (std::uint32_t set = 0; set < count; ++set) {
+        std::vector<VkDescriptorSetLayoutBinding> bindings;
+        for (const auto &[number, binding] : sets[set])
+            bindings.push_back(binding);
+        VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
+        info.bindingCount = static_cast<std::uint32_t>(bindings.size());
+        info.pBindings = bindings.data();
+        VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &info, nullptr, &sets_.emplace_back()));
+    }
+    const VkPushConstantRange range{VK_SHADER_STAGE_ALL, 0, kPushBytes};
+    VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
+    info.setLayoutCount = static_cast<std::uint32_t>(sets_.size());
+    info.pSetLayouts = sets_.data();
+    info.pushConstantRangeCount = 1;
+    info.pPushConstantRanges = &range;
+    VT_CHECK(vkCreatePipelineLayout(gpu.device(), &info, nullptr, &layout_));
+}
+
+Layout::~Layout()
+{
+    vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
+    for (const VkDescriptorSetLayout set : sets_)
+        vkDestroyDescriptorSetLayout(gpu_.device(), set, nullptr);
+}
+
+Compiled Compiled::compute(vt::Gpu &gpu, std::span<const std::uint32_t> words, const std::string &entry)
+{
+    Compiled made(gpu);
+    const Layout layout(gpu, {factsOf(words)});
+    const VkShaderModule module = gpu.shader(words);
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+    info.flags = kStatistics;
+    info.stage = stageInfo(VK_SHADER_STAGE_COMPUTE_BIT, module, entry.c_str());
+    info.layout = layout.handle();
+    const VkResult result = vkCreateComputePipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &made.pipeline_);
+    vkDestroyShaderModule(gpu.device(), module, nullptr);
+    VT_CHECK(result);
+    return made;
+}
+
+Compiled Compiled::graphics(vt::Gpu &gpu, std::span<const std::uint32_t> vertex,
+                            std::span<const std::uint32_t> fragment)
+{
+    Compiled made(gpu);
+    const Layout layout(gpu, {factsOf(vertex), factsOf(fragment)});
+    const VkShaderModule modules[]{gpu.shader(vertex), gpu.shader(fragment)};
+    const VkPipelineShaderStageCreateInfo stages[]{stageInfo(VK_SHADER_STAGE_VERTEX_BIT, modules[0], "main"),
+                                                   stageInfo(VK_SHADER_STAGE_FRAGMENT_BIT, modules[1], "main")};
+    VkPipelineVertexInputStateCreateInfo input{VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
+    VkPipelineInputAssemblyStateCreateInfo assembly{VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO};
+    assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+    const VkViewport viewport{0, 0, 16, 16, 0, 1};
+    const VkRect2D scissor{{0, 0}, {16, 16}};
+    VkPipelineViewportStateCreateInfo view{VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO};
+    view.viewportCount = view.scissorCount = 1;
+    view.pViewports = &viewport;
+    view.pScissors = &scissor;
+    VkPipelineRasterizationStateCreateInfo raster{VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO};
+    raster.lineWidth = 1;
+    VkPipelineMultisampleStateCreateInfo samples{VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO};
+    samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
+    VkPipelineColorBlendAttachmentState attachment{};
+    attachment.colorWriteMask = 0xf;
+    VkPipelineColorBlendStateCreateInfo blend{VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO};
+    blend.attachmentCount = 1;
+    blend.pAttachments = &attachment;
+    const VkFormat format = VK_FORMAT_R8G8B8A8_UNORM;
+    VkPipelineRenderingCreateInfo rendering{VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO};
+    rendering.colorAttachmentCount = 1;
+    rendering.pColorAttachmentFormats = &format;
+    VkGraphicsPipelineCreateInfo info{VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO, &rendering, kStatistics};
+    info.stageCount = 2;
+    info.pStages = stages;
+    info.pVertexInputState = &input;
+    info.pInputAssemblyState = &assembly;
+    info.pViewportState = &view;
+    info.pRasterizationState = &raster;
+    info.pMultisampleState = &samples;
+    info.pColorBlendState = &blend;
+    info.layout = layout.handle();
+    const VkResult result = vkCreateGraphicsPipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &made.pipeline_);
+    for (const VkShaderModule module : modules)
+        vkDestroyShaderModule(gpu.device(), module, nullptr);
+    VT_CHECK(result);
+    return made;
+}
+
+Compiled Compiled::rays(vt::Gpu &gpu, vt::PipelineSetup setup)
+{
+    Compiled made(gpu);
+    std::vector<ModuleFacts> facts;
+    for (const vt::PipelineStage &stage : setup.stages)
+        facts.push_back(factsOf(stage.words));
+    std::optional<Layout> layout;
+    if (setup.layout == VK_NULL_HANDLE)
+        setup.layout = layout.emplace(gpu, facts).handle();
+    setup.flags |= kStatistics;
+    const vt::PipelineInfo info(gpu, setup);
+    VT_CHECK(gpu.vk().CreateRayTracingPipelinesKHR(gpu.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
+                                                   nullptr, &made.pipeline_));
+    return made;
+}
+
+Compiled::Compiled(Compiled &&other) noexcept : gpu_(other.gpu_), pipeline_(other.pipeline_)
+{
+    other.pipeline_ = VK_NULL_HANDLE;
+}
+
+Compiled::~Compiled()
+{
+    vkDestroyPipeline(gpu_->device(), pipeline_, nullptr);
+}
+
+std::vector<Executable> Compiled::executables() const
+{
+    const auto properties =
+        load<PFN_vkGetPipelineExecutablePropertiesKHR>(*gpu_, "vkGetPipelineExecutablePropertiesKHR");
+    const auto statistics =
+        load<PFN_vkGetPipelineExecutableStatisticsKHR>(*gpu_, "vkGetPipelineExecutableStatisticsKHR");
+    const VkPipelineInfoKHR pipeline{VK_STRUCTURE_TYPE_PIPELINE_INFO_KHR, nullptr, pipeline_};
+    std::uint32_t count = 0;
+    VT_CHECK(properties(gpu_->device(), &pipeline, &count, nullptr));
+    std::vector<VkPipelineExecutablePropertiesKHR> all(count, {VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_PROPERTIES_KHR});
+    VT_CHECK(properties(gpu_->device(), &pipeline, &count, all.data()));
+    std::vector<Executable> made;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const VkPipelineExecutableInfoKHR info{VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_INFO_KHR, nullptr, pipeline_, i};
+        std::uint32_t values = 0;
+        VT_CHECK(statistics(gpu_->device(), &info, &values, nullptr));
+        std::vector<VkPipelineExecutableStatisticKHR> found(values,
+                                                            {VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_STATISTIC_KHR});
+        VT_CHECK(statistics(gpu_->device(), &info, &values, found.data()));
+        Executable &one = made.emplace_back(Executable{all[i].name, all[i].stages, {}});
+        for (const VkPipelineExecutableStatisticKHR &s : found) {
+            if (s.format == VK_PIPELINE_EXECUTABLE_STATISTIC_FORMAT_UINT64_KHR)
+                one.statistics[s.name] = s.value.u64;
+        }
+    }
+    return made;
+}
+
+} // namespace vellum::test

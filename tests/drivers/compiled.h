@@ -1,0 +1,69 @@
+// Pipelines that are made to see what a driver's compiler makes of their shaders, and never run.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/pipeline_builder.h"
+#include "modules.h"
+
+namespace vellum::test
+{
+
+// Where the driver RADV is; nothing if it is not installed.
+std::optional<std::string> radvManifest();
+
+// Lets this process use that driver, without its cache on disk, and the layers of this build.
+void useRadv(const std::string &manifest, const char *layerPath);
+
+// What VK_KHR_pipeline_executable_properties tells of a shader.
+struct Executable {
+    std::string name;
+    VkShaderStageFlags stages = 0;
+    std::map<std::string, std::uint64_t> statistics;
+};
+
+// A pipeline layout with every binding that some modules have, and push constants for all stages.
+class Layout
+{
+public:
+    Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules);
+    Layout(const Layout &) = delete;
+    Layout &operator=(const Layout &) = delete;
+    ~Layout();
+    [[nodiscard]] VkPipelineLayout handle() const { return layout_; }
+
+private:
+    vt::Gpu &gpu_;
+    std::vector<VkDescriptorSetLayout> sets_;
+    VkPipelineLayout layout_ = VK_NULL_HANDLE;
+};
+
+class Compiled
+{
+public:
+    // One entry point of a module, in a compute pipeline.
+    static Compiled compute(vt::Gpu &gpu, std::span<const std::uint32_t> words, const std::string &entry = "main");
+    // A fragment shader behind a vertex shader that writes nothing that it reads.
+    static Compiled graphics(vt::Gpu &gpu, std::span<const std::uint32_t> vertex,
+                             std::span<const std::uint32_t> fragment);
+    // Where `setup` has no layout, it gets one that is made for its stages.
+    static Compiled rays(vt::Gpu &gpu, vt::PipelineSetup setup);
+
+    Compiled(Compiled &&other) noexcept;
+    Compiled &operator=(Compiled &&) = delete;
+    ~Compiled();
+    [[nodiscard]] VkPipeline handle() const { return pipeline_; }
+    [[nodiscard]] std::vector<Executable> executables() const;
+
+private:
+    explicit Compiled(vt::Gpu &gpu) : gpu_(&gpu) {}
+
+    vt::Gpu *gpu_;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+};
+
+} // namespace vellum::test

@@ -1,0 +1,43 @@
+// What has to be known of a SPIR-V module to make a pipeline of it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::test
+{
+
+struct Binding {
+    std::uint32_t set = 0, binding = 0;
+    VkDescriptorType type{};
+    std::uint32_t count = 1;
+};
+
+struct EntryPoint {
+    std::string name;
+    VkShaderStageFlagBits stage{};
+};
+
+struct ModuleFacts {
+    std::vector<EntryPoint> entryPoints;
+    std::vector<Binding> bindings;
+};
+
+// Of a valid module.
+ModuleFacts factsOf(std::span<const std::uint32_t> words);
+
+// A file with the suffix .spv.
+struct ModuleFile {
+    std::string name;
+    std::vector<std::uint32_t> words;
+};
+
+// In order of their names. Throws if there are none.
+std::vector<ModuleFile> modulesIn(const std::filesystem::path &folder);
+
+} // namespace vellum::test
