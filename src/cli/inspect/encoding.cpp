@@ -88,8 +88,8 @@ std::string jsonString(std::string_view text)
         if (point >= 0x10000) {
             appendEscape(result, 0xd800 + ((point - 0x10000) >> 10));
             appendEscape(result, 0xdc00 + ((point - 0x10000) & 0x3ff));
-        } else if (point < 0x20 || point >= 0x7f || std::string_view("\"\\<>&'").find(static_cast<char>(point)) !=
-                                                        std::string_view::npos) {
+        } else if (point < 0x20 || point >= 0x7f ||
+                   std::string_view("\"\\<>&'").find(static_cast<char>(point)) != std::string_view::npos) {
             appendEscape(result, point);
         } else {
             result += static_cast<char>(point);
@@ -103,8 +103,8 @@ std::string htmlText(std::string_view text)
     std::string result;
     while (!text.empty()) {
         const char32_t point = takeCodePoint(text);
-        if (point < 0x20 || point >= 0x7f || std::string_view("\"<>&'").find(static_cast<char>(point)) !=
-                                                 std::string_view::npos)
+        if (point < 0x20 || point >= 0x7f ||
+            std::string_view("\"<>&'").find(static_cast<char>(point)) != std::string_view::npos)
             // No control characters: a parser takes these references for others or for errors.
             result += fmt::format("&#{};", static_cast<std::uint32_t>(
                                                point < 0x20 || (point >= 0x7f && point < 0xa0) ? kReplacement : point));

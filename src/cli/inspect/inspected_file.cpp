@@ -27,7 +27,8 @@ std::uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, con
     if (!accessor.IsInt() || static_cast<std::size_t>(accessor.GetNumberAsInt()) >= model.accessors.size())
         return 0;
     const int type = model.accessors[static_cast<std::size_t>(accessor.GetNumberAsInt())].componentType;
-    return count * static_cast<std::uint64_t>(std::max(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(type)), 0));
+    return count *
+           static_cast<std::uint64_t>(std::max(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(type)), 0));
 }
 
 class Inspector

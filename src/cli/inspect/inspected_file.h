@@ -31,8 +31,8 @@ struct InspectedMaterial {
 
 struct InspectedPrimitive {
     PrimitivePlace place;
-    std::string mesh;       // the mesh's name; empty without
-    std::uint32_t material; // into InspectedFile::materials
+    std::string mesh;          // the mesh's name; empty without
+    std::uint32_t material;    // into InspectedFile::materials
     std::size_t triangles = 0; // that the primitive has
     // Of the chosen triangles: which they are, their coordinates, and what their micromap index leads to: an element of
     // InspectedFile::records or a special index.

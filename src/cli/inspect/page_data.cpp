@@ -35,8 +35,8 @@ public:
             return;
         }
         for (std::uint32_t i = 0; i < microTriangleCount(pageLevel); ++i) {
-            const State state =
-                pageLevel == level ? readState(from, i, m_triangle.format) : most(i, microTriangleCount(level - pageLevel));
+            const State state = pageLevel == level ? readState(from, i, m_triangle.format)
+                                                   : most(i, microTriangleCount(level - pageLevel));
             writeState(to, i, Format::FourState, state);
         }
     }
@@ -119,10 +119,9 @@ std::int32_t PageMaker::useRecord(std::int32_t record)
     if (number >= 0)
         return number;
     const InspectedRecord &from = m_file.records[static_cast<std::size_t>(record)];
-    const auto [known, added] =
-        m_known.emplace(RecordKey{from.micromap, from.triangle.dataOffset, from.triangle.subdivisionLevel,
-                                  from.triangle.format},
-                        static_cast<std::int32_t>(m_data.records.size()));
+    const auto [known, added] = m_known.emplace(
+        RecordKey{from.micromap, from.triangle.dataOffset, from.triangle.subdivisionLevel, from.triangle.format},
+        static_cast<std::int32_t>(m_data.records.size()));
     if (added) {
         const auto level = static_cast<std::uint8_t>(from.triangle.subdivisionLevel);
         m_data.records.push_back({level, level, from.triangle.format, from.states, 0});

@@ -44,8 +44,8 @@ struct PageData {
     std::vector<std::uint8_t> states;
     std::size_t leftOut = 0; // triangles, for PageLimits::triangles
 
-    // As bytes, every array beginning at a multiple of 4: records (8 bits each for level, pageLevel, format and nothing;
-    // 32 each for firstByte and four counts), shapes (six floats, record), shapeOf, numbers, states.
+    // As bytes, every array beginning at a multiple of 4: records (8 bits each for level, pageLevel, format and
+    // nothing; 32 each for firstByte and four counts), shapes (six floats, record), shapeOf, numbers, states.
     [[nodiscard]] std::vector<std::uint8_t> bytes() const;
 };
 

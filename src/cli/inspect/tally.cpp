@@ -73,6 +73,15 @@ Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive)
     return tallier.finish();
 }
 
+Tally tallyOfMaterial(const InspectedFile &file, std::uint32_t material)
+{
+    Tallier tallier(file);
+    for (const InspectedPrimitive &primitive : file.primitives)
+        if (primitive.material == material)
+            tallier.add(primitive);
+    return tallier.finish();
+}
+
 std::array<double, 4> stateShares(const InspectedFile &file, std::int32_t record)
 {
     std::array<double, 4> shares{};

@@ -12,12 +12,12 @@ namespace vellum::cli
 struct Tally {
     std::uint64_t triangles = 0;
     std::uint64_t sharing = 0; // triangles whose micromap triangle an earlier one refers to as well
-    std::array<std::array<std::uint64_t, 2>, 13> levels{};      // triangles by level; of 2-state, of 4-state data
-    std::array<std::uint64_t, 4> special{};                     // triangles by the State of their special index
-    std::array<double, 4> states{};                             // share of all triangles' area by State, in sum 1
-    std::array<double, 4> uvArea{};                             // by State, in squares of the unit of UVs
-    std::uint64_t recordsUsed = 0;                              // micromap triangles that a chosen triangle refers to
-    std::uint64_t dataBytes = 0;                                // of those micromap triangles' data
+    std::array<std::array<std::uint64_t, 2>, 13> levels{}; // triangles by level; of 2-state, of 4-state data
+    std::array<std::uint64_t, 4> special{};                // triangles by the State of their special index
+    std::array<double, 4> states{};                        // share of all triangles' area by State, in sum 1
+    std::array<double, 4> uvArea{};                        // by State, in squares of the unit of UVs
+    std::uint64_t recordsUsed = 0;                         // micromap triangles that a chosen triangle refers to
+    std::uint64_t dataBytes = 0;                           // of those micromap triangles' data
     std::uint64_t indexBytes = 0;
 };
 
@@ -25,6 +25,9 @@ struct Tally {
 Tally tallyOf(const InspectedFile &file);
 // Of one primitive's.
 Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive);
+
+// Of all with one material, of InspectedFile::materials.
+Tally tallyOfMaterial(const InspectedFile &file, std::uint32_t material);
 
 // Share of each State; for a special index 1 for its own.
 std::array<double, 4> stateShares(const InspectedFile &file, std::int32_t record);
