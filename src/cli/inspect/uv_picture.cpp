@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fmt/format.h>
 
+#include "cli/base/numbers.h"
 #include "cli/inspect/tally.h"
 #include "cli/inspect/uv_panel.h"
 #include "cli/picture/text.h"
@@ -128,7 +129,7 @@ void drawPanel(Picture &picture, const InspectedFile &file, const Panel &panel, 
     drawText(picture, x, y + 20, fitText(name, Font::Title, room), Font::Title, kInk);
     const auto &s = panel.tally.states;
     drawText(picture, x, y + 44,
-             fitText(fmt::format("{} triangle{}, {} unknown, cutoff {:.3g}", panel.tally.triangles,
+             fitText(fmt::format("{} triangle{}, {} unknown, cutoff {:.3g}", grouped(panel.tally.triangles),
                                  panel.tally.triangles == 1 ? "" : "s", percent(s[2] + s[3]), material.alphaCutoff),
                      Font::Normal, room),
              Font::Normal, kFaint);
@@ -186,7 +187,7 @@ Picture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options)
         width += w + kMargin;
     for (const int h : heights)
         height += h + kMargin / 2;
-    width = std::max(width, drawLegend(nullptr, all, 0, 0) + 2 * kMargin);
+    width = std::max(width, drawLegend(nullptr, all, 0, 0) + 2 * kMargin + kScaleWidth);
     Picture picture{static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height + kLegend), {}};
     picture.pixels.assign(std::size_t{picture.width} * picture.height, kPaper);
     int y = kMargin;
@@ -197,7 +198,7 @@ Picture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options)
             x += widths[column] + kMargin;
         }
     }
-    drawLegend(&picture, all, kMargin, height + 6);
+    drawLegend(&picture, all, kMargin + kScaleWidth, height + 6);
     return picture;
 }
 

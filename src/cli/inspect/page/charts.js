@@ -94,7 +94,7 @@ function statesCard() {
   const table = element("table", {}, element("thead", {}, row(head("State"), head("of triangles", true), head("of UV area", true), head("special", true))));
   const body = element("tbody");
   for (const state of stateOrder)
-    body.append(row(cell(element("span", {}, swatch(state), stateNames[state])), cell(percent(t.states[state]), true),
+    body.append(row(cell(element("span", { class: "state" }, swatch(state), stateNames[state])), cell(percent(t.states[state]), true),
       cell(area ? percent(t.uvArea[state] / area) : "–", true), cell(count(t.special[state]), true)));
   table.append(body);
   return element("div", { class: "card" }, element("h3", {}, "States"), stateBar(t.states, "tall"), table);

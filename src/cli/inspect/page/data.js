@@ -72,6 +72,11 @@ class Model {
       this.uvs.set(floats.subarray(at, at + 6), s * 6);
       this.record[s] = ints[at + 6];
     }
+    this.boxes = new Float32Array(facts.shapes * 4); // left, top, right, bottom; NaN where a coordinate is
+    for (let s = 0; s < facts.shapes; ++s) {
+      const b = this.bounds(s);
+      this.boxes.set([b.left, b.top, b.right, b.bottom], s * 4);
+    }
     this.listTriangles();
   }
 

@@ -6,7 +6,7 @@ function placeText(model, triangle) {
 
 function shortPlace(model, triangle) {
   const { primitive, triangle: number } = model.place(triangle);
-  return `${meshName(primitive)} · ${primitive.primitive} · ${count(number)}`;
+  return `mesh ${primitive.mesh} · prim ${primitive.primitive} · tri ${count(number)}`;
 }
 
 const coordinate = (x) => (Number.isFinite(x) ? x.toFixed(5).replace("-", "−") : String(x));
@@ -31,7 +31,7 @@ function detailsOf(model, shape, point, stacked) {
   const shares = model.shares(record);
   const table = element("div", { class: "shares" });
   for (const state of stateOrder)
-    table.append(element("span", {}, swatch(state), stateNames[state]), element("span", {}, percent(shares[state])));
+    table.append(element("span", { class: "state" }, swatch(state), stateNames[state]), element("span", {}, percent(shares[state])));
   list.append(element("div", { class: "wide" }, stateBar(shares), table));
   const uvs = element("span", { class: "uvs" });
   for (let i = 0; i < 6; ++i) uvs.append(element("span", {}, coordinate(model.uvs[shape * 6 + i])));

@@ -7,12 +7,12 @@ class ShapeIndex {
     this.left = this.top = Infinity;
     this.right = this.bottom = -Infinity;
     for (let s = first; s < end; ++s) {
-      const b = model.bounds(s);
-      if (!Number.isFinite(b.left + b.right + b.top + b.bottom)) continue;
-      this.left = Math.min(this.left, b.left);
-      this.right = Math.max(this.right, b.right);
-      this.top = Math.min(this.top, b.top);
-      this.bottom = Math.max(this.bottom, b.bottom);
+      const [left, top, right, bottom] = model.boxes.subarray(s * 4, s * 4 + 4);
+      if (!Number.isFinite(left + top + right + bottom)) continue;
+      this.left = Math.min(this.left, left);
+      this.top = Math.min(this.top, top);
+      this.right = Math.max(this.right, right);
+      this.bottom = Math.max(this.bottom, bottom);
     }
     this.empty = !(this.left <= this.right);
     if (this.empty) this.left = this.top = 0, this.right = this.bottom = 1;
@@ -24,35 +24,37 @@ class ShapeIndex {
     this.stamp = 0;
   }
 
-  // The cells from and to which a rectangle reaches, or null for what is not finite.
-  cells(b) {
-    if (!Number.isFinite(b.left + b.right + b.top + b.bottom)) return null;
-    const clamp = (x) => Math.max(0, Math.min(this.edge - 1, Math.floor(x)));
+  // Calls visit(x0, y0, x1, y1) with the cells that a rectangle reaches from and to, if it is finite.
+  cells(left, top, right, bottom, visit) {
+    if (!Number.isFinite(left + top + right + bottom)) return;
+    const last = this.edge - 1;
+    const clamp = (x) => Math.max(0, Math.min(last, Math.floor(x)));
     const sx = this.edge / (this.right - this.left || 1);
     const sy = this.edge / (this.bottom - this.top || 1);
-    return [clamp((b.left - this.left) * sx), clamp((b.top - this.top) * sy),
-            clamp((b.right - this.left) * sx), clamp((b.bottom - this.top) * sy)];
+    visit(clamp((left - this.left) * sx), clamp((top - this.top) * sy), clamp((right - this.left) * sx), clamp((bottom - this.top) * sy));
+  }
+
+  cellsOf(shape, visit) {
+    const b = this.model.boxes;
+    this.cells(b[shape * 4], b[shape * 4 + 1], b[shape * 4 + 2], b[shape * 4 + 3], visit);
   }
 
   countEntries(edge) {
     this.edge = edge;
     let entries = 0;
-    for (let s = this.first; s < this.end; ++s) {
-      const cells = this.cells(this.model.bounds(s));
-      if (cells) entries += (cells[2] - cells[0] + 1) * (cells[3] - cells[1] + 1);
-    }
+    for (let s = this.first; s < this.end; ++s)
+      this.cellsOf(s, (x0, y0, x1, y1) => { entries += (x1 - x0 + 1) * (y1 - y0 + 1); });
     return entries;
   }
 
   fill(edge) {
     this.edge = edge;
     const forEachEntry = (visit) => {
-      for (let s = this.first; s < this.end; ++s) {
-        const cells = this.cells(this.model.bounds(s));
-        if (!cells) continue;
-        for (let y = cells[1]; y <= cells[3]; ++y)
-          for (let x = cells[0]; x <= cells[2]; ++x) visit(y * edge + x, s);
-      }
+      for (let s = this.first; s < this.end; ++s)
+        this.cellsOf(s, (x0, y0, x1, y1) => {
+          for (let y = y0; y <= y1; ++y)
+            for (let x = x0; x <= x1; ++x) visit(y * edge + x, s);
+        });
     };
     this.starts = new Uint32Array(edge * edge + 1);
     forEachEntry((cell) => ++this.starts[cell + 1]);
@@ -67,19 +69,18 @@ class ShapeIndex {
     const found = [];
     if (this.empty || rectangle.right < this.left || rectangle.left > this.right ||
         rectangle.bottom < this.top || rectangle.top > this.bottom) return found;
-    const cells = this.cells(rectangle);
-    if (!cells) return found;
     ++this.stamp;
-    for (let y = cells[1]; y <= cells[3]; ++y)
-      for (let x = cells[0]; x <= cells[2]; ++x)
-        for (let i = this.starts[y * this.edge + x]; i < this.starts[y * this.edge + x + 1]; ++i) {
+    const boxes = this.model.boxes;
+    this.cells(rectangle.left, rectangle.top, rectangle.right, rectangle.bottom, (x0, y0, x1, y1) => {
+      for (let y = y0; y <= y1; ++y)
+        for (let i = this.starts[y * this.edge + x0]; i < this.starts[y * this.edge + x1 + 1]; ++i) {
           const s = this.entries[i];
           if (this.stamps[s - this.first] === this.stamp) continue;
           this.stamps[s - this.first] = this.stamp;
-          const b = this.model.bounds(s);
-          if (b.left <= rectangle.right && b.right >= rectangle.left && b.top <= rectangle.bottom && b.bottom >= rectangle.top)
-            found.push(s);
+          if (boxes[s * 4] <= rectangle.right && boxes[s * 4 + 2] >= rectangle.left &&
+              boxes[s * 4 + 1] <= rectangle.bottom && boxes[s * 4 + 3] >= rectangle.top) found.push(s);
         }
+    });
     return found.sort((a, b) => a - b);
   }
 

@@ -65,7 +65,10 @@ function setUpViewer(model) {
     showDetails();
   };
   const open = (shape) => {
-    viewer.zoomTo(model.bounds(shape));
+    under = { shapes: [], point: null };
+    tip.hidden = true;
+    viewer.hovered = -1;
+    viewer.zoomTo(model.bounds(shape), 0.15);
     pin(shape);
     canvas.focus({ preventScroll: true });
     canvas.parentElement.scrollIntoView({ block: "nearest" });

@@ -8,11 +8,12 @@ class Viewer {
     this.shown = [true, true, true, true];
     this.outlines = true;
     this.strength = 0.7;
-    this.background = "color";
+    this.background = "grey";
     this.hovered = -1;
     this.pinned = -1;
     this.states = document.createElement("canvas");
     this.layers = []; // the one that is wanted, and the one before it until it is there
+    this.overview = null; // the one that shows everything
     this.center = [0.5, 0.5];
     this.scale = 100; // pixels of the canvas for 1 of u or v
     this.frameAsked = false;
@@ -25,7 +26,7 @@ class Viewer {
     this.material = material;
     this.index = index;
     this.texture = null;
-    this.alpha = null;
+    this.variants = {};
     this.hovered = this.pinned = -1;
     if (material.texture) {
       const image = new Image();
@@ -43,6 +44,7 @@ class Viewer {
   // States have to be drawn anew.
   forget() {
     this.layers = [];
+    this.overview = null;
     this.work = null;
     this.draw();
   }
@@ -185,11 +187,10 @@ class Viewer {
   // The part of one repetition of the texture that is visible; with clamping, its outermost texels beside it.
   drawTexture(source, u, v, left, top) {
     const axis = (cell, corner, size, texels, wrap) => {
-      const from = Math.max(0, cell * this.scale - corner, wrap === "clamp" && cell < 0 ? 0 : -Infinity);
       const start = wrap === "clamp" && cell < 0 ? 0 : Math.max(0, cell * this.scale - corner);
       const end = wrap === "clamp" && cell > 0 ? size : Math.min(size, (cell + 1) * this.scale - corner);
       if (wrap === "clamp" && cell !== 0)
-        return { start: cell < 0 ? 0 : from, end, first: cell < 0 ? 0 : texels - 1, count: 1, flip: false };
+        return { start, end, first: cell < 0 ? 0 : texels - 1, count: 1, flip: false };
       let first = ((corner + start) / this.scale - cell) * texels;
       let last = ((corner + end) / this.scale - cell) * texels;
       const flip = wrap === "mirror" && (cell & 1) !== 0;
@@ -202,6 +203,7 @@ class Viewer {
     if (!(x.end > x.start && y.end > y.start && x.count > 0 && y.count > 0)) return;
     const context = this.context;
     context.save();
+    if (u !== 0 || v !== 0) context.globalAlpha = 0.3; // repetitions are there, but few look for them
     context.translate(x.flip ? x.start + x.end : 0, y.flip ? y.start + y.end : 0);
     context.scale(x.flip ? -1 : 1, y.flip ? -1 : 1);
     context.drawImage(source, x.first, y.first, x.count, y.count, x.start, y.start, x.end - x.start, y.end - y.start);
@@ -211,35 +213,44 @@ class Viewer {
   backgroundImage() {
     if (!this.texture || this.background === "none") return null;
     if (this.background === "color") return this.texture;
-    if (!this.alpha) {
-      this.alpha = document.createElement("canvas");
-      this.alpha.width = this.texture.naturalWidth;
-      this.alpha.height = this.texture.naturalHeight;
-      const to = this.alpha.getContext("2d", { willReadFrequently: true });
-      to.drawImage(this.texture, 0, 0);
-      const image = to.getImageData(0, 0, this.alpha.width, this.alpha.height);
-      for (let i = 0; i < image.data.length; i += 4) {
-        image.data[i] = image.data[i + 1] = image.data[i + 2] = Math.min(255, image.data[i + 3] * this.material.alphaFactor);
-        image.data[i + 3] = 255;
-      }
-      to.putImageData(image, 0, 0);
+    return (this.variants[this.background] ??= this.makeVariant(this.background));
+  }
+
+  // The texture in grey, so that only states have colours, or its alpha.
+  makeVariant(kind) {
+    const made = document.createElement("canvas");
+    made.width = this.texture.naturalWidth;
+    made.height = this.texture.naturalHeight;
+    const to = made.getContext("2d", { willReadFrequently: true });
+    to.drawImage(this.texture, 0, 0);
+    const image = to.getImageData(0, 0, made.width, made.height);
+    const data = image.data;
+    for (let i = 0; i < data.length; i += 4) {
+      const alpha = Math.min(255, data[i + 3] * this.material.alphaFactor);
+      const grey = kind === "alpha" ? alpha : 0.3 * data[i] + 0.59 * data[i + 1] + 0.11 * data[i + 2];
+      data[i] = data[i + 1] = data[i + 2] = grey;
+      if (kind === "alpha") data[i + 3] = 255;
     }
-    return this.alpha;
+    to.putImageData(image, 0, 0);
+    return made;
   }
 
   // Tiles of the layer before, scaled, and over them those that are drawn for this scale.
   composeStates() {
+    if (this.overview && this.overview.scale === this.scale) this.layers = [this.overview];
     if (!this.layers.length || this.layers[0].scale !== this.scale) {
       const before = this.layers.find((layer) => layer.tiles.size > 0);
       this.layers = [{ scale: this.scale, tiles: new Map() }];
-      if (before) this.layers.push(before);
+      if (before && before !== this.overview) this.layers.push(before);
       this.work = null;
     }
     const to = this.states.getContext("2d");
     const { width, height } = this.states;
     to.clearRect(0, 0, width, height);
     const [left, top] = this.corner();
-    for (const layer of this.layers.slice().reverse()) {
+    const below = this.layers.includes(this.overview) ? null : this.overview;
+    for (const layer of [below, ...this.layers.slice().reverse()]) {
+      if (!layer) continue;
       const size = (tileSize * this.scale) / layer.scale;
       for (const tile of layer.tiles.values()) {
         const x = tile.column * size - left, y = tile.row * size - top;
@@ -289,6 +300,7 @@ class Viewer {
       finished = true;
     }
     const busy = this.work !== null || this.missingTiles().length > 0;
+    if (!busy && this.untouched) this.overview = layer;
     if (!busy && this.layers.length > 1) {
       this.layers.length = 1;
       finished = true;
