@@ -1,6 +1,6 @@
 #include "spirv/built_ins.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {

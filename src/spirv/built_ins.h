@@ -3,8 +3,8 @@
 
 #include <set>
 
-#include "spirv/code.h"
-#include "spirv/link.h"
+#include "spirv/module/code.h"
+#include "spirv/module/link.h"
 
 namespace vellum::spirv
 {

@@ -1,17 +1,12 @@
 #include "spirv/candidate.h"
 
 #include "core/opacity.h"
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {
 namespace
 {
-
-// A chain of chains longer than this is a cycle in a malformed module.
-constexpr int kMaxChain = 64;
-// Ray queries nested deeper than this would need functions with more parameters than SPIR-V allows (2.17).
-constexpr std::size_t kMaxIndices = 64;
 
 constexpr std::uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
 constexpr std::uint32_t kCandidateTriangle = 0;
@@ -27,34 +22,31 @@ std::vector<std::uint32_t> keyOf(const QueryAccess &access, const Consumes &cons
 
 std::optional<QueryAccess> CandidateFunctions::access(Id query) const
 {
+    const auto path = accessPath(module_, query);
+    if (!path)
+        return {};
     QueryAccess a;
     a.pointerType = module_.resultType(module_.definition(query));
-    std::vector<Id> indices;
-    Instruction in = module_.definition(query);
-    for (int i = 0; i < kMaxChain; ++i, in = module_.definition(module_.word(in, 3))) {
-        if (in.opcode == spv::OpCopyObject)
-            continue;
-        if (in.opcode != spv::OpAccessChain && in.opcode != spv::OpInBoundsAccessChain)
-            break;
-        const Words w = module_.words(in);
-        if (indices.size() + w.size() > kMaxIndices)
-            return {};
-        indices.insert(indices.begin(), w.begin() + 4, w.end());
-    }
-    if (in.opcode != spv::OpVariable && in.opcode != spv::OpFunctionParameter)
+    const Id base = module_.result(path->base);
+    const QueryFlags::Beside flags = queryFlags_.beside(base);
+    if (queryFlags_.inUse() && flags.id == 0)
         return {};
-
-    const Id base = module_.result(in);
     if (module_.isGlobal(base)) {
         a.base = base;
+        a.flags = flags;
         a.shape = {1, base};
     } else {
-        const Id type = module_.resultType(in);
+        const Id type = module_.resultType(path->base);
         a.shape = {0, type};
         a.arguments.push_back(base);
         a.parameterTypes.push_back(type);
+        if (queryFlags_.inUse()) {
+            a.flags.type = flags.type;
+            a.arguments.push_back(flags.id);
+            a.parameterTypes.push_back(flags.type);
+        }
     }
-    for (const Id index : indices) {
+    for (const Id index : path->indices) {
         if (module_.isGlobal(index)) {
             a.indices.push_back(index);
             a.shape.insert(a.shape.end(), {1, index});
@@ -88,24 +80,34 @@ Id CandidateFunctions::begin(const std::vector<Id> &parameterTypes, Id function,
     return label;
 }
 
-Id CandidateFunctions::queryOf(const QueryAccess &access, const std::vector<Id> &parameters)
+CandidateFunctions::Reached CandidateFunctions::reach(const QueryAccess &access, const std::vector<Id> &parameters)
 {
     std::size_t next = 0;
     const Id base = access.base != 0 ? access.base : parameters[next++];
-    if (access.indices.empty())
-        return base;
-    std::vector<std::uint32_t> chain{base};
+    QueryFlags::Beside flags = access.flags;
+    if (access.base == 0 && queryFlags_.inUse())
+        flags.id = parameters[next++];
+    std::vector<Id> indices;
     for (const Id index : access.indices)
-        chain.push_back(index != 0 ? index : parameters[next++]);
-    return code_.value(spv::OpAccessChain, access.pointerType, std::move(chain));
+        indices.push_back(index != 0 ? index : parameters[next++]);
+    Reached reached{base, 0};
+    if (queryFlags_.inUse())
+        reached.flags = queryFlags_.element(flags, indices, types_.uint32(), code_);
+    if (!indices.empty()) {
+        indices.insert(indices.begin(), base);
+        reached.query = code_.value(spv::OpAccessChain, access.pointerType, std::move(indices));
+    }
+    return reached;
 }
 
-Id CandidateFunctions::opacityFlags(Code &code, Id query)
+Id CandidateFunctions::opacityFlags(Code &code, Reached reached)
 {
     if (mode_.all)
         return types_.uintConstant(*mode_.all);
     const Id uint = types_.uint32();
-    const Id flags = code.value(spv::OpRayQueryGetRayFlagsKHR, uint, {query});
+    if (!mode_.hidden && queryFlags_.inUse())
+        return code.value(spv::OpLoad, uint, {reached.flags});
+    const Id flags = code.value(spv::OpRayQueryGetRayFlagsKHR, uint, {reached.query});
     if (!mode_.hidden)
         return code.value(spv::OpFunctionCall, uint, {linker_.function("vellumApplicationFlags"), flags});
     if (*mode_.hidden == 0)
@@ -156,7 +158,8 @@ Id CandidateFunctions::decide(const QueryAccess &access)
 
     std::vector<Id> parameters;
     begin(access.parameterTypes, function, "vellumCandidate", parameters);
-    const Id query = queryOf(access, parameters);
+    const Reached reached = reach(access, parameters);
+    const Id query = reached.query;
     const auto get = [&](spv::Op opcode, Id type) { return code_.value(opcode, type, {query, intersection}); };
 
     const Id type = get(spv::OpRayQueryGetIntersectionTypeKHR, uint);
@@ -169,7 +172,7 @@ Id CandidateFunctions::decide(const QueryAccess &access)
     const Id geometry = get(spv::OpRayQueryGetIntersectionGeometryIndexKHR, uint);
     const Id primitive = get(spv::OpRayQueryGetIntersectionPrimitiveIndexKHR, uint);
     const Id uv = get(spv::OpRayQueryGetIntersectionBarycentricsKHR, types_.float32x2());
-    const Id flags = opacityFlags(code_, query);
+    const Id flags = opacityFlags(code_, reached);
     const Id hit = code_.value(spv::OpFunctionCall, uint,
                                {linker_.function("vellumResolve"), slot, geometry, primitive, uv, flags});
     const Id isOpaque = code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitOpaque)});
@@ -190,7 +193,7 @@ Id CandidateFunctions::decide(const QueryAccess &access)
         const Id opaque = code_.value(spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR, boolean, {query});
         const Id notOpaque = code_.value(spv::OpLogicalNot, boolean, {opaque});
         const Id bit = code_.value(spv::OpBitwiseAnd, uint,
-                                   {opacityFlags(code_, query), types_.uintConstant(shared::kRayCullNoOpaque)});
+                                   {opacityFlags(code_, reached), types_.uintConstant(shared::kRayCullNoOpaque)});
         const Id cull = code_.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
         dropped = code_.value(spv::OpLogicalAnd, boolean, {cull, notOpaque});
     }
@@ -218,7 +221,7 @@ Id CandidateFunctions::proceed(const QueryAccess &access, const Consumes &consum
 
     std::vector<Id> parameters;
     begin(access.parameterTypes, function, "vellumProceed", parameters);
-    const Id query = queryOf(access, parameters);
+    const Id query = reach(access, parameters).query;
     code_.put(spv::OpBranch, {header});
     code_.put(spv::OpLabel, {header});
     code_.put(spv::OpLoopMerge, {end, next, spv::LoopControlMaskNone});

@@ -4,9 +4,10 @@
 
 #include <cstdint>
 
-#include "spirv/code.h"
 #include "spirv/consumption.h"
-#include "spirv/link.h"
+#include "spirv/module/code.h"
+#include "spirv/module/link.h"
+#include "spirv/query_flags.h"
 
 namespace vellum::spirv
 {
@@ -14,7 +15,8 @@ namespace vellum::spirv
 // What is known at compile time of the ray flags of all queries in a module.
 struct RayFlagMode {
     // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have;
-    // nothing if they differ or are computed, and then they travel in the driver's ray flags.
+    // nothing if they differ or are computed. Then they travel in the driver's ray flags, or in a variable beside each
+    // query (query_flags.h).
     std::optional<std::uint32_t> hidden;
     // All bits that matter to opacity, if all queries have the same.
     std::optional<std::uint32_t> all;
@@ -27,16 +29,19 @@ struct QueryAccess {
     std::vector<std::uint32_t> shape; // equal shapes share their functions
     std::vector<Id> arguments;        // what the function is called with
     std::vector<Id> parameterTypes;
-    Id base = 0;             // module-scope variable, or 0: the first argument
-    std::vector<Id> indices; // ids that are valid everywhere, or 0: the next argument
-    Id pointerType = 0;      // type of the pointer to the query
+    Id base = 0;              // module-scope variable, or 0: the first argument
+    QueryFlags::Beside flags; // what lies beside the variable or argument; an argument's is the next one
+    std::vector<Id> indices;  // ids that are valid everywhere, or 0: the next argument
+    Id pointerType = 0;       // type of the pointer to the query
 };
 
 class CandidateFunctions
 {
 public:
-    CandidateFunctions(Module &module, Types &types, Linker &linker, Consumption &consumption, RayFlagMode mode)
-        : module_(module), types_(types), linker_(linker), consumption_(consumption), mode_(mode)
+    CandidateFunctions(Module &module, Types &types, Linker &linker, Consumption &consumption, QueryFlags &queryFlags,
+                       RayFlagMode mode)
+        : module_(module), types_(types), linker_(linker), consumption_(consumption), queryFlags_(queryFlags),
+          mode_(mode)
     {
     }
 
@@ -50,9 +55,12 @@ public:
     // bool vellumProceed(query): OpRayQueryProceedKHR up to a candidate that the application must see.
     Id proceed(const QueryAccess &access, const Consumes &consumes);
 
+    // Pointers to a query and, where there is such a thing, to its flags beside it.
+    struct Reached {
+        Id query = 0, flags = 0;
+    };
     // Ray flags as the application wrote them, or at least those that matter to opacity; 0 if the linker failed.
-    // query: a pointer to it.
-    Id opacityFlags(Code &code, Id query);
+    Id opacityFlags(Code &code, Reached reached);
 
     // Adds the functions to the module.
     void finish();
@@ -62,13 +70,14 @@ private:
 
     // Begins a function. Returns its block.
     Id begin(const std::vector<Id> &parameterTypes, Id function, const char *name, std::vector<Id> &parameters);
-    // The query, in a function with the access's parameters.
-    Id queryOf(const QueryAccess &access, const std::vector<Id> &parameters);
+    // In a function with the access's parameters.
+    Reached reach(const QueryAccess &access, const std::vector<Id> &parameters);
 
     Module &module_;
     Types &types_;
     Linker &linker_;
     Consumption &consumption_;
+    QueryFlags &queryFlags_;
     RayFlagMode mode_;
     std::map<std::vector<std::uint32_t>, Id> candidates_;
     std::map<std::vector<std::uint32_t>, Id> conditional_; // by shape, with what Consumes holds before it

@@ -2,7 +2,7 @@
 
 #include <set>
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {

@@ -6,9 +6,9 @@
 #include <string>
 #include <string_view>
 
-#include "spirv/code.h"
+#include "spirv/module/code.h"
+#include "spirv/module/types.h"
 #include "spirv/rewrite.h"
-#include "spirv/types.h"
 
 namespace vellum::spirv
 {

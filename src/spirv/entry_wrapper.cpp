@@ -4,7 +4,7 @@
 #include <set>
 
 #include "core/opacity.h"
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {

@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "spirv/code.h"
-#include "spirv/link.h"
+#include "spirv/module/code.h"
+#include "spirv/module/link.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::spirv

@@ -1,6 +1,6 @@
 #include "spirv/proceed_loop.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 #include <algorithm>
 

@@ -2,7 +2,7 @@
 // to the loop's continue target: a loop of their own inside the call would make SIMD lanes wait for each other.
 #pragma once
 
-#include "spirv/code.h"
+#include "spirv/module/code.h"
 
 #include <map>
 

@@ -2,7 +2,7 @@
 
 #include "core/ray_flags.h"
 #include "spirv/built_ins.h"
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 #include "spirv/trace_ray.h"
 
 #include <algorithm>
@@ -45,12 +45,35 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
 
 RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
     : module_(module), types_(types), linker_(linker), mode_(findMode(module, types, consumption)),
-      consumption_(consumption), options_(options), candidates_(module, types, linker, consumption, mode_)
+      consumption_(consumption), options_(options), queryFlags_(module, types),
+      candidates_(module, types, linker, consumption, queryFlags_, mode_)
 {
+}
+
+bool RayQueries::travel() const
+{
+    Consumes consumes;
+    for (const Instruction in : module_.section(Section::Functions)) {
+        if (in.opcode == spv::OpFunction)
+            consumes = consumption_.in(module_.result(in));
+        if (in.opcode != spv::OpRayQueryInitializeKHR)
+            continue;
+        if (consumes.when != Consumes::When::Never && !mode_.hidden)
+            return true;
+        const auto flags = types_.valueOf(module_.word(in, 3));
+        if (consumes.when != Consumes::When::Always && options_.force2State &&
+            !(flags && (*flags & shared::kRayForce2State) == 0))
+            return true;
+    }
+    return false;
 }
 
 bool RayQueries::rewrite()
 {
+    if (travel() && !options_.carriesFlagBits() && !queryFlags_.declare()) {
+        error_ = queryFlags_.error();
+        return false;
+    }
     const std::vector<Instruction> code = module_.section(Section::Functions);
     std::vector<Instruction> out;
     out.reserve(code.size());
@@ -149,30 +172,45 @@ Id RayQueries::consumingFlags(Id flags, Code &out)
         const Id type = module_.resultType(module_.definition(flags));
         return types_.get(spv::OpConstant, {type, types_.valueOf(flags).value_or(0) & ~kHiddenRayFlags});
     }
-    if (!options_.carriesFlagBits()) {
-        error_ = "the ray flags of its ray queries are not constant or not alike, and the driver does not carry unused "
-                 "flag bits";
-        return 0;
-    }
+    if (queryFlags_.inUse())
+        return removeFlags(types_, flags, module_.resultType(module_.definition(flags)), kHiddenRayFlags, out);
     return hideRayFlags(module_, types_, linker_, flags, out);
 }
 
-// ForceOpacityMicromap2State, which the driver does not know, does nothing here: it only comes back to the application,
-// if the driver carries it.
+// ForceOpacityMicromap2State, which the driver does not know, does nothing here: it only comes back to the application.
 Id RayQueries::idleFlags(Id flags, Code &out)
 {
-    return options_.force2State ? hideUnknownFlag(module_, types_, linker_, flags, out) : flags;
+    if (!options_.force2State)
+        return flags;
+    if (queryFlags_.inUse())
+        return removeFlags(types_, flags, module_.resultType(module_.definition(flags)), shared::kRayForce2State, out);
+    return hideUnknownFlag(module_, types_, linker_, flags, out);
+}
+
+bool RayQueries::keepFlags(Instruction in, Code &out)
+{
+    const Id pointer = queryFlags_.pointer(module_.word(in, 1), out);
+    if (pointer == 0) {
+        error_ = "OpRayQueryInitializeKHR on a ray query that is not reached through a variable or parameter";
+        return false;
+    }
+    const Id uint = types_.uint32();
+    const Id flags = module_.word(in, 3);
+    const bool isUint = module_.resultType(module_.definition(flags)) == uint;
+    out.put(spv::OpStore, {pointer, isUint ? flags : out.value(spv::OpBitcast, uint, {flags})});
+    return true;
 }
 
 bool RayQueries::initialize(Instruction in, Code &out)
 {
     const Id flags = module_.word(in, 3);
     const bool never = consumes_.when == Consumes::When::Never;
-    Id consuming = never ? flags : consumingFlags(flags, out);
-    if (consuming == 0)
+    const bool kept = queryFlags_.inUse();
+    if (kept && !keepFlags(in, out))
         return false;
+    Id consuming = never ? flags : consumingFlags(flags, out);
     Id idle = consumes_.when == Consumes::When::Always ? consuming : idleFlags(flags, out);
-    if (consuming == flags && idle == flags)
+    if (consuming == flags && idle == flags && !kept)
         return false;
     Id type = module_.resultType(module_.definition(flags));
     if (consumes_.isConditional() && !types_.valueOf(flags)) { // what is computed is uint
@@ -214,13 +252,15 @@ Id RayQueries::flagsOfConsuming(Id type, Id flags, Code &out)
 
 Id RayQueries::flagsOfIdle(Id type, Id flags, Code &out)
 {
-    if (!options_.force2State || !options_.carriesFlagBits())
+    if (!options_.force2State)
         return flags;
     return restoreValue(types_, linker_.function("vellumApplicationFlags"), type, flags, out);
 }
 
 bool RayQueries::getRayFlags(Instruction in, Code &out)
 {
+    if (queryFlags_.inUse())
+        return getKeptFlags(in, out);
     const bool never = consumes_.when == Consumes::When::Never;
     const bool same = never ? !options_.force2State : mode_.hidden && *mode_.hidden == 0;
     if (same && (never || !consumes_.isConditional() || !options_.force2State))
@@ -230,6 +270,22 @@ bool RayQueries::getRayFlags(Instruction in, Code &out)
     const Id consuming = never ? flags : flagsOfConsuming(type, flags, out);
     const Id idle = consumes_.when == Consumes::When::Always ? consuming : flagsOfIdle(type, flags, out);
     out.put(spv::OpCopyObject, {type, module_.result(in), choose(type, consuming, idle, out)});
+    return true;
+}
+
+bool RayQueries::getKeptFlags(Instruction in, Code &out)
+{
+    const Id pointer = queryFlags_.pointer(module_.word(in, 3), out);
+    if (pointer == 0) {
+        error_ = "OpRayQueryGetRayFlagsKHR on a ray query that is not reached through a variable or parameter";
+        return false;
+    }
+    const Id uint = types_.uint32();
+    const Id type = module_.resultType(in);
+    if (type == uint)
+        out.put(spv::OpLoad, {uint, module_.result(in), pointer});
+    else
+        out.put(spv::OpBitcast, {type, module_.result(in), out.value(spv::OpLoad, uint, {pointer})});
     return true;
 }
 
@@ -244,8 +300,10 @@ bool RayQueries::getAabbOpaque(Instruction in, Code &out)
     Id byFlags = types_.constantTrue();
     if (!mode_.hidden) {
         const Id uint = types_.uint32();
-        const Id bit = out.value(spv::OpBitwiseAnd, uint,
-                                 {candidates_.opacityFlags(out, query), types_.uintConstant(shared::kRayOpaque)});
+        const Id flags = queryFlags_.inUse() ? queryFlags_.pointer(query, out) : 0;
+        const Id bit =
+            out.value(spv::OpBitwiseAnd, uint,
+                      {candidates_.opacityFlags(out, {query, flags}), types_.uintConstant(shared::kRayOpaque)});
         byFlags = out.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
     }
     if (consumes_.isConditional())

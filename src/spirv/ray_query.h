@@ -32,10 +32,15 @@ private:
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
     bool initialize(Instruction in, Code &out);
+    // Where flags lie beside the queries: stores and loads the application's.
+    bool keepFlags(Instruction in, Code &out);
+    bool getKeptFlags(Instruction in, Code &out);
     bool proceed(Instruction in, Code &out);
     bool getRayFlags(Instruction in, Code &out);
     bool getAabbOpaque(Instruction in, Code &out);
-    // Ray flags as the driver gets them where the query consumes micromaps, and where it does not; 0 on failure.
+    // Whether some flags cannot be told at compile time, and have to travel with the query.
+    [[nodiscard]] bool travel() const;
+    // Ray flags as the driver gets them where the query consumes micromaps, and where it does not.
     Id consumingFlags(Id flags, Code &out);
     Id idleFlags(Id flags, Code &out);
     // Ray flags as the application wrote them, from the driver's, likewise.
@@ -50,6 +55,7 @@ private:
     RayFlagMode mode_;
     Consumption &consumption_;
     RayQueryOptions options_;
+    QueryFlags queryFlags_;
     Consumes consumes_; // of the function that is being rewritten
     CandidateFunctions candidates_;
     std::set<Id> decidedInLoops_; // results of proceed calls that stay

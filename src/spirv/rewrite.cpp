@@ -3,7 +3,7 @@
 #include "spirv/built_ins.h"
 #include "spirv/consumption.h"
 #include "spirv/entry_wrapper.h"
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 #include "spirv/ray_query.h"
 #include "spirv/trace_ray.h"
 

@@ -1,7 +1,7 @@
 #include "spirv/trace_ray.h"
 
 #include "core/ray_flags.h"
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {
@@ -48,6 +48,15 @@ Id hideUnknownFlag(Module &module, Types &types, Linker &linker, Id flags, Code 
     const Id uint = types.uint32();
     const Id asUint = type == uint ? flags : out.value(spv::OpBitcast, uint, {flags});
     return out.value(spv::OpFunctionCall, uint, {linker.function("vellumIdleFlags"), asUint});
+}
+
+Id removeFlags(Types &types, Id flags, Id type, std::uint32_t removed, Code &out)
+{
+    if (const auto value = types.valueOf(flags))
+        return (*value & removed) == 0 ? flags : types.get(spv::OpConstant, {type, *value & ~removed});
+    const Id uint = types.uint32();
+    const Id asUint = type == uint ? flags : out.value(spv::OpBitcast, uint, {flags});
+    return out.value(spv::OpBitwiseAnd, uint, {asUint, types.uintConstant(~removed)});
 }
 
 bool TraceRays::replace(Instruction in, Code &out)

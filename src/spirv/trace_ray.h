@@ -4,8 +4,8 @@
 #include <functional>
 #include <string>
 
-#include "spirv/code.h"
-#include "spirv/link.h"
+#include "spirv/module/code.h"
+#include "spirv/module/link.h"
 
 namespace vellum::spirv
 {
@@ -16,6 +16,9 @@ Id hideRayFlags(Module &module, Types &types, Linker &linker, Id flags, Code &ou
 // The same where rays do not consume micromaps: only ForceOpacityMicromap2State is hidden, which the driver does not
 // know. It does nothing there, and comes back to the application if the driver carries flag bits.
 Id hideUnknownFlag(Module &module, Types &types, Linker &linker, Id flags, Code &out);
+
+// The flags without some. Constants stay constants; what is computed becomes a uint.
+Id removeFlags(Types &types, Id flags, Id type, std::uint32_t removed, Code &out);
 
 class TraceRays
 {

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "check.h"
-#include "spirv/module.h"
+#include "spirv/module/module.h"
 #include "spirv_input.h"
 
 using namespace vellum;

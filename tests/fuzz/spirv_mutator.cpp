@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 #include "spirv_input.h"
 
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t *data, std::size_t size, std::size_t maxSize);

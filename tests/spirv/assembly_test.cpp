@@ -1,7 +1,7 @@
 // Shapes that compilers seldom make, by hand.
 #include "support.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 #include <gtest/gtest.h>
 

@@ -29,7 +29,7 @@ const Case kCases[] = {
     {"do_while.comp", 0, 1, 0, 1},       {"break_out.comp", 0, 1, 0, 1},    {"with_condition.comp", 0, 1, 0, 1},
     {"array.comp", 2, 2, 2, 2},          {"parameter.comp", 1, 1, 1, 1},    {"flags.comp", 1, 0, 1, 0},
     {"constant_flags.comp", 1, 1, 1, 1}, {"opaque_boxes.comp", 1, 0, 1, 0}, {"specialized.comp", 1, 0, 1, 0},
-    {"addresses.comp", 1, 0, 1, 0},      {"alpha.frag", 1, 0, 1, 0},
+    {"addresses.comp", 1, 0, 1, 0},      {"alpha.frag", 1, 0, 1, 0},        {"kept_flags.comp", 1, 2, 2, 2},
 };
 
 class Glsl : public testing::TestWithParam<std::tuple<Case, const char *>>
@@ -150,14 +150,37 @@ TEST(Flags, OpaqueMakesBoxesOpaque)
     EXPECT_EQ(count(text, "%true\n"), 1u) << text;
 }
 
-// constant_flags.comp passes the same constants everywhere, flags.comp what it was given.
-TEST(GlslFlags, NeedCarriedBitsOnlyWhenTheyAreNotConstant)
+Module rewriteWithoutBits(const char *shader, const char *variant)
 {
     const spirv::RewriteOptions options{.rootAddress = 0, .queriesCarryFlagBits = [] { return false; }};
-    EXPECT_EQ(spirv::rewrite(loadShader("while_loop.comp", "v15"), options).status, Status::Rewritten);
-    const auto result = spirv::rewrite(loadShader("flags.comp", "v15"), options);
-    EXPECT_EQ(result.status, Status::Failed);
-    EXPECT_NE(result.error.find("flag bits"), std::string::npos) << result.error;
+    const auto result = spirv::rewrite(loadShader(shader, variant), options);
+    EXPECT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(validate(optimize(result.words)), "") << shader << ' ' << variant;
+    return result.words;
+}
+
+// Where the driver gives no unused bits back, none are sent, and nothing is asked of the driver's flags.
+TEST(GlslFlags, LieBesideTheQueryWhereBitsAreNotCarried)
+{
+    for (const char *variant : {"v15", "v14", "v16"}) {
+        for (const char *shader : {"flags.comp", "specialized.comp", "kept_flags.comp"}) {
+            const std::string text = disassemble(rewriteWithoutBits(shader, variant));
+            EXPECT_EQ(count(text, "vellumDriverFlags"), 0u) << shader;
+            EXPECT_EQ(count(text, "vellumApplicationFlags"), 0u) << shader;
+            EXPECT_EQ(count(text, "OpRayQueryGetRayFlagsKHR"), 0u) << shader;
+            EXPECT_EQ(count(text, "OpConstant %uint 4294966142"), 1u) << shader; // all but the three flags
+        }
+    }
+    EXPECT_EQ(count(disassemble(rewriteWithoutBits("flags.comp", "v15")), "OpVariable %_ptr_Private_uint Private"), 1u);
+}
+
+// constant_flags.comp passes the same constants everywhere: nothing has to be kept.
+TEST(GlslFlags, LieNowhereWhereTheyAreConstant)
+{
+    for (const char *shader : {"while_loop.comp", "constant_flags.comp", "opaque_boxes.comp"}) {
+        const Module with = spirv::rewrite(loadShader(shader, "v15"), {}).words;
+        EXPECT_EQ(rewriteWithoutBits(shader, "v15"), with) << shader;
+    }
 }
 
 } // namespace

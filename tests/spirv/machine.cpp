@@ -1,6 +1,6 @@
 #include "machine.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 #include <stdexcept>
 

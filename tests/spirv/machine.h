@@ -2,7 +2,7 @@
 // ray query. The ray meets the candidates of a script.
 #pragma once
 
-#include "spirv/module.h"
+#include "spirv/module/module.h"
 
 #include <cstdint>
 #include <map>

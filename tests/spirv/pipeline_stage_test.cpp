@@ -1,7 +1,7 @@
 // Stages of ray tracing pipelines that use micromaps.
 #include "support.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 #include <gtest/gtest.h>
 

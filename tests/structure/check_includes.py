@@ -27,6 +27,7 @@ PARTS = {
 ROOMS = {
     "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "address",
               "door"),
+    "spirv": ("module", ""),
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "gpubake"),
     "bake": ("numbers", "texture", ""),
     "gltf": ("file", "data", "", "micromaps"),

@@ -48,6 +48,8 @@ void apply(Settings &settings, const std::string &key, const std::string &value)
         settings.validate = isTrue(value);
     else if (key == "assume_micromaps")
         settings.assumeMicromaps = isTrue(value);
+    else if (key == "carried_ray_flags")
+        settings.carriedRayFlags = isTrue(value);
     else if (key == "strict")
         settings.strict = isTrue(value);
     else if (key == "report")
@@ -120,6 +122,7 @@ Settings readSettings(const void *instanceChain)
         {"VELLUM_VALIDATE", "validate"},
         {"VELLUM_ASSUME_MICROMAPS", "assume_micromaps"},
         {"VELLUM_STRICT", "strict"},
+        {"VELLUM_CARRIED_RAY_FLAGS", "carried_ray_flags"},
         {"VELLUM_DUMP_SHADERS", "dump_shaders"},
         {"VELLUM_CACHE_FOLDER", "cache_folder"},
     };

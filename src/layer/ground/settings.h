@@ -19,6 +19,9 @@ struct Settings {
     // without the execution mode use micromaps all the same, where the feature is enabled
     bool assumeMicromaps = false;
     bool strict = false; // VELLUM_STRICT, .strict: what breaks a rule is refused where it does no harm, too
+    // VELLUM_CARRIED_RAY_FLAGS, .carried_ray_flags: if off, the driver is taken for one that does not give unused ray
+    // flag bits back (pipelines/ray_flag_probe.h)
+    bool carriedRayFlags = true;
     // VELLUM_CACHE_FOLDER, .cache_folder: what is the same in every run is kept there (memory/kept_addresses.h);
     // nowhere if empty. Where it is not set, it is "vellum" in the user's folder for caches.
     std::string cacheFolder;

@@ -1,7 +1,7 @@
 #include "layer/pipelines/any_hit_modules.h"
 
 #include "shaders/any_hit.h"
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::layer
 {

@@ -14,7 +14,7 @@
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_flags.h"
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::layer
 {

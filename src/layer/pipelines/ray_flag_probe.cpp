@@ -92,12 +92,14 @@ bool RayFlagBits::carried(Way way)
     std::lock_guard lock(mutex_);
     std::optional<bool> &answer = answers_[static_cast<size_t>(way)];
     if (!answer)
-        answer = tryOut(way);
-    return answer.value_or(false);
+        answer = tryOut(way).value_or(false);
+    return *answer;
 }
 
 std::optional<bool> RayFlagBits::tryOut(Way way)
 {
+    if (!device_.driver.settings->carriedRayFlags)
+        return false;
     const bool query = way == Way::Query;
     if (!(query ? device_.driver.asked.rayQueries : device_.driver.asked.rayTracingPipelines) ||
         !device_.commands.trials.exists())

@@ -1,4 +1,4 @@
-// Whether the driver carries unused ray flag bits through a ray query and through traceRay (spirv/rewrite.h needs
+// Whether the driver carries unused ray flag bits through a ray query and through traceRay (spirv/rewrite.h can use
 // three). Found out by tracing one ray, when the first shader depends on it; never by the driver's name.
 #pragma once
 
@@ -12,8 +12,9 @@ namespace vellum::layer
 struct DevicePipelines;
 
 // The answers are true where the bits come back and change no hit; also where the application did not enable that way
-// of tracing, or has no queue that could trace, so that nothing depends on it. Where the driver could not be tried, the
-// answer is false, and the next one who asks tries again. Any thread may ask.
+// of tracing, or has no queue that could trace, so that nothing depends on it. They are false where the driver could
+// not be tried, and with the setting carried_ray_flags off. A device gives one answer for good: shaders of several
+// libraries must agree on how flags reach them. Any thread may ask.
 class RayFlagBits
 {
 public:

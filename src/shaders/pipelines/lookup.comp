@@ -1,4 +1,4 @@
-// From a slot to an opacity state: the functions that are linked into the application's shaders (src/spirv/link.h).
+// From a slot to an opacity state: the functions that are linked into the application's shaders (src/spirv/module/link.h).
 // main() and everything the linked functions do not reach are left behind.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,6 +1,6 @@
-#include "spirv/module.h"
+#include "spirv/module/module.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 #include <algorithm>
 

@@ -1,6 +1,6 @@
-#include "spirv/link.h"
+#include "spirv/module/link.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 #include <algorithm>
 

@@ -1,8 +1,8 @@
 // Links functions of our GLSL library (src/shaders/pipelines/lookup.comp) into an application's module.
 #pragma once
 
-#include "spirv/module.h"
-#include "spirv/types.h"
+#include "spirv/module/module.h"
+#include "spirv/module/types.h"
 
 #include <cstdint>
 #include <map>

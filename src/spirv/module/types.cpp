@@ -1,6 +1,6 @@
-#include "spirv/types.h"
+#include "spirv/module/types.h"
 
-#include "spirv/opcodes.h"
+#include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {

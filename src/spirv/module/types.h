@@ -1,7 +1,7 @@
 // Finds types and constants in a module, or adds them.
 #pragma once
 
-#include "spirv/module.h"
+#include "spirv/module/module.h"
 
 #include <cstdint>
 #include <map>
