@@ -8,9 +8,9 @@
 #include "cli/base/output_file.h"
 #include "cli/base/progress.h"
 #include "cli/commands.h"
+#include "cli/inspect/drawing/uv_picture.h"
 #include "cli/inspect/page.h"
 #include "cli/inspect/tally.h"
-#include "cli/inspect/uv_picture.h"
 
 namespace vellum::cli
 {

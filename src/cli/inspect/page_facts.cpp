@@ -7,9 +7,9 @@
 #include <fmt/ranges.h>
 #include <set>
 
+#include "cli/inspect/drawing/thumbnail.h"
 #include "cli/inspect/encoding.h"
 #include "cli/inspect/tally.h"
-#include "cli/inspect/thumbnail.h"
 #include "cli/renderer/state_table.h"
 
 namespace vellum::cli

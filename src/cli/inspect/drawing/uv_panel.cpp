@@ -1,4 +1,4 @@
-#include "cli/inspect/uv_panel.h"
+#include "cli/inspect/drawing/uv_panel.h"
 
 #include <algorithm>
 #include <cmath>

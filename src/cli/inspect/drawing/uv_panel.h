@@ -3,8 +3,8 @@
 
 #include <optional>
 
+#include "cli/inspect/drawing/uv_raster.h"
 #include "cli/inspect/inspected_file.h"
-#include "cli/inspect/uv_raster.h"
 #include "cli/picture/picture.h"
 
 namespace vellum::cli

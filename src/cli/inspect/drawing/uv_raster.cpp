@@ -1,4 +1,4 @@
-#include "cli/inspect/uv_raster.h"
+#include "cli/inspect/drawing/uv_raster.h"
 
 #include <algorithm>
 #include <cmath>

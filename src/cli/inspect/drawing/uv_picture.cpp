@@ -1,12 +1,12 @@
-#include "cli/inspect/uv_picture.h"
+#include "cli/inspect/drawing/uv_picture.h"
 
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 
 #include "cli/base/numbers.h"
+#include "cli/inspect/drawing/uv_panel.h"
 #include "cli/inspect/tally.h"
-#include "cli/inspect/uv_panel.h"
 #include "cli/picture/text.h"
 #include "cli/renderer/state_table.h"
 

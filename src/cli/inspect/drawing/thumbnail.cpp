@@ -1,4 +1,4 @@
-#include "cli/inspect/thumbnail.h"
+#include "cli/inspect/drawing/thumbnail.h"
 
 #include <algorithm>
 #include <cmath>
@@ -192,7 +192,12 @@ Picture drawMesh(const Document &document, const InspectedFile &file, std::uint3
     for (const PrimitivePlace place : trianglePrimitives(document)) {
         if (place.mesh != mesh)
             continue;
-        Primitive source = readPrimitive(document, place, Positions::Read);
+        Primitive source;
+        try {
+            source = readPrimitive(document, place, Positions::Read);
+        } catch (const GltfUnsupported &) { // it may have micromaps, and nothing to draw
+            continue;
+        }
         Part part;
         part.indices = std::move(source.indices);
         std::transform(source.positions.begin(), source.positions.end(), std::back_inserter(part.points), seen);
