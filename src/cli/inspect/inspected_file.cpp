@@ -61,7 +61,7 @@ void Inspector::bakeAll()
         progress.update(i, places.size());
         const Primitive primitive = readPrimitive(m_document, places[i], Positions::Leave);
         const Material material = readMaterial(m_document, primitive.material);
-        if (!material.masked() || primitive.indices.empty() || (material.image >= 0 && primitive.uvs.empty()))
+        if (material.alphaMode != AlphaMode::Mask || primitive.indices.empty() || (material.image >= 0 && primitive.uvs.empty()))
             continue;
         const Image image = material.image >= 0 ? readImage(m_document, material.image) : Image();
         BakeOptions options;
