@@ -82,6 +82,19 @@ TEST_F(InspectCommand, WritesPageAndPicture)
     EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 3) << "something was left behind";
 }
 
+TEST_F(InspectCommand, ShowsWhatTheFileHas)
+{
+    const std::filesystem::path baked = folder / "baked.glb";
+    ASSERT_EQ(runVellum({"bake", write(cardGlb()).string(), "-o", baked.string()}).exitCode, 0);
+    const Outcome stored = runVellum({"inspect", baked.string(), "--html", page().string()});
+    EXPECT_EQ(stored.exitCode, 0) << stored.errors;
+    EXPECT_NE(stored.output.find("EXT_mesh_opacity_micromap"), std::string::npos) << stored.output;
+    // But for the file's own line, that is what baking in memory shows.
+    const Outcome made = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string()});
+    const auto afterFile = [](const std::string &output) { return output.substr(output.find("micromaps ")); };
+    EXPECT_EQ(afterFile(stored.output), afterFile(made.output));
+}
+
 // The card's material is named so that the page would run a script of the file's author.
 TEST_F(InspectCommand, NamesOfTheFileStayText)
 {

@@ -4,21 +4,25 @@
 #include <limits>
 #include <map>
 
-#include "bake/bake.h"
 #include "cli/base/error.h"
 #include "cli/base/progress.h"
 #include "gltf/file/tinygltf.h"
+#include "gltf/micromaps/document_bake.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-// Of the accessor that a primitive's micromap indices are in. readMicromaps has checked it.
+// Of the accessor that a primitive's micromap indices are in. readMicromaps has checked it. Without a file, of what the
+// writer of micromaps would make.
 std::uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const StoredMicromaps &stored)
 {
     const tinygltf::Model &model = document.model();
-    const std::size_t count = stored.primitives.at(place).indices.size();
+    const PrimitiveMicromap &primitive = stored.primitives.at(place);
+    const std::size_t count = primitive.indices.size();
+    if (stored.extension.empty())
+        return count * (stored.micromaps.at(primitive.micromap).triangles.size() <= 0xfffc ? 2 : 4);
     const tinygltf::ExtensionMap &extensions = model.meshes.at(place.mesh).primitives.at(place.primitive).extensions;
     const auto extension = extensions.find(stored.extension);
     if (extension == extensions.end() || !extension->second.IsObject())
@@ -55,24 +59,13 @@ private:
 void Inspector::bakeAll()
 {
     m_file.baked = true;
-    const std::vector<PrimitivePlace> places = trianglePrimitives(m_document);
     Progress progress("baking");
-    for (std::size_t i = 0; i < places.size(); ++i) {
-        progress.update(i, places.size());
-        const Primitive primitive = readPrimitive(m_document, places[i], Positions::Leave);
-        const Material material = readMaterial(m_document, primitive.material);
-        if (material.alphaMode != AlphaMode::Mask || primitive.indices.empty() || (material.image >= 0 && primitive.uvs.empty()))
-            continue;
-        const Image image = material.image >= 0 ? readImage(m_document, material.image) : Image();
-        BakeOptions options;
-        options.cutoff = static_cast<double>(material.alphaCutoff);
-        BakeResult result = bake(alphaTexture(material, image), triangleUvs(primitive), options);
-        const auto number = static_cast<std::uint32_t>(m_file.stored.micromaps.size());
-        m_file.stored.primitives[places[i]] = {number, std::move(result.micromap.indices), 0};
-        std::vector<MicromapUsage> usage = result.micromap.buildUsage();
-        m_file.stored.micromaps.push_back(
-            {std::move(result.micromap.triangles), std::move(result.micromap.data), std::move(usage)});
-    }
+    DocumentBakeOptions options;
+    options.bake.progress = [&](std::size_t done, std::size_t total) { progress.update(done, total); };
+    DocumentBake bake = bakeDocument(m_document, options);
+    m_file.stored.micromaps = std::move(bake.micromaps);
+    for (BakedPrimitive &primitive : bake.primitives)
+        m_file.stored.primitives[primitive.place] = std::move(primitive.micromap);
 }
 
 void Inspector::addRecords()
@@ -120,8 +113,7 @@ void Inspector::addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micr
                                  .mesh = m_document.model().meshes.at(place.mesh).name,
                                  .material = useMaterial(source.material),
                                  .triangles = source.triangleCount(),
-                                 .indexBytes = m_file.baked ? sizeof(std::int32_t) * micromap.indices.size()
-                                                            : bytesOfIndices(m_document, place, m_file.stored)};
+                                 .indexBytes = bytesOfIndices(m_document, place, m_file.stored)};
     const std::vector<TriangleUvs> uvs = triangleUvs(source);
     for (std::uint32_t t = 0; t < uvs.size(); ++t) {
         if (!contains(m_selection.triangles, t))

@@ -48,7 +48,7 @@ struct InspectedFile {
     bool baked = false; // the micromaps were made just now
     StoredMicromaps stored;
     std::vector<InspectedMaterial> materials;
-    std::vector<InspectedPrimitive> primitives; // those with micromaps and chosen triangles
+    std::vector<InspectedPrimitive> primitives; // those with micromaps and chosen triangles, sorted by place
     std::vector<InspectedRecord> records;
     std::size_t meshCount = 0;
     std::size_t primitiveCount = 0; // made of triangles, with and without micromaps

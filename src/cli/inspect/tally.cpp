@@ -1,6 +1,7 @@
 #include "cli/inspect/tally.h"
 
 #include <cmath>
+#include <unordered_set>
 
 namespace vellum::cli
 {
@@ -10,7 +11,7 @@ namespace
 class Tallier
 {
 public:
-    explicit Tallier(const InspectedFile &file) : m_file(file), m_used(file.records.size()) {}
+    explicit Tallier(const InspectedFile &file) : m_file(file) {}
 
     void add(const InspectedPrimitive &primitive)
     {
@@ -42,17 +43,16 @@ private:
         const auto number = static_cast<std::size_t>(record);
         const MicromapTriangle &triangle = m_file.records[number].triangle;
         ++m_tally.levels[triangle.subdivisionLevel][triangle.format == Format::TwoState ? 0 : 1];
-        if (m_used[number]) {
+        if (!m_used.insert(number).second) {
             ++m_tally.sharing;
             return;
         }
-        m_used[number] = true;
         ++m_tally.recordsUsed;
         m_tally.dataBytes += dataBytes(m_file, record);
     }
 
     const InspectedFile &m_file;
-    std::vector<bool> m_used;
+    std::unordered_set<std::size_t> m_used; // there may be many more records, and many primitives to tally
     Tally m_tally;
 };
 

@@ -201,9 +201,10 @@ Picture drawMesh(const Document &document, const InspectedFile &file, std::uint3
         Part part;
         part.indices = std::move(source.indices);
         std::transform(source.positions.begin(), source.positions.end(), std::back_inserter(part.points), seen);
-        const auto known = std::find_if(file.primitives.begin(), file.primitives.end(),
-                                        [&](const InspectedPrimitive &p) { return p.place == place; });
-        part.primitive = known != file.primitives.end() ? &*known : nullptr;
+        const auto known =
+            std::lower_bound(file.primitives.begin(), file.primitives.end(), place,
+                             [](const InspectedPrimitive &p, PrimitivePlace at) { return p.place < at; });
+        part.primitive = known != file.primitives.end() && known->place == place ? &*known : nullptr;
         drawing.add(std::move(part));
     }
     return drawing.draw();
