@@ -7,7 +7,7 @@ class Viewer {
     this.on = on; // hover(shapes, u, v, x, y), pick(shape), moved(), busy(is)
     this.shown = [true, true, true, true];
     this.outlines = true;
-    this.strength = 0.7;
+    this.strength = 0.8;
     this.background = "grey";
     this.hovered = -1;
     this.pinned = -1;
