@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace vellum
@@ -22,6 +23,9 @@ public:
 
     [[nodiscard]] std::string_view text() const { return m_text; }
     [[nodiscard]] JsonValue root() const;
+
+    // Throws GltfError where an object has two members of one name (glTF 2.0, 2.6, "JSON Encoding").
+    void checkNames() const;
 
 private:
     friend class JsonValue;
@@ -60,6 +64,9 @@ public:
     [[nodiscard]] std::size_t count(std::string_view name) const;
     // The elements of an array, or the values of an object's members; empty for anything else.
     [[nodiscard]] std::vector<JsonValue> children() const;
+
+    // The names, which are strings, and values of an object's members; empty for anything else.
+    [[nodiscard]] std::vector<std::pair<JsonValue, JsonValue>> members() const;
 
     // A number without a fraction that 64 bits hold.
     [[nodiscard]] std::optional<std::int64_t> integer() const;

@@ -55,7 +55,12 @@ TEST(Gltf, ReadsACard)
     EXPECT_EQ(image.rgba[4 * (8 * 16 + 8) + 3], 255);
     const Geometry &card = scene.geometries[0];
     EXPECT_EQ(card.indices, (std::vector<std::uint32_t>{0, 1, 2, 0, 2, 3}));
-    EXPECT_EQ(card.positions[2], (Vec3{1, 4, 0})); // moved by its node
+    EXPECT_EQ(card.positions[2], (Vec3{1, 2, 0}));
+    EXPECT_EQ(card.place, (PrimitivePlace{0, 0}));
+    ASSERT_EQ(scene.meshes.size(), 1u);
+    EXPECT_EQ(scene.meshes[0].geometryCount, 2u);
+    ASSERT_EQ(scene.instances.size(), 1u);
+    EXPECT_EQ(transformed(scene.instances[0].transform, card.positions[2]), (Vec3{1, 4, 0})); // moved by its node
     EXPECT_EQ(card.uvs[0], (TexCoord{0, 1}));
     EXPECT_FALSE(scene.materials[1].masked());
     EXPECT_EQ(scene.geometries[1].indices, (std::vector<std::uint32_t>{0, 1, 2}));
@@ -65,11 +70,12 @@ TEST(Gltf, AppliesTransforms)
 {
     const Scene turned = read(cardGlb(
         {{"\"translation\": [0, 2, 0]", "\"rotation\": [0, 0, 0.70710678, 0.70710678], \"scale\": [2, 1, 1]"}}));
-    EXPECT_NEAR(turned.geometries[0].positions[1][0], 0, 1e-5); // (1, 0, 0) -> (2, 0, 0) -> (0, 2, 0)
-    EXPECT_NEAR(turned.geometries[0].positions[1][1], 2, 1e-5);
+    const Vec3 corner = transformed(turned.instances[0].transform, turned.geometries[0].positions[1]);
+    EXPECT_NEAR(corner[0], 0, 1e-5); // (1, 0, 0) -> (2, 0, 0) -> (0, 2, 0)
+    EXPECT_NEAR(corner[1], 2, 1e-5);
     const Scene matrix =
         read(cardGlb({{"\"translation\": [0, 2, 0]", "\"matrix\": [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,6,7,1]"}}));
-    EXPECT_EQ(matrix.geometries[0].positions[1], (Vec3{6, 6, 7}));
+    EXPECT_EQ(transformed(matrix.instances[0].transform, matrix.geometries[0].positions[1]), (Vec3{6, 6, 7}));
     const Scene uvs = read(cardGlb({{"\"baseColorTexture\": {\"index\": 0}",
                                      "\"baseColorTexture\": {\"index\": 0, \"extensions\": {\"KHR_texture_transform\": "
                                      "{\"offset\": [0.5, 0.25], \"scale\": [2, 4]}}}"}}));
@@ -112,7 +118,7 @@ TEST(Gltf, SaysWhatIsWrong)
               "mesh 0 primitive 0 has the masked material \"leaf\" but no texture coordinates (TEXCOORD_0)");
     EXPECT_EQ(errorOf({{"\"baseColorTexture\": {\"index\": 0}", "\"baseColorTexture\": {\"index\": 3}"}}),
               "texture 3 does not exist");
-    EXPECT_EQ(errorOf({{"\"source\": 0, ", ""}}), "image -1 does not exist");
+    EXPECT_EQ(errorOf({{"\"source\": 0, ", ""}}), "texture 0 has no image that is known here");
     EXPECT_EQ(errorOf({{"\"source\": 0", "\"source\": 9"}}), "image 9 does not exist");
     EXPECT_EQ(errorOf({{"\"sampler\": 0", "\"sampler\": 9"}}), "sampler 9 does not exist");
     EXPECT_EQ(errorOf({{"\"material\": 0", "\"material\": 7"}}), "material 7 does not exist");
@@ -139,12 +145,12 @@ TEST(Gltf, ChecksAccessors)
               "mesh 0 primitive 0 TEXCOORD_0: accessor 1 has the wrong type");
     EXPECT_EQ(errorOf({{"\"count\": 4, \"type\": \"VEC2\"", "\"count\": 3, \"type\": \"VEC2\""}}),
               "mesh 0 primitive 0 has 3 texture coordinates for 4 vertices");
-    EXPECT_EQ(errorOf({{"\"byteOffset\": 12, ", "\"byteOffset\": 18446744073709551615, "}}),
+    EXPECT_EQ(errorOf({{"\"byteOffset\": 12, ", "\"byteOffset\": 9223372036854775807, "}}),
               "mesh 0 primitive 1 POSITION: accessor 3 reaches outside of its buffer view");
     EXPECT_EQ(errorOf({{"\"byteOffset\": 48, \"byteLength\": 32", "\"byteOffset\": 480000, \"byteLength\": 32"}}),
               "mesh 0 primitive 0 TEXCOORD_0: buffer view 1 reaches outside of its buffer");
     EXPECT_EQ(errorOf({{"{\"buffer\": 0, \"byteLength\": 48}", "{\"buffer\": 5, \"byteLength\": 48}"}}),
-              "mesh 0 primitive 0 POSITION: buffer 5 does not exist");
+              "mesh 0 primitive 0 POSITION: buffer view 0: buffer 5 does not exist");
     EXPECT_NE(errorOf({{"\"count\": 4, \"type\": \"VEC3\"", "\"count\": 18446744073709551615, \"type\": \"VEC3\""}}),
               "none");
 }
@@ -156,7 +162,7 @@ TEST(Gltf, ChecksImages)
     EXPECT_EQ(errorOf({{"\"image/png\", \"bufferView\": 3", "\"image/png\", \"bufferView\": 0"}}).substr(0, 26),
               "image 0 cannot be decoded:");
     EXPECT_EQ(errorOf({{"\"mimeType\": \"image/png\", \"bufferView\": 3", "\"uri\": \"nowhere.png\""}}),
-              "image 0 (nowhere.png) cannot be read");
+              "image 0 (nowhere.png): no such file");
 }
 
 TEST(Gltf, NestingIsLimited)
