@@ -13,5 +13,6 @@ namespace vellum::cli
 {
 
 std::function<int()> declareRenderCommand(CLI::App &app);
+std::function<int()> declareVerifyCommand(CLI::App &app);
 
 } // namespace vellum::cli

@@ -79,8 +79,7 @@ double filtered(const Texels &texels, const Point &at)
 } // namespace
 
 Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tolerances &tolerances, double cutoff)
-    : m_texels(texels), m_triangle(triangle), m_cutoff(cutoff), m_low(cutoff - tolerances.value),
-      m_high(cutoff + tolerances.value),
+    : m_texels(texels), m_triangle(triangle), m_cutoff(cutoff),
       m_even(triangle.alpha[0] == triangle.alpha[1] && triangle.alpha[0] == triangle.alpha[2])
 {
     const AlphaTexture &texture = texels.texture();
@@ -108,6 +107,9 @@ Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tole
         largestFactor = std::max(largestFactor, std::abs(double{triangle.alpha[i]}));
     }
     m_far = !(furthest < kFar);
+    // It is the filtered value that is not exact.
+    m_low = cutoff - tolerances.value * largestFactor;
+    m_high = cutoff + tolerances.value * largestFactor;
     // With u = 2^-53 and m the furthest corner: a corner of a micro-triangle is off by 12 u m, that of a part by u m
     // more for each of fewer than 60 divisions, that of a widened polygon by 64 u m more.
     m_slack = 0x1p-45 * std::max(furthest + m_marginX + m_marginY, 1.0);

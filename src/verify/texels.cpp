@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 namespace vellum::verify
 {
@@ -95,6 +96,9 @@ Stored storedOf(std::int64_t first, std::int64_t last, std::int64_t size, Wrap w
 
 Texels::Texels(const AlphaTexture &texture) : m_texture(texture)
 {
+    if (texture.width == 0 || texture.height == 0 ||
+        texture.alpha.size() != std::size_t{texture.width} * texture.height)
+        throw std::invalid_argument("a texture without a value for each texel");
     for (const float value : texture.alpha)
         if (std::isfinite(value))
             m_largest = std::max(m_largest, std::abs(double{value}));

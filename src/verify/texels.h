@@ -29,7 +29,8 @@ struct Range {
 class Texels
 {
 public:
-    // Looks at every texel once. The texture must outlive this.
+    // Looks at every texel once. The texture must outlive this. Throws std::invalid_argument where it has no value for
+    // each texel, or none at all.
     explicit Texels(const AlphaTexture &texture);
 
     [[nodiscard]] const AlphaTexture &texture() const { return m_texture; }

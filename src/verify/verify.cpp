@@ -159,16 +159,18 @@ std::uint64_t Counts::microTriangles() const
 Result verify(const AlphaTexture &texture, std::span<const TriangleCorners> triangles, const Micromap &micromap,
               const Options &options)
 {
+    return verify(Texels(texture), triangles, micromap, options);
+}
+
+Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
+              const Options &options)
+{
     if (const auto offence = micromap.validate())
         throw std::invalid_argument(*offence);
     if (micromap.indices.size() != triangles.size())
         throw std::invalid_argument("a micromap with " + std::to_string(micromap.indices.size()) + " indices for " +
                                     std::to_string(triangles.size()) + " triangles");
-    if (texture.width == 0 || texture.height == 0 ||
-        texture.alpha.size() != std::size_t{texture.width} * texture.height)
-        throw std::invalid_argument("a texture without a value for each texel");
 
-    const Texels texels(texture);
     const Groups groups = groupsOf(triangles, micromap);
     std::vector<Counts> counts(groups.first.size());
     Telling telling(options, counts.size());

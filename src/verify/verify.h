@@ -12,6 +12,7 @@
 #include "bake/texture/texture.h"
 #include "core/micromap.h"
 #include "verify/region.h"
+#include "verify/texels.h"
 #include "verify/triangle.h"
 
 namespace vellum::verify
@@ -82,8 +83,11 @@ struct Result {
 };
 
 // `micromap` must be valid and have an index for each triangle, the texture a value for each texel and at least one
-// texel.
+// texel; throws std::invalid_argument where that is not so.
 Result verify(const AlphaTexture &texture, std::span<const TriangleCorners> triangles, const Micromap &micromap,
+              const Options &options);
+// The same for a texture that was looked at before, which is most of the time where triangles are few.
+Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
               const Options &options);
 
 } // namespace vellum::verify
