@@ -82,7 +82,7 @@ TEST(Verify, FindsEachSingleWrongState)
     const AlphaTexture texture = leaves(64);
     for (const bool exactly : {false, true}) {
         BakeOptions options;
-        options.level = 4;
+        options.level = 3;
         if (exactly)
             options.exactly();
         const Micromap good = unshared(bake(texture, kCard, options).micromap, *options.level);
