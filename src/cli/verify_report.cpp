@@ -32,7 +32,7 @@ const char *nameOf(Kind kind)
 {
     switch (kind) {
     case Kind::Wrong: return "wrong";
-    case Kind::WithinMargin: return "outsideMargins";
+    case Kind::OutsideMargins: return "outsideMargins";
     case Kind::Needless: break;
     }
     return "needlesslyUnknown";
@@ -48,9 +48,9 @@ void print(const PrimitiveReport &primitive, const Finding &f)
 {
     const std::string value = std::isnan(f.value) ? "where nothing is a number"
                                                   : fmt::format("alpha {:.9g} at uv {:.9g} {:.9g}", f.value, f.u, f.v);
-    const char *what = f.kind == Kind::Wrong          ? "wrong"
-                       : f.kind == Kind::WithinMargin ? "outside the margins"
-                                                      : "needlessly unknown";
+    const char *what = f.kind == Kind::Wrong            ? "wrong"
+                       : f.kind == Kind::OutsideMargins ? "outside the margins"
+                                                        : "needlessly unknown";
     fmt::print("  {}: {}, {}: {}, {}, cutoff {:.9g}\n", what, primitive.name, placeOf(f), nameOf(f.state), value,
                primitive.cutoff);
 }
@@ -79,7 +79,7 @@ void printTable(const std::vector<Row> &rows)
         const std::uint64_t all = c.opaque + c.transparent + c.unknown;
         fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", row.name, width,
                    grouped(row.triangles), grouped(c.microTriangles()), share(c.opaque, all), share(c.transparent, all),
-                   share(c.unknown, all), grouped(c.of(Kind::Wrong)), grouped(c.of(Kind::WithinMargin)),
+                   share(c.unknown, all), grouped(c.of(Kind::Wrong)), grouped(c.of(Kind::OutsideMargins)),
                    grouped(c.of(Kind::Needless)));
     }
 }
@@ -154,7 +154,7 @@ std::string countsJson(const Counts &c)
                        "\"outsideMargins\": {}, \"needlesslyUnknown\": {}, \"open\": {}, \"twoState\": {{\"true\": {}, "
                        "\"mixed\": {}, \"reversed\": {}}}",
                        c.microTriangles(), c.opaque, c.transparent, c.unknown, c.of(Kind::Wrong),
-                       c.of(Kind::WithinMargin), c.of(Kind::Needless), c.open, c.twoStateTrue, c.twoStateMixed,
+                       c.of(Kind::OutsideMargins), c.of(Kind::Needless), c.open, c.twoStateTrue, c.twoStateMixed,
                        c.twoStateReversed);
 }
 
@@ -224,8 +224,8 @@ Judgement judgementOf(const VerifiedFile &file, bool strict)
         return Judgement::AllRight;
     if (report.extension.empty())
         return Judgement::NoMicromaps;
-    if (sum.of(Kind::WithinMargin) + sum.open > 0)
-        return Judgement::WithinMargin;
+    if (sum.of(Kind::OutsideMargins) + sum.open > 0)
+        return Judgement::OutsideMargins;
     return sum.of(Kind::Needless) > 0 ? Judgement::Needless : Judgement::AllRight;
 }
 

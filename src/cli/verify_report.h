@@ -22,7 +22,7 @@ enum class Judgement : int {
     Unreadable = 1, // or not to be verified for another reason
     Structure = 2,
     Wrong = 3,
-    WithinMargin = 4, // only with --strict, as are those below
+    OutsideMargins = 4, // only with --strict, as are those below
     Needless = 5,
     NoMicromaps = 6,
 };

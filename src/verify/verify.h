@@ -35,9 +35,9 @@ struct Options {
 };
 
 enum class Kind : std::uint8_t {
-    Wrong,        // it says opaque or transparent, and is not so everywhere
-    WithinMargin, // the claim is true, but not of what GPUs may do around it
-    Needless,     // unknown, though it is opaque or transparent with all margins
+    Wrong,          // it says opaque or transparent, and is not so everywhere
+    OutsideMargins, // the claim is true, but not of what GPUs may do around it
+    Needless,       // unknown, though it is opaque or transparent with all margins
 };
 inline constexpr std::size_t kKinds = 3;
 

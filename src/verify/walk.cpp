@@ -11,7 +11,7 @@ namespace
 constexpr Tolerances kNone{0, 0, 0, 0};
 // How many parts of one triangle may be looked at: more than any that is not made to take long needs.
 constexpr std::uint64_t kWork = std::uint64_t{1} << 22;
-constexpr std::uint64_t kWorkForMicroTriangle = 256;
+constexpr std::uint64_t kWorkForMicroTriangle = 64;
 
 LatticePoint between(const LatticePoint &a, const LatticePoint &b)
 {
@@ -172,7 +172,7 @@ void TriangleWalk::judgeClaim(const Branch &leaf, State state)
     if (contradicted(bare) == Answer::Yes)
         report(Kind::Wrong, leaf.first, state, witness(bare));
     else if (contradicted(wide) == Answer::Yes)
-        report(Kind::WithinMargin, leaf.first, state, witness(wide));
+        report(Kind::OutsideMargins, leaf.first, state, witness(wide));
     else if (contradicted(bare) == Answer::Open)
         ++m_counts.open;
 }

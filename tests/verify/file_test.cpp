@@ -119,7 +119,7 @@ TEST(VerifyFile, BlendHasTheCutoffThatIsAskedFor)
     FileOptions options;
     options.blendCutoff = 0.25;
     EXPECT_EQ(verifyCard(card, options).counts().of(Kind::Wrong), 0u);
-    EXPECT_EQ(verifyCard(card, options).counts().of(Kind::WithinMargin), 0u);
+    EXPECT_EQ(verifyCard(card, options).counts().of(Kind::OutsideMargins), 0u);
     options.blendCutoff = 0.75;
     const FileReport report = verifyCard(card, options);
     EXPECT_GT(report.counts().of(Kind::Wrong), 0u);

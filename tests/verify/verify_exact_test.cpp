@@ -39,7 +39,7 @@ struct Sum {
     std::size_t mixed = 0;
     std::size_t wrong = 0;
     std::size_t needless = 0;
-    std::size_t withinMargin = 0;
+    std::size_t outsideMargins = 0;
 };
 
 // Whether what was found of one micro-triangle is what the oracle says, without tolerances. A place that is named must
@@ -224,12 +224,12 @@ TEST(VerifyExact, FindsWhatIsTrueButNotWithMargins)
                     if (opaque ? bare.least() < options.cutoff : bare.most() >= options.cutoff)
                         expected = Kind::Wrong;
                     else if (opaque ? !wideOpaque : !wideTransparent)
-                        expected = Kind::WithinMargin;
+                        expected = Kind::OutsideMargins;
                 } else if (wideOpaque || wideTransparent) {
                     expected = Kind::Needless;
                 }
                 sum.wrong += expected == Kind::Wrong ? 1u : 0u;
-                sum.withinMargin += expected == Kind::WithinMargin ? 1u : 0u;
+                sum.outsideMargins += expected == Kind::OutsideMargins ? 1u : 0u;
                 sum.needless += expected == Kind::Needless ? 1u : 0u;
                 ASSERT_EQ(place != found.end(), expected.has_value())
                     << "triangle " << k << ", micro-triangle " << i << " is " << static_cast<int>(state)
@@ -243,7 +243,7 @@ TEST(VerifyExact, FindsWhatIsTrueButNotWithMargins)
     }
     EXPECT_GT(sum.wrong, sum.all / 10);
     EXPECT_GT(sum.needless, sum.all / 10);
-    EXPECT_GT(sum.withinMargin, sum.all / 500);
+    EXPECT_GT(sum.outsideMargins, sum.all / 500);
 }
 
 // s t over the triangle below s + t = 1: it reaches 1/4 in the middle of that side, and nowhere else.

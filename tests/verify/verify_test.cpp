@@ -335,7 +335,7 @@ TEST(Verify, WhatIsNotANumberProvesNothing)
                 }
             EXPECT_GT(unknown, 0u);
             const verify::Result result = verify::verify(spoiled, toCorners(kCard), bold, verifyOptions(options));
-            EXPECT_EQ(result.counts.of(Kind::Wrong) + result.counts.of(Kind::WithinMargin), unknown);
+            EXPECT_EQ(result.counts.of(Kind::Wrong) + result.counts.of(Kind::OutsideMargins), unknown);
         }
         // In a coordinate.
         TriangleCorners corners{{0, value, 1}, {0, 0, 1}, {1, 1, 1}};
