@@ -68,7 +68,7 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
                      "the micro-triangle are wrong");
     command.add_option("--blend-cutoff", options.file.blendCutoff, "The cutoff of materials of alphaMode BLEND [0.5]")
         ->type_name("NUMBER");
-    command.add_option("--threads", options.file.threads, "How many threads to use [one for each processor]")
+    command.add_option("-j,--threads", options.file.threads, "Threads to work with [one for each processor]")
         ->check(CLI::Range(0, 1024).description(""));
     verify::Tolerances &tolerances = options.file.tolerances;
     command.add_flag("--exact", options.exact, "No tolerances: all four are 0")->group("Tolerances, as of vellum bake");

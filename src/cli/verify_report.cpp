@@ -1,8 +1,9 @@
 #include "cli/verify_report.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
+#include <fmt/format.h>
+#include <rapidjson/prettywriter.h>
+#include <rapidjson/stringbuffer.h>
 
 #include "cli/base/numbers.h"
 
@@ -128,82 +129,133 @@ void printFindings(const verify::FileReport &report)
         fmt::print("  and {} more (--max lists more)\n", grouped(all - shown));
 }
 
-std::string quoted(const std::string &text)
+class JsonReport
 {
-    std::string result = "\"";
-    for (const char c : text) {
-        if (c == '"' || c == '\\')
-            result += {'\\', c};
-        else if (static_cast<unsigned char>(c) < 0x20)
-            result += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-        else
-            result += c;
+public:
+    JsonReport() : m_writer(m_buffer) { m_writer.SetIndent(' ', 2); }
+    std::string write(const std::vector<VerifiedFile> &files, bool strict);
+
+private:
+    void name(const char *text) { m_writer.Key(text); }
+    void add(const std::string &value) { m_writer.String(value.c_str()); }
+    void add(std::uint64_t value) { m_writer.Uint64(value); }
+    void add(bool value) { m_writer.Bool(value); }
+    // JSON has no word for what is not a number.
+    void add(double value) { std::isfinite(value) ? m_writer.Double(value) : m_writer.Null(); }
+    template <typename T>
+    void member(const char *text, const T &value)
+    {
+        name(text);
+        add(value);
     }
-    return result + '"';
-}
+    template <typename List, typename Add>
+    void list(const char *text, const List &elements, Add &&addElement)
+    {
+        name(text);
+        m_writer.StartArray();
+        for (const auto &element : elements) {
+            m_writer.StartObject();
+            addElement(element);
+            m_writer.EndObject();
+        }
+        m_writer.EndArray();
+    }
+    void level(const char *text, int value);
+    void counts(const Counts &c);
+    void finding(const Finding &f);
+    void primitive(const PrimitiveReport &p);
+    void file(const VerifiedFile &file, bool strict);
 
-// JSON has no word for what is not a number.
-std::string jsonNumber(double value)
+    rapidjson::StringBuffer m_buffer;
+    rapidjson::PrettyWriter<rapidjson::StringBuffer> m_writer;
+};
+
+void JsonReport::level(const char *text, int value)
 {
-    return std::isfinite(value) ? fmt::format("{:.17g}", value) : "null";
+    name(text);
+    value < 0 ? m_writer.Null() : m_writer.Int(value);
 }
 
-std::string countsJson(const Counts &c)
+void JsonReport::counts(const Counts &c)
 {
-    return fmt::format("\"microTriangles\": {}, \"opaque\": {}, \"transparent\": {}, \"unknown\": {}, \"wrong\": {}, "
-                       "\"outsideMargins\": {}, \"needlesslyUnknown\": {}, \"open\": {}, \"twoState\": {{\"true\": {}, "
-                       "\"mixed\": {}, \"reversed\": {}}}",
-                       c.microTriangles(), c.opaque, c.transparent, c.unknown, c.of(Kind::Wrong),
-                       c.of(Kind::OutsideMargins), c.of(Kind::Needless), c.open, c.twoStateTrue, c.twoStateMixed,
-                       c.twoStateReversed);
+    member("microTriangles", c.microTriangles());
+    member("opaque", c.opaque);
+    member("transparent", c.transparent);
+    member("unknown", c.unknown);
+    for (std::size_t kind = 0; kind < verify::kKinds; ++kind)
+        member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
+    member("open", c.open);
+    name("twoState");
+    m_writer.StartObject();
+    member("true", c.twoStateTrue);
+    member("mixed", c.twoStateMixed);
+    member("reversed", c.twoStateReversed);
+    m_writer.EndObject();
 }
 
-// Calls append(element) for each, with commas between.
-template <typename List, typename Append>
-std::string listJson(const List &list, Append &&element)
+void JsonReport::finding(const Finding &f)
 {
-    std::string text = "[";
-    for (const auto &e : list)
-        text += (text.size() > 1 ? ", " : "") + element(e);
-    return text + "]";
+    member("kind", std::string(nameOf(f.kind)));
+    member("triangle", std::uint64_t{f.triangle});
+    member("microTriangle", std::uint64_t{f.microTriangle});
+    member("level", std::uint64_t{f.level});
+    member("special", f.special);
+    member("state", std::string(nameOf(f.state)));
+    name("uv");
+    m_writer.StartArray();
+    add(f.u);
+    add(f.v);
+    m_writer.EndArray();
+    member("value", f.value);
 }
 
-std::string primitiveJson(const PrimitiveReport &p)
+void JsonReport::primitive(const PrimitiveReport &p)
 {
-    const std::string findings = listJson(p.result.findings, [](const Finding &f) {
-        return fmt::format(
-            "{{\"kind\": \"{}\", \"triangle\": {}, \"microTriangle\": {}, \"level\": {}, \"special\": {}, "
-            "\"state\": \"{}\", \"uv\": [{}, {}], \"value\": {}}}",
-            nameOf(f.kind), f.triangle, f.microTriangle, f.level, f.special, nameOf(f.state), jsonNumber(f.u),
-            jsonNumber(f.v), jsonNumber(f.value));
-    });
-    return fmt::format("{{\"mesh\": {}, \"primitive\": {}, \"name\": {}, \"material\": {}, \"cutoff\": {}, "
-                       "\"triangles\": {}, \"specialIndices\": {}, {}, \"findings\": {}}}",
-                       p.place.mesh, p.place.primitive, quoted(p.name), quoted(p.material), jsonNumber(p.cutoff),
-                       p.triangles, p.special, countsJson(p.result.counts), findings);
+    member("mesh", std::uint64_t{p.place.mesh});
+    member("primitive", std::uint64_t{p.place.primitive});
+    member("name", p.name);
+    member("material", p.material);
+    if (!p.caution.empty())
+        member("caution", p.caution);
+    member("cutoff", p.cutoff);
+    member("triangles", std::uint64_t{p.triangles});
+    member("specialIndices", std::uint64_t{p.special});
+    counts(p.result.counts);
+    list("findings", p.result.findings, [this](const Finding &f) { finding(f); });
 }
 
-std::string fileJson(const VerifiedFile &file, bool strict)
+void JsonReport::file(const VerifiedFile &file, bool strict)
 {
     const verify::FileReport &r = file.report;
-    const std::string head =
-        fmt::format("{{\"file\": {}, \"code\": {}, ", quoted(file.path), static_cast<int>(judgementOf(file, strict)));
-    if (!file.error.empty())
-        return head + "\"error\": " + quoted(file.error) + "}";
-    const auto said = [](const auto &of, const char *what, const std::string &text) {
-        return fmt::format("{{\"place\": {}, \"{}\": {}}}", quoted(of), what, quoted(text));
-    };
-    return head +
-           fmt::format(
-               "\"extension\": {}, \"micromaps\": {}, \"level2State\": {}, \"level4State\": {}, "
-               "\"mixedSpecialIndices\": {}, \"offences\": {}, \"unverified\": {}, {}, "
-               "\"primitives\": {}}}",
-               r.extension.empty() ? "null" : quoted(r.extension), r.micromaps,
-               r.level2State < 0 ? "null" : std::to_string(r.level2State),
-               r.level4State < 0 ? "null" : std::to_string(r.level4State), r.mixedSpecialIndices,
-               listJson(r.offences, [&](const MicromapOffence &o) { return said(o.place, "message", o.message); }),
-               listJson(r.unverified, [&](const verify::Unverified &u) { return said(u.name, "reason", u.reason); }),
-               countsJson(r.counts()), listJson(r.primitives, primitiveJson));
+    member("file", file.path);
+    member("code", static_cast<std::uint64_t>(judgementOf(file, strict)));
+    if (!file.error.empty()) {
+        member("error", file.error);
+        return;
+    }
+    member("extension", r.extension);
+    member("micromaps", std::uint64_t{r.micromaps});
+    level("level2State", r.level2State);
+    level("level4State", r.level4State);
+    member("mixedSpecialIndices", r.mixedSpecialIndices);
+    list("offences", r.offences, [this](const MicromapOffence &o) {
+        member("place", o.place);
+        member("message", o.message);
+    });
+    list("unverified", r.unverified, [this](const verify::Unverified &u) {
+        member("place", u.name);
+        member("reason", u.reason);
+    });
+    counts(r.counts());
+    list("primitives", r.primitives, [this](const PrimitiveReport &p) { primitive(p); });
+}
+
+std::string JsonReport::write(const std::vector<VerifiedFile> &files, bool strict)
+{
+    m_writer.StartObject();
+    list("files", files, [&](const VerifiedFile &f) { file(f, strict); });
+    m_writer.EndObject();
+    return m_buffer.GetString();
 }
 
 } // namespace
@@ -261,6 +313,9 @@ void printVerified(const VerifiedFile &file)
     if (!rows.empty())
         printTable(rows);
     printTwoState(sum);
+    for (const PrimitiveReport &p : report.primitives)
+        if (!p.caution.empty())
+            fmt::print("  caution: {}: {}: verified without that\n", p.name, p.caution);
     for (const verify::Unverified &u : report.unverified)
         fmt::print("  not verified: {}: {}\n", u.name, u.reason);
     printFindings(report);
@@ -270,8 +325,7 @@ void printVerified(const VerifiedFile &file)
 
 std::string verifiedJson(const std::vector<VerifiedFile> &files, bool strict)
 {
-    return "{\"files\": " + listJson(files, [strict](const VerifiedFile &file) { return fileJson(file, strict); }) +
-           "}";
+    return JsonReport().write(files, strict);
 }
 
 } // namespace vellum::cli

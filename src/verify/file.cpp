@@ -6,6 +6,7 @@
 #include <set>
 
 #include "gltf/file/tinygltf.h"
+#include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 
 namespace vellum::verify
@@ -33,7 +34,10 @@ std::vector<TriangleCorners> cornersOf(const Primitive &primitive, bool tested)
 class FileVerifier
 {
 public:
-    FileVerifier(const Document &document, const FileOptions &options) : m_document(document), m_options(options) {}
+    FileVerifier(const Document &document, const FileOptions &options)
+        : m_document(document), m_options(options), m_changing(document)
+    {
+    }
     FileReport operator()();
 
 private:
@@ -44,6 +48,7 @@ private:
 
     const Document &m_document;
     const FileOptions &m_options;
+    ChangingAlpha m_changing;
     StoredMicromaps m_stored;
     FileReport m_report;
     std::size_t m_done = 0; // triangles
@@ -96,8 +101,14 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
         options.progress = [&](std::size_t done, std::size_t total) {
             m_options.progress(m_done + stored.indices.size() * done / std::max<std::size_t>(total, 1), m_total);
         };
-    PrimitiveReport report{place, m_document.nameOf(place), material.name, options.cutoff, stored.indices.size(), 0,
-                           {}};
+    PrimitiveReport report;
+    report.place = place;
+    report.name = m_document.nameOf(place);
+    report.material = material.name;
+    report.cutoff = options.cutoff;
+    report.triangles = stored.indices.size();
+    report.caution = primitive.morphed ? "a morph target changes its texture coordinates or alpha"
+                                       : m_changing.reason(place).value_or("");
     report.special = static_cast<std::size_t>(
         std::count_if(stored.indices.begin(), stored.indices.end(), [](std::int32_t index) { return index < 0; }));
     report.result = verify(texels, cornersOf(primitive, material.masked()), *micromap, options);

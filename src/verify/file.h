@@ -26,6 +26,8 @@ struct PrimitiveReport {
     double cutoff = 0;
     std::size_t triangles = 0;
     std::size_t special = 0; // triangles with a special index
+    // Why its alpha can become another than the one that was verified; empty where it cannot.
+    std::string caution;
     Result result;
 };
 
