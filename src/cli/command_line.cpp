@@ -29,6 +29,7 @@ int runCommandLine(int argc, char **argv)
     app.footer("vellum render --help has examples.");
     std::map<std::string, std::function<int()>> commands;
     commands["bake"] = declareBakeCommand(app);
+    commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
     commands["verify"] = declareVerifyCommand(app);
     try {

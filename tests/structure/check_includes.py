@@ -37,7 +37,7 @@ ROOMS = {
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "gpubake"),
     "bake": ("numbers", "texture", ""),
     "gltf": ("file", "data", "", "micromaps"),
-    "cli": ("base", "picture", "scene", "vulkan", "renderer", ""),
+    "cli": ("base", "picture", "scene", "vulkan", "renderer", "inspect", ""),
 }
 
 MOST_FILES = 24
