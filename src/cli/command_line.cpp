@@ -31,6 +31,7 @@ int runCommandLine(int argc, char **argv)
     commands["bake"] = declareBakeCommand(app);
     commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
+    commands["verify"] = declareVerifyCommand(app);
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &asked) { // --help and --version
