@@ -29,6 +29,7 @@ int runCommandLine(int argc, char **argv)
     app.footer("vellum render --help has examples.");
     std::map<std::string, std::function<int()>> commands;
     commands["render"] = declareRenderCommand(app);
+    commands["info"] = declareInfoCommand(app);
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &asked) { // --help and --version
