@@ -89,8 +89,10 @@ std::function<int()> declareInfoCommand(CLI::App &app)
     command.footer(kInfoDetails);
     command.add_option("files", options->files, "glTF files; without one, this machine")->type_name("FILE");
     command.add_flag("--json", options->json, "For machines");
-    command.add_option("--layer-path", options->layerFolder,
-                       "Folder of the layer's manifest, instead of the one beside this program");
+    command
+        .add_option("--layer-path", options->layerFolder,
+                    "Folder of the layer's manifest, instead of the one beside this program")
+        ->type_name("FOLDER");
     return [options] { return options->files.empty() ? infoOnLoader(*options) : infoOnFiles(*options); };
 }
 

@@ -83,19 +83,19 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
                     "heat: how many candidates the shader is handed at each pixel [omm]")
         ->check(CLI::IsMember(kModes).description(""))
         ->take_last() // scripts/demo puts its own before its user's
-        ->type_name("MODE");
+        ->type_name("alpha|omm|compare|states|heat");
     command
         .add_option("-t,--trace", raw.trace,
                     "query: ray queries in a compute shader.\n"
                     "pipeline: a ray tracing pipeline, whose any-hit shader samples the texture [query]")
         ->check(CLI::IsMember(kTraces).description(""))
-        ->type_name("WAY");
+        ->type_name("query|pipeline");
     command
         .add_option("-a,--api", raw.api,
                     "What micromaps are made with: khr, VK_KHR_opacity_micromap, or ext,\n"
                     "VK_EXT_opacity_micromap [khr]")
         ->check(CLI::IsMember(micromapApis()).description(""))
-        ->type_name("API");
+        ->type_name("khr|ext");
     command
         .add_option("-o,--output", options.output,
                     "The PNG to write; compare writes <name>-alpha.png too, and\n"
@@ -111,7 +111,7 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
     raw.bakes.push_back(command.add_option("-f,--format", raw.format,
                                            "4: four states, exact. 2: two states, an approximation;\n"
                                            "bakes them [4]"));
-    raw.bakes.back()->check(CLI::IsMember({2, 4}).description(""));
+    raw.bakes.back()->check(CLI::IsMember({2, 4}).description(""))->type_name("2|4");
     command.add_option("-n,--instances", options.instances, "Copies of the scene on a square grid: 1 to 1000 [1]")
         ->check(CLI::Range(1, 1000).description(""));
     command
@@ -132,8 +132,10 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
     command.add_flag("--few-colors", raw.fewColors, "PNGs of at most 256 colours: about half of the bytes");
     command.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
     command.add_flag("--no-layer", raw.noLayer, "Do not turn the layer on");
-    command.add_option("--layer-path", options.layerFolder,
-                       "Folder of the layer's manifest, instead of the one beside this program");
+    command
+        .add_option("--layer-path", options.layerFolder,
+                    "Folder of the layer's manifest, instead of the one beside this program")
+        ->type_name("FOLDER");
 }
 
 void finishRender(RenderOptions &options, const RawOptions &raw)

@@ -84,6 +84,18 @@ void explainNoDevice(LoaderReport &report)
             "no driver has a device; VK_LOADER_DEBUG=error,warn,driver says what becomes of them");
 }
 
+void explainNoMicromaps(LoaderReport &report)
+{
+    if (std::any_of(report.devices.begin(), report.devices.end(),
+                    [](const DeviceDetails &d) { return d.hasMicromaps(); }))
+        return;
+    for (const DeviceDetails &device : report.devices)
+        for (const std::string &missing : device.missing)
+            report.problems.push_back(device.name + " has no " + missing + ", without which there are no micromaps");
+    if (report.problems.empty())
+        report.problems.push_back("no device has micromaps");
+}
+
 // Devices without the layer and, where it loads, with it.
 void findDevices(LoaderReport &report)
 {
@@ -92,7 +104,8 @@ void findDevices(LoaderReport &report)
         const Instance instance(false);
         plain = describeDevices(instance);
     } catch (const Error &error) {
-        report.problems.push_back(error.what());
+        if (report.problems.empty()) // else they say why
+            report.problems.push_back(error.what());
         return;
     }
     report.devices = plain;
@@ -105,7 +118,8 @@ void findDevices(LoaderReport &report)
             return;
         report.devices = describeDevices(instance);
     } catch (const Error &error) {
-        report.problems.push_back(error.what());
+        if (report.problems.empty())
+            report.problems.push_back(error.what());
         return;
     }
     // What a driver has itself, the layer passes through unless it is told not to.
@@ -211,9 +225,8 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
     findDevices(report);
     if (report.devices.empty())
         explainNoDevice(report);
-    else if (std::none_of(report.devices.begin(), report.devices.end(),
-                          [](const DeviceDetails &d) { return d.hasMicromaps(); }))
-        report.problems.push_back("no device has micromaps");
+    else
+        explainNoMicromaps(report);
     return report;
 }
 

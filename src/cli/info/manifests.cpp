@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstdlib>
 #include <cstring>
+#include <dlfcn.h>
 #include <elf.h>
 #include <fstream>
 #include <rapidjson/document.h>
@@ -100,6 +101,18 @@ std::string problemOfLibrary(const fs::path &library)
     return "";
 }
 
+// As the loader loads it: what it depends on may be missing.
+std::string problemOfLoading(const fs::path &library)
+{
+    void *handle = dlopen(library.c_str(), RTLD_LAZY | RTLD_LOCAL);
+    if (handle != nullptr) {
+        dlclose(handle);
+        return "";
+    }
+    const char *error = dlerror();
+    return "its library cannot be loaded: " + std::string(error != nullptr ? error : library.string());
+}
+
 // Finds the library of a manifest whose object `kind` has a library_path.
 void readManifest(Manifest &manifest, const char *kind)
 {
@@ -121,10 +134,12 @@ void readManifest(Manifest &manifest, const char *kind)
     }
     manifest.library = json[kind]["library_path"].GetString();
     // A path with a slash is relative to the manifest; a bare name is for the system's search.
-    if (manifest.library.string().find('/') == std::string::npos)
-        return;
-    manifest.library = (manifest.path.parent_path() / manifest.library).lexically_normal();
-    manifest.problem = problemOfLibrary(manifest.library);
+    if (manifest.library.string().find('/') != std::string::npos) {
+        manifest.library = (manifest.path.parent_path() / manifest.library).lexically_normal();
+        manifest.problem = problemOfLibrary(manifest.library);
+    }
+    if (manifest.problem.empty())
+        manifest.problem = problemOfLoading(manifest.library);
 }
 
 bool namesLayer(const fs::path &path)
