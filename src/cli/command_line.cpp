@@ -28,6 +28,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     app.require_subcommand(1);
     app.footer("vellum <subcommand> --help has examples.");
     std::map<std::string, std::function<int()>> commands;
+    commands["bake"] = declareBakeCommand(app);
     commands["render"] = declareRenderCommand(app);
     commands["info"] = declareInfoCommand(app);
     return commands;
