@@ -40,10 +40,11 @@ ReferenceOption read(const CLI::Option &option)
         result.names.push_back("--" + name);
     result.positional = result.names.empty();
     if (result.positional)
-        result.value = option.get_type_name().empty() ? option.get_name(true) : option.get_type_name();
+        result.value = option.get_type_name() == "TEXT" ? option.get_name(true) : option.get_type_name();
     else if (option.get_expected_max() > 0)
         result.value = option.get_type_name();
     result.words = wordsOf(result.value);
+    result.many = option.get_expected_max() > 1;
     result.folder = result.value == "FOLDER";
     result.description = joinLines(option.get_description());
     return result;

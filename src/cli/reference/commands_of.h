@@ -14,6 +14,7 @@ struct ReferenceOption {
     std::string description;        // its lines joined
     bool positional = false;
     bool folder = false; // takes a folder
+    bool many = false;   // may be there several times
 };
 
 struct ReferenceCommand {

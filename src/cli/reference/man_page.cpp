@@ -85,7 +85,7 @@ std::string synopsisOf(const ReferenceCommand &command)
     line += "[" + italic("option") + "...]";
     for (const ReferenceOption &option : command.options)
         if (option.positional)
-            line += " [" + italic(option.value) + "...]";
+            line += " [" + italic(option.value) + (option.many ? "...]" : "]");
     return line + "\n";
 }
 
