@@ -1,4 +1,4 @@
-// What a driver may do that lavapipe does not, and what must not reach it: spy_layer.cpp is that driver.
+// What a driver may do that lavapipe does not, and what must not reach it: layers/spy.cpp is that driver.
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -30,7 +30,7 @@ TEST(Driver, WithoutLocalMemoryLeft)
     std::unique_ptr<Gpu> gpu;
     {
         const Environment full("VELLUM_TEST_SPY_MEMORY");
-        ASSERT_NO_THROW(gpu = std::make_unique<Gpu>());
+        ASSERT_NO_THROW(gpu = std::make_unique<Gpu>(Options{.traits = "hostmemory"}));
     }
     for (const Message &m : gpu->takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
@@ -274,11 +274,7 @@ TEST(Driver, ManyCopiesOfQueryResults)
 TEST(Driver, NoDisplacementBesideEmulation)
 {
     const Environment force("VELLUM_FORCE_EMULATION");
-    std::unique_ptr<Gpu> gpu;
-    {
-        const Environment native("VELLUM_TEST_SPY_DISPLACEMENT");
-        gpu = std::make_unique<Gpu>(Options{.validation = false, .api = Api::Ext});
-    }
+    auto gpu = std::make_unique<Gpu>(Options{.validation = false, .traits = "displacement", .api = Api::Ext});
     constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
     std::uint32_t count = 0;
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu->physical(), nullptr, &count, nullptr));
@@ -332,11 +328,7 @@ TEST(Driver, NoDisplacementBesideEmulation)
 // The driver has both, but with an extension that it lacks micromaps are the layer's.
 TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
 {
-    std::unique_ptr<Gpu> gpu;
-    {
-        const Environment native("VELLUM_TEST_SPY_DISPLACEMENT");
-        gpu = std::make_unique<Gpu>(Options{.validation = false, .api = Api::Khr});
-    }
+    auto gpu = std::make_unique<Gpu>(Options{.validation = false, .traits = "displacement", .api = Api::Khr});
     const float priority = 1;
     VkDeviceQueueCreateInfo queue{};
     queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
