@@ -59,7 +59,7 @@ TEST(HeatColors, GetLighterByEvenSteps)
     for (int i = 0; i < 20; ++i) {
         const double step = lightnessOf(cli::heatColor(static_cast<float>(i + 1) / 20)) -
                             lightnessOf(cli::heatColor(static_cast<float>(i) / 20));
-        EXPECT_GT(step, 1.5) << i;
+        EXPECT_GT(step, 1) << i;
         EXPECT_LT(step, 8) << i;
     }
     EXPECT_EQ(cli::heatColor(-1), cli::heatColor(0));
