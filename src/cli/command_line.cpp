@@ -29,6 +29,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     app.footer("vellum <subcommand> --help has examples.");
     std::map<std::string, std::function<int()>> commands;
     commands["bake"] = declareBakeCommand(app);
+    commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
     commands["info"] = declareInfoCommand(app);
     return commands;

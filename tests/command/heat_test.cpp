@@ -79,7 +79,7 @@ TEST_F(Heat, WithoutAndWithMicromapsInOneScale)
     for (const char *trace : {"query", "pipeline"}) {
         const Png png = draw({"--trace", trace, "--side-by-side"});
         EXPECT_EQ(png.width, 192u);
-        EXPECT_GT(png.height, 64u); // titles and legend
+        EXPECT_EQ(png.height, cli::kHeatHead + 64 + cli::kHeatFoot); // titles and legend
         const double without = meanOf("without micromaps");
         const double with = meanOf(", with micromaps");
         EXPECT_GT(without, 0.2) << outcome.output;
@@ -88,8 +88,7 @@ TEST_F(Heat, WithoutAndWithMicromapsInOneScale)
 
         // The halves of the picture say the same: how many pixels are dark, with no candidate at all.
         std::size_t dark[2] = {};
-        const std::size_t head = 9;
-        for (std::size_t y = head; y < head + 64; ++y)
+        for (std::size_t y = cli::kHeatHead; y < cli::kHeatHead + 64; ++y)
             for (std::size_t x = 0; x < 192; ++x)
                 dark[x / 96] += pixelOf(png.pixels[y * 192 + x]) == cli::heatColor(0) ? 1u : 0u;
         EXPECT_GT(dark[0], 500u) << trace; // the sky

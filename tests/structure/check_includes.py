@@ -31,7 +31,7 @@ ROOMS = {
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "gpubake"),
     "bake": ("numbers", "texture", ""),
     "gltf": ("file", "data", "", "micromaps"),
-    "cli": ("base", "picture", "scene", "vulkan", "renderer", "info", "", "reference"),
+    "cli": ("base", "picture", "scene", "vulkan", "renderer", "info", "inspect", "", "reference"),
 }
 
 MOST_FILES = 24

@@ -52,33 +52,29 @@ void fill(Picture &picture, std::uint32_t left, std::uint32_t top, std::uint32_t
             picture.pixels[std::size_t{y} * picture.width + x] = color;
 }
 
-std::uint32_t textWidth(const std::string &text, std::uint32_t scale)
+// A bar with marks, and what they mean, in kHeatFoot pixels from `top` on.
+void drawLegend(Picture &picture, std::uint32_t top, float scale, const std::string &what)
 {
-    return static_cast<std::uint32_t>(text.size()) * kGlyphWidth * scale;
-}
-
-// A bar with marks, and what they mean, in `height` pixels from `top` on.
-void drawLegend(Picture &picture, std::uint32_t top, std::uint32_t size, float scale, const std::string &what)
-{
-    const std::uint32_t margin = 2 * size;
-    const std::uint32_t bar = std::max(std::min(picture.width - 2 * margin, 160 * size), 1u);
-    const std::uint32_t thick = 4 * size;
+    constexpr std::uint32_t kMargin = 6;
+    constexpr std::uint32_t kThick = 10;
+    const std::uint32_t bar = std::max(std::min(picture.width, 300u), 2 * kMargin + 2) - 2 * kMargin;
     for (std::uint32_t x = 0; x < bar; ++x)
-        fill(picture, margin + x, top, 1, thick,
+        fill(picture, kMargin + x, top, 1, kThick,
              heatColor(static_cast<float>(x) / static_cast<float>(std::max(bar - 1, 1u))));
     const float step = niceStep(scale);
+    const int baseline = static_cast<int>(top + kThick) + 16;
     for (float value = 0; value <= scale; value += step) {
-        const auto x = margin + static_cast<std::uint32_t>(value / scale * static_cast<float>(bar - 1));
-        fill(picture, x, top + thick, std::max(size / 2, 1u), size, kInk);
+        const auto x = kMargin + static_cast<std::uint32_t>(value / scale * static_cast<float>(bar - 1));
+        fill(picture, x, top + kThick, 1, 3, kInk);
         const std::string number = std::to_string(std::lround(value));
-        const std::uint32_t half = value == 0 ? 0 : (textWidth(number, size) - size) / 2;
-        drawText(picture, std::int64_t{x} - half, top + thick + 2 * size, size, number, kInk);
+        const int half = value == 0 ? 0 : textWidth(number, Font::Small) / 2;
+        drawText(picture, static_cast<int>(x) - half, baseline, number, Font::Small, kInk);
     }
-    const std::uint32_t beside = margin + bar + 4 * size;
-    if (beside + textWidth(what, size) <= picture.width)
-        drawText(picture, beside, top, size, what, kInk);
+    const auto beside = static_cast<int>(bar + 4 * kMargin);
+    if (beside + textWidth(what, Font::Small) <= static_cast<int>(picture.width))
+        drawText(picture, beside, static_cast<int>(top) + 10, what, Font::Small, kInk);
     else
-        drawText(picture, margin, top + thick + 8 * size, size, what, kInk);
+        drawText(picture, kMargin, baseline + 16, what, Font::Small, kInk);
 }
 
 } // namespace
@@ -108,24 +104,22 @@ float heatScale(const std::vector<HeatMap> &maps)
 Picture drawHeat(const std::vector<HeatMap> &maps, float scale, const std::string &what)
 {
     const std::uint32_t height = maps.front().height;
-    const std::uint32_t size = std::clamp(height / 180, 1u, 8u); // of a dot of the letters
-    const std::uint32_t head = (kGlyphHeight + 4) * size;
-    const std::uint32_t foot = 22 * size;
     Picture picture;
     for (const HeatMap &map : maps)
         picture.width += map.width;
-    picture.height = head + height + foot;
+    picture.height = kHeatHead + height + kHeatFoot;
     picture.pixels.assign(std::size_t{picture.width} * picture.height, kBackground);
     std::uint32_t left = 0;
     for (const HeatMap &map : maps) {
-        drawText(picture, left + 2 * size, 2 * size, size, map.title, kInk);
+        drawText(picture, static_cast<int>(left) + 6, 16,
+                 fitText(map.title, Font::Small, static_cast<int>(map.width) - 8), Font::Small, kInk);
         for (std::uint32_t y = 0; y < height; ++y)
             for (std::uint32_t x = 0; x < map.width; ++x)
-                picture.pixels[std::size_t{head + y} * picture.width + left + x] =
+                picture.pixels[std::size_t{kHeatHead + y} * picture.width + left + x] =
                     heatColor(map.values[std::size_t{y} * map.width + x] / scale);
         left += map.width;
     }
-    drawLegend(picture, head + height + 2 * size, size, scale, what);
+    drawLegend(picture, kHeatHead + height + 6, scale, what);
     return picture;
 }
 

@@ -24,6 +24,9 @@ std::uint32_t heatColor(float value);
 // The value that the scale ends at: all but one in a thousand are below it, of all maps together. Above zero.
 float heatScale(const std::vector<HeatMap> &maps);
 
+constexpr std::uint32_t kHeatHead = 22; // pixels above the maps
+constexpr std::uint32_t kHeatFoot = 54; // and below them
+
 // The maps side by side, all in one scale from 0 to `scale`, above them their titles and below them a legend that says
 // what is counted and which colour means how many. All must have the same height.
 Picture drawHeat(const std::vector<HeatMap> &maps, float scale, const std::string &what);

@@ -1,69 +1,88 @@
 #include "cli/picture/text.h"
 
-#include <array>
-#include <cctype>
+#include <cmath>
+#include <span>
+
+#include "cli/picture/font.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-struct Glyph {
-    char letter;
-    std::array<const char *, kGlyphHeight> rows;
+struct Face {
+    std::span<const Glyph> glyphs;
+    std::span<const std::uint8_t> coverage;
 };
 
-constexpr Glyph kGlyphs[] = {
-    {'0', {"###", "# #", "# #", "# #", "###"}}, {'1', {" # ", "## ", " # ", " # ", "###"}},
-    {'2', {"###", "  #", "###", "#  ", "###"}}, {'3', {"###", "  #", " ##", "  #", "###"}},
-    {'4', {"# #", "# #", "###", "  #", "  #"}}, {'5', {"###", "#  ", "###", "  #", "###"}},
-    {'6', {"###", "#  ", "###", "# #", "###"}}, {'7', {"###", "  #", " # ", " # ", " # "}},
-    {'8', {"###", "# #", "###", "# #", "###"}}, {'9', {"###", "# #", "###", "  #", "###"}},
-    {'A', {" # ", "# #", "###", "# #", "# #"}}, {'B', {"## ", "# #", "## ", "# #", "## "}},
-    {'C', {" ##", "#  ", "#  ", "#  ", " ##"}}, {'D', {"## ", "# #", "# #", "# #", "## "}},
-    {'E', {"###", "#  ", "## ", "#  ", "###"}}, {'F', {"###", "#  ", "## ", "#  ", "#  "}},
-    {'G', {" ##", "#  ", "# #", "# #", " ##"}}, {'H', {"# #", "# #", "###", "# #", "# #"}},
-    {'I', {"###", " # ", " # ", " # ", "###"}}, {'J', {"  #", "  #", "  #", "# #", " # "}},
-    {'K', {"# #", "# #", "## ", "# #", "# #"}}, {'L', {"#  ", "#  ", "#  ", "#  ", "###"}},
-    {'M', {"# #", "###", "###", "# #", "# #"}}, {'N', {"## ", "# #", "# #", "# #", "# #"}},
-    {'O', {" # ", "# #", "# #", "# #", " # "}}, {'P', {"## ", "# #", "## ", "#  ", "#  "}},
-    {'Q', {" # ", "# #", "# #", " # ", "  #"}}, {'R', {"## ", "# #", "## ", "# #", "# #"}},
-    {'S', {" ##", "#  ", " # ", "  #", "## "}}, {'T', {"###", " # ", " # ", " # ", " # "}},
-    {'U', {"# #", "# #", "# #", "# #", "###"}}, {'V', {"# #", "# #", "# #", "# #", " # "}},
-    {'W', {"# #", "# #", "###", "###", "# #"}}, {'X', {"# #", "# #", " # ", "# #", "# #"}},
-    {'Y', {"# #", "# #", " # ", " # ", " # "}}, {'Z', {"###", "  #", " # ", "#  ", "###"}},
-    {'.', {"   ", "   ", "   ", "   ", " # "}}, {',', {"   ", "   ", "   ", " # ", "#  "}},
-    {'-', {"   ", "   ", "###", "   ", "   "}}, {':', {"   ", " # ", "   ", " # ", "   "}},
-    {'/', {"  #", "  #", " # ", "#  ", "#  "}},
-};
-
-const Glyph *glyphOf(char letter)
+Face faceOf(Font font)
 {
-    const int capital = std::toupper(static_cast<unsigned char>(letter));
-    for (const Glyph &glyph : kGlyphs)
-        if (glyph.letter == capital)
-            return &glyph;
-    return nullptr;
+    switch (font) {
+    case Font::Small: return {kSmallGlyphs, kSmallCoverage};
+    case Font::Normal: return {kNormalGlyphs, kNormalCoverage};
+    default: return {kTitleGlyphs, kTitleCoverage};
+    }
+}
+
+// Calls function(glyph) for each code point.
+template <typename Function>
+void forEachGlyph(std::string_view text, const Face &face, Function &&function)
+{
+    for (const char c : text) {
+        const auto byte = static_cast<std::uint8_t>(c);
+        if ((byte & 0xc0) == 0x80) // belongs to the code point before it
+            continue;
+        function(face.glyphs[byte >= 32 && byte < 127 ? byte - 32u : '?' - 32u]);
+    }
 }
 
 } // namespace
 
-void drawText(Picture &picture, std::int64_t x, std::int64_t y, std::uint32_t scale, std::string_view text,
-              std::uint32_t color)
+int textWidth(std::string_view text, Font font)
 {
-    for (const char letter : text) {
-        const Glyph *glyph = glyphOf(letter);
-        for (std::int64_t row = 0; glyph != nullptr && row < kGlyphHeight * scale; ++row) {
-            for (std::int64_t column = 0; column < (kGlyphWidth - 1) * scale; ++column) {
-                const std::int64_t px = x + column;
-                const std::int64_t py = y + row;
-                if (glyph->rows[static_cast<std::size_t>(row / scale)][column / scale] == '#' && px >= 0 && py >= 0 &&
-                    px < picture.width && py < picture.height)
-                    picture.pixels[static_cast<std::size_t>(py * picture.width + px)] = color;
+    int pen = 0;
+    forEachGlyph(text, faceOf(font), [&](const Glyph &glyph) { pen += glyph.advance; });
+    return (pen + 63) / 64;
+}
+
+void drawText(Picture &picture, int x, int y, std::string_view text, Font font, std::uint32_t color)
+{
+    const Face face = faceOf(font);
+    int pen = x * 64;
+    forEachGlyph(text, face, [&](const Glyph &glyph) {
+        for (int row = 0; row < glyph.height; ++row)
+            for (int column = 0; column < glyph.width; ++column) {
+                const int px = (pen + 32) / 64 + glyph.left + column;
+                const int py = y + glyph.top + row;
+                if (px < 0 || py < 0 || px >= static_cast<int>(picture.width) || py >= static_cast<int>(picture.height))
+                    continue;
+                const std::size_t at = glyph.first + static_cast<std::size_t>(row * glyph.width + column);
+                blendPixel(picture, px, py, color, face.coverage[at] / 255.0);
             }
-        }
-        x += kGlyphWidth * scale;
+        pen += glyph.advance;
+    });
+}
+
+std::string fitText(std::string_view text, Font font, int width)
+{
+    if (textWidth(text, font) <= width)
+        return std::string(text);
+    std::string fitting(text);
+    while (!fitting.empty() && textWidth(fitting + "...", font) > width)
+        fitting.pop_back();
+    return fitting + "...";
+}
+
+void blendPixel(Picture &picture, int x, int y, std::uint32_t color, double coverage)
+{
+    std::uint32_t &pixel = picture.pixels[static_cast<std::size_t>(y) * picture.width + static_cast<std::size_t>(x)];
+    std::uint32_t mixed = 0xff000000u;
+    for (unsigned shift = 0; shift < 24; shift += 8) {
+        const double below = (pixel >> shift) & 255;
+        const double above = (color >> shift) & 255;
+        mixed |= static_cast<std::uint32_t>(std::lround(below + (above - below) * coverage)) << shift;
     }
+    pixel = mixed;
 }
 
 } // namespace vellum::cli

@@ -1,6 +1,8 @@
-// Letters in pictures.
+// Text in pictures.
 #pragma once
 
+#include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "cli/picture/picture.h"
@@ -8,12 +10,16 @@
 namespace vellum::cli
 {
 
-constexpr std::uint32_t kGlyphWidth = 4; // with the space behind it, as all sizes before `scale`
-constexpr std::uint32_t kGlyphHeight = 5;
+enum class Font : std::uint8_t { Small, Normal, Title }; // 13, 15 and 20 pixels
 
-// Draws a line of text, its upper left corner at (x, y); each dot is scale * scale pixels. Capitals, small letters
-// drawn as capitals, digits and ". , - : /"; others leave a space. What is outside of the picture is left out.
-void drawText(Picture &picture, std::int64_t x, std::int64_t y, std::uint32_t scale, std::string_view text,
-              std::uint32_t color);
+// Widths in pixels. Characters beyond ASCII are drawn as "?", one for each code point.
+int textWidth(std::string_view text, Font font);
+// `y` is that of the baseline. What lies outside of the picture is left out.
+void drawText(Picture &picture, int x, int y, std::string_view text, Font font, std::uint32_t color);
+// The beginning of `text` that is at most `width` wide, with "..." if it is not all.
+std::string fitText(std::string_view text, Font font, int width);
+
+// Puts `color` over a pixel, as far as `coverage` (0..1) says; the pixel must exist.
+void blendPixel(Picture &picture, int x, int y, std::uint32_t color, double coverage);
 
 } // namespace vellum::cli

@@ -47,7 +47,7 @@ std::span<const std::uint8_t> BufferViews::decompressed(int index, const std::st
     const tinygltf::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(index)];
     try {
         const CompressedView view = readCompressedView(parent);
-        const auto encoded = stored(view.buffer, view.byteOffset, view.byteLength, "what it is compressed to");
+        const auto encoded = stored(view.buffer, view.byteOffset, view.byteLength, "has a compression that");
         account(view.bytes());
         return m_decompressed.emplace(index, decompressView(view, encoded)).first->second;
     } catch (const GltfUnsupported &error) {

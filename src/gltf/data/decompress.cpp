@@ -25,7 +25,7 @@ std::size_t sizeOf(const tinygltf::Value &extension, const char *name, int other
     const tinygltf::Value &value = extension.Get(name);
     const int number = value.IsInt() ? value.Get<int>() : otherwise;
     if (number < 0)
-        throw GltfError(std::string("its compression has no \"") + name + "\"");
+        throw GltfError(std::string("has a compression without \"") + name + "\"");
     return static_cast<std::size_t>(number);
 }
 
@@ -41,20 +41,20 @@ void check(const CompressedView &view, const tinygltf::BufferView &parent)
     const bool attributes = view.mode == "ATTRIBUTES";
     const std::string stride = "a stride of " + std::to_string(view.byteStride);
     if (!attributes && view.mode != "TRIANGLES" && view.mode != "INDICES")
-        throw GltfUnsupported("its compression has the unknown mode \"" + view.mode + "\"");
+        throw GltfUnsupported("has a compression with the unknown mode \"" + view.mode + "\"");
     if (attributes ? view.byteStride == 0 || view.byteStride % 4 != 0 || view.byteStride > 256
                    : view.byteStride != 2 && view.byteStride != 4)
-        throw GltfError("its compression has " + stride);
+        throw GltfError("has a compression with " + stride);
     if (view.mode == "TRIANGLES" && view.count % 3 != 0)
-        throw GltfError("its compression has " + std::to_string(view.count) + " indices, no multiple of 3");
+        throw GltfError("has a compression with " + std::to_string(view.count) + " indices, no multiple of 3");
     if (view.filter == "OCTAHEDRAL" ? view.byteStride != 4 && view.byteStride != 8
                                     : view.filter == "QUATERNION" && view.byteStride != 8)
-        throw GltfError("its compression has the filter " + view.filter + " for " + stride);
+        throw GltfError("has a compression with the filter " + view.filter + " for " + stride);
     const bool filtered = view.filter != "NONE";
     if (filtered && view.filter != "OCTAHEDRAL" && view.filter != "QUATERNION" && view.filter != "EXPONENTIAL")
-        throw GltfUnsupported("its compression has the unknown filter \"" + view.filter + "\"");
+        throw GltfUnsupported("has a compression with the unknown filter \"" + view.filter + "\"");
     if (filtered && !attributes)
-        throw GltfError("its compression has a filter for indices");
+        throw GltfError("has a compression with a filter for indices");
     if (view.bytes() != parent.byteLength)
         throw GltfError("is decompressed to " + std::to_string(view.bytes()) + " bytes and has " +
                         std::to_string(parent.byteLength));
@@ -63,8 +63,8 @@ void check(const CompressedView &view, const tinygltf::BufferView &parent)
 // The stream begins with its kind and, in the lower half of the byte, its version.
 bool isNewer(const CompressedView &view, std::span<const std::uint8_t> encoded)
 {
-    const int newest = view.mode == "ATTRIBUTES" ? 0 : 1;
-    return !encoded.empty() && (encoded[0] & 0x0f) > newest;
+    const int newest = view.mode == "ATTRIBUTES" ? 0xa0 : view.mode == "TRIANGLES" ? 0xe1 : 0xd1;
+    return !encoded.empty() && (encoded[0] & 0xf0) == (newest & 0xf0) && encoded[0] > newest;
 }
 
 } // namespace
