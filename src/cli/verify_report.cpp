@@ -287,12 +287,12 @@ Judgement judgementOf(const VerifiedFile &file, bool strict)
     const Counts sum = report.counts();
     if (!file.error.empty())
         return Judgement::Unreadable;
+    if (!report.unverified.empty())
+        return Judgement::Unreadable;
     if (!report.offences.empty())
         return Judgement::Structure;
     if (sum.of(Kind::Wrong) > 0)
         return Judgement::Wrong;
-    if (!report.unverified.empty())
-        return Judgement::Unreadable;
     if (!strict)
         return Judgement::AllRight;
     if (report.extension.empty())
