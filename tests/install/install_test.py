@@ -230,7 +230,7 @@ class Installation(unittest.TestCase):
     def test_exports(self):
         self.check_exports("libvellum", "VELLUM_0.1", "vellum.h", FUNCTIONS, "")
         self.check_exports("libvellum_gltf", "VELLUM_GLTF_0.1", "gltf.h", GLTF_FUNCTIONS,
-                           "|libtinygltf|libdraco|libmeshoptimizer|libwebp|libpng16")
+                           "|libtinygltf|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg")
 
     def test_layer_and_command(self):
         manifest = self.prefix / "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"
@@ -247,6 +247,8 @@ class Installation(unittest.TestCase):
                     rf"{lib}/libvellum-gpubake\.a",
                     rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
                     rf"{lib}/pkgconfig/vellum(-gltf)?\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
+                    r"share/man/man1/vellum\.1", r"share/bash-completion/completions/vellum",
+                    r"share/zsh/site-functions/_vellum", r"share/fish/vendor_completions\.d/vellum\.fish",
                     r"share/doc/vellum/examples/(c|cpp|gltf|python)/[\w.]+")
         self.assertEqual([path for path in sorted(there) if not any(re.fullmatch(p, path) for p in patterns)], [])
 
