@@ -1,6 +1,11 @@
 #include "read_everything.h"
 
+#include <cstring>
+#include <stdexcept>
+
+#include "gltf/file/json_tree.h"
 #include "gltf/file/tinygltf.h"
+#include "gltf/micromaps/document_writer.h"
 #include "gltf/micromaps/stored_micromaps.h"
 #include "gltf/primitive.h"
 #include "gltf/scene.h"
@@ -26,6 +31,43 @@ bool attempt(Reading &reading, Read &&read)
     return false;
 }
 
+// What the file becomes with micromaps, or without those that it has. If that can be written its JSON can be read.
+void rewrite(const Document &document, const DocumentBake &bake)
+{
+    RewrittenFile written;
+    try {
+        written = withMicromaps(document, bake, "micromaps.bin");
+    } catch (const GltfError &) {
+        return; // the JSON is not what tinygltf made of it
+    }
+    std::vector<std::uint8_t> bytes;
+    for (const auto &piece : written.file.pieces())
+        bytes.insert(bytes.end(), piece.begin(), piece.end());
+    std::string_view json(reinterpret_cast<const char *>(bytes.data()), bytes.size());
+    if (document.binary()) {
+        std::uint32_t length = 0;
+        std::memcpy(&length, bytes.data() + 12, sizeof length);
+        json = json.substr(20, length);
+    }
+    try {
+        const JsonTree tree(json);
+        if (tree.root()["extensions"]["EXT_mesh_opacity_micromap"].exists() != !bake.micromaps.empty())
+            throw std::logic_error("the micromaps of " + document.path().string() + " were not replaced");
+    } catch (const GltfError &error) {
+        throw std::logic_error(document.path().string() + " was written wrongly: " + error.what());
+    }
+}
+
+void rewriteBothWays(const Document &document)
+{
+    DocumentBake bake;
+    rewrite(document, bake);
+    bake.micromaps.push_back({{{0, 0, Format::FourState}}, {3}, {{1, 0, Format::FourState}}});
+    for (const PrimitivePlace place : trianglePrimitives(document))
+        bake.primitives.push_back({place, "", {0, {0, -1}, 0}, {0, 1, 2}, 0});
+    rewrite(document, bake);
+}
+
 void readParts(const Document &document, Reading &reading)
 {
     const auto count = [](const auto &list) { return static_cast<int>(list.size()); };
@@ -45,6 +87,7 @@ void readParts(const Document &document, Reading &reading)
         for (const auto &[place, micromap] : stored.primitives)
             static_cast<void>(stored.of(place));
     });
+    rewriteBothWays(document);
 }
 
 } // namespace

@@ -48,6 +48,7 @@ class PageTest(unittest.TestCase):
         self.browser.open(self.page)
         self.value = self.browser.evaluate
         self.value("document.getElementById('work').scrollIntoView()")
+        self.settle()
 
     def tearDown(self):
         self.assertEqual(self.browser.console, [])
@@ -83,9 +84,18 @@ class PageTest(unittest.TestCase):
             pixel.drawImage(document.getElementById("canvas"), {-round(x - left)}, {-round(y - top)});
             return [...pixel.getImageData(0, 0, 1, 1).data]; }})()""")
 
+    def settle(self):
+        """Until what was done is drawn: a frame, and whatever tiles it asks for."""
+        self.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        self.browser.wait_for(READY)
+
     def key(self, key):
         self.browser.key(key)
-        self.browser.wait_for(READY)
+        self.settle()
+
+    def point(self, x, y):
+        self.browser.mouse("mouseMoved", x, y)
+        self.settle()
 
     def test_text_of_the_file_stays_text(self):
         self.assertEqual(self.value("document.title"), 'a <i>"b" é.glb – opacity micromaps')
@@ -104,28 +114,28 @@ class PageTest(unittest.TestCase):
         for row, column, upper in ((0, 0, False), (2, 3, True), (5, 1, False), (4, 4, True)):
             u = (column + (0.7 if upper else 0.3)) / COLUMNS
             v = (row + (0.7 if upper else 0.3)) / COLUMNS
-            self.browser.mouse("mouseMoved", *self.place(u, v))
+            self.point(*self.place(u, v))
             number = 2 * (row * COLUMNS + column) + upper
             self.assertEqual(self.details()["Triangle"], str(number))
             self.assertTrue(self.details()["Mesh"].startswith("0 leaf </script>"))
             self.assertIn(f"tri {number}:", self.value(text("#tip")))
-        self.browser.mouse("mouseMoved", *self.place(0.5, -0.03))
+        self.point(*self.place(0.5, -0.03))
         self.assertEqual(self.details(), {})
 
     def test_hover_tells_the_state(self):
-        self.browser.mouse("mouseMoved", *self.place(0.51, 0.48))
+        self.point(*self.place(0.51, 0.48))
         self.assertTrue(self.value(text("#tip")).endswith(": opaque"))
-        self.browser.mouse("mouseMoved", *self.place(0.03, 0.02))
+        self.point(*self.place(0.03, 0.02))
         self.assertTrue(self.value(text("#tip")).endswith(": transparent"))
 
     def test_states_have_their_colours(self):
         self.value("document.getElementById('strength').value = 100;"
                    "document.getElementById('strength').dispatchEvent(new Event('input'))")
-        self.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        self.settle()
         self.assertEqual(self.pixel(0.53, 0.49)[:3], [0x00, 0x72, 0xb2])
         self.assertEqual(self.pixel(0.03, 0.02)[:3], [0x56, 0xb4, 0xe9])
         self.value("document.querySelector('#legend button').click()")  # opaque ones are not shown any more
-        self.browser.wait_for(READY)
+        self.settle()
         red, green, blue, _ = self.pixel(0.53, 0.49)
         self.assertLess(max(red, green, blue) - min(red, green, blue), 3, "the grey texture")
 
@@ -136,7 +146,7 @@ class PageTest(unittest.TestCase):
         box = self.value(f"(() => {{ const r = document.querySelector('{entry}').getBoundingClientRect();"
                          "return [r.left + 20, r.top + 8]; })()")
         self.browser.click(*box)
-        self.browser.wait_for(READY)
+        self.settle()
         self.assertGreater(self.zoom(), 2 * before)
         self.assertEqual(self.value(text("#details-title")), "Pinned triangle")
         self.assertIn(f"tri {self.details()['Triangle'].split()[0]}", name)
@@ -191,24 +201,25 @@ class PageTest(unittest.TestCase):
         self.assertIn("first & <b>", label)
         self.value("document.querySelector('[role=tab]').focus()")
         self.browser.key("ArrowRight", 39)
-        self.browser.wait_for(READY)
+        self.settle()
         self.assertIn("second, 32 triangles", self.value("document.getElementById('canvas').getAttribute('aria-label')"))
-        self.browser.mouse("mouseMoved", *self.place(0.9, 0.1))
+        self.point(*self.place(0.9, 0.1))
         self.assertEqual(self.details()["Mesh"], "1")
 
     def test_wheel_and_drag(self):
         x, y = self.place(0.3, 0.6)
-        self.browser.mouse("mouseMoved", x, y)
+        self.point(x, y)
         under = self.details()["Triangle"]
         before = self.zoom()
         self.browser.mouse("mouseWheel", x, y, deltaX=0, deltaY=-300)
         self.browser.wait_for(f"parseFloat({text('#zoom')}) > {1.5 * before}")
-        self.browser.mouse("mouseMoved", x + 1, y)
+        self.point(x + 1, y)
         self.assertEqual(self.details()["Triangle"], under, "what is under the pointer stays there")
         self.browser.mouse("mousePressed", x, y, button="left", clickCount=1)
         self.browser.mouse("mouseMoved", x + 40, y + 30, button="left", buttons=1)
         self.browser.mouse("mouseReleased", x + 40, y + 30, button="left", clickCount=1)
-        self.browser.mouse("mouseMoved", x + 41, y + 30)
+        self.settle()
+        self.point(x + 41, y + 30)
         self.assertEqual(self.details()["Triangle"], under, "it moves with the pointer")
         self.assertEqual(self.value(text("#details-title")), "Triangle", "a drag pins nothing")
 
@@ -216,17 +227,19 @@ class PageTest(unittest.TestCase):
         ground = "getComputedStyle(document.documentElement).backgroundColor"
         light = self.value(ground)
         self.browser.prefer("dark")
+        self.settle()
         dark = self.value(ground)
         self.assertNotEqual(light, dark)
         self.value("document.getElementById('theme').click()")
         self.assertEqual(self.value(ground), light)
         self.browser.prefer("light")
+        self.settle()
         self.value("document.getElementById('theme').click()")
         self.assertEqual(self.value(ground), dark)
 
     def test_small_screens(self):
         self.browser.resize(360, 700, mobile=True)
-        self.browser.wait_for(READY)
+        self.settle()
         self.assertLessEqual(self.value("document.documentElement.scrollWidth"), 360)
         self.assertLessEqual(self.canvas_box()[2], 360)
 
@@ -240,7 +253,7 @@ class PageTest(unittest.TestCase):
         self.browser.open(page)
         self.value("document.getElementById('work').scrollIntoView()")
         self.assertLess(self.value("document.querySelectorAll('*').length"), 2000)
-        self.browser.mouse("mouseMoved", *self.place(100.3 / 224, 50.3 / 224))
+        self.point(*self.place(100.3 / 224, 50.3 / 224))
         self.assertEqual(self.details()["Triangle"], f"{2 * (50 * 224 + 100):,}")
 
 
