@@ -193,6 +193,18 @@ TEST(GltfWrongFile, Truncations)
     }
 }
 
+// A header whose length ends before the first chunk does, whose own length is wrong too.
+TEST(GltfWrongFile, ShortLengthInTheHeader)
+{
+    Bytes file = cardGlb();
+    for (const int length : {0, 12, 19}) {
+        file[8] = static_cast<std::uint8_t>(length);
+        file[9] = file[10] = file[11] = 0;
+        file[14] = 0x7f;
+        EXPECT_EQ(errorOf(file), "truncated: the header announces " + std::to_string(length) + " bytes");
+    }
+}
+
 TEST(GltfWrongFile, Sizes)
 {
     const std::string position = R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"})";
