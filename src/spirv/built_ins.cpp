@@ -52,7 +52,8 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
     out.put(spv::OpBitcast, {type, result, out.value(spv::OpFunctionCall, uint, {function, asUint})});
 }
 
-BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker) : module_(module), types_(types), linker_(linker)
+BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, bool indexIsKnown)
+    : module_(module), types_(types), linker_(linker), indexIsKnown_(indexIsKnown)
 {
     for (const Instruction in : module.section(Section::Decorations)) {
         if (in.opcode != spv::OpDecorate || module.word(in, 2) != spv::DecorationBuiltIn)
@@ -97,8 +98,31 @@ bool BuiltIns::replace(Instruction in, Code &out)
     default: break;
     }
     if (function)
-        restoreResult(module_, types_, linker_.function(function), in, out);
+        restore(in, function, out);
     return function != nullptr;
+}
+
+void BuiltIns::restore(Instruction in, const char *function, Code &out)
+{
+    if (!indexIsKnown_ || function != kCustomIndex) {
+        restoreResult(module_, types_, linker_.function(function), in, out);
+        return;
+    }
+    const Id uint = types_.uint32();
+    if (knownIndex_ == 0) {
+        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, uint});
+        knownIndex_ = module_.newId();
+        module_.append(Section::Globals, spv::OpVariable, {pointer, knownIndex_, spv::StorageClassPrivate});
+        std::vector<std::uint32_t> name = stringWords("vellumKnownIndex");
+        name.insert(name.begin(), knownIndex_);
+        module_.append(Section::Names, spv::OpName, name);
+    }
+    const Id type = module_.word(in, 1);
+    const Id result = module_.word(in, 2);
+    if (type == uint)
+        out.put(spv::OpLoad, {uint, result, knownIndex_});
+    else
+        out.put(spv::OpBitcast, {type, result, out.value(spv::OpLoad, uint, {knownIndex_})});
 }
 
 // A copy from memory to memory becomes a load, which is restored, and a store.
@@ -107,8 +131,7 @@ void BuiltIns::copy(Instruction in, const char *function, Code &out)
     const Id pointerType = module_.resultType(module_.definition(module_.word(in, 2)));
     const Id type = module_.word(module_.definition(pointerType), 3);
     const Id value = module_.newId();
-    restoreResult(module_, types_, linker_.function(function),
-                  module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), out);
+    restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), function, out);
     std::vector<std::uint32_t> store{module_.word(in, 1), value};
     // The first operands are the target's.
     for (std::uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)

@@ -20,11 +20,16 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
 class BuiltIns
 {
 public:
-    BuiltIns(Module &module, Types &types, Linker &linker);
+    // `indexIsKnown`: code of ours knows the application's custom index before the application reads it, and keeps it
+    // in knownIndex().
+    BuiltIns(Module &module, Types &types, Linker &linker, bool indexIsKnown);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
+    // A Private variable; 0 where nothing reads it.
+    [[nodiscard]] Id knownIndex() const { return knownIndex_; }
 
 private:
+    void restore(Instruction in, const char *function, Code &out);
     // The library function that restores what `pointer` points to; null where there is nothing to restore.
     const char *restoring(Id pointer) const;
     void copy(Instruction in, const char *function, Code &out);
@@ -32,6 +37,8 @@ private:
     Module &module_;
     Types &types_;
     Linker &linker_;
+    bool indexIsKnown_;
+    Id knownIndex_ = 0;
     std::set<Id> customIndex_;
     std::set<Id> incomingFlags_;
 };

@@ -14,7 +14,12 @@ namespace vellum::spirv
 class EntryWrapper
 {
 public:
-    EntryWrapper(Module &module, Types &types, Linker &linker) : module_(module), types_(types), linker_(linker) {}
+    // `knownIndex`: where the application finds its custom index once a hit of triangles is looked up; 0: it does not
+    // look.
+    EntryWrapper(Module &module, Types &types, Linker &linker, Id knownIndex)
+        : module_(module), types_(types), linker_(linker), knownIndex_(knownIndex)
+    {
+    }
 
     // Leaves `stage`'s entry point as the only one, and wraps it if the stage decides anything. Called last: what is
     // added here must not be rewritten. False with error() set on failure.
@@ -48,6 +53,7 @@ private:
     Module &module_;
     Types &types_;
     Linker &linker_;
+    Id knownIndex_;
     std::vector<std::uint32_t> entry_; // operands of OpEntryPoint
     std::size_t interface_ = 0;        // where in them the interface begins
     Id application_ = 0;               // the application's function

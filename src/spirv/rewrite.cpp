@@ -143,7 +143,7 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
         return failed(consumption.error());
 
     const bool inPipeline = options.pipelineStage.has_value();
-    BuiltIns builtIns(*module, types, linker);
+    BuiltIns builtIns(*module, types, linker, inPipeline && options.pipelineStage->decides == Decides::TriangleHits);
     // Of a pipeline without micromaps only the ray flag that the driver does not know is hidden. It needs the
     // capability.
     TraceRays traces(*module, types, linker, inPipeline ? TraceRays::Hides::Everything : TraceRays::Hides::UnknownFlag,
@@ -152,7 +152,7 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     if (!traces.error().empty())
         return failed(traces.error());
     if (inPipeline) {
-        EntryWrapper wrapper(*module, types, linker);
+        EntryWrapper wrapper(*module, types, linker, builtIns.knownIndex());
         if (!wrapper.wrap(*options.pipelineStage))
             return failed(wrapper.error());
         changed = true;
