@@ -39,6 +39,7 @@ cli::RenderScene smallestScene()
     triangle.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     triangle.uvs.resize(3);
     triangle.indices = {0, 1, 2};
+    scene.makeOneMesh();
     return cli::prepareScene(std::move(scene), 1);
 }
 

@@ -28,6 +28,7 @@ int runCommandLine(int argc, char **argv)
     app.require_subcommand(1);
     app.footer("vellum render --help has examples.");
     std::map<std::string, std::function<int()>> commands;
+    commands["bake"] = declareBakeCommand(app);
     commands["render"] = declareRenderCommand(app);
     try {
         app.parse(argc, argv);

@@ -12,6 +12,7 @@ class App;
 namespace vellum::cli
 {
 
+std::function<int()> declareBakeCommand(CLI::App &app);
 std::function<int()> declareRenderCommand(CLI::App &app);
 
 } // namespace vellum::cli

@@ -240,9 +240,6 @@ VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 VELLUM_CONST uint kQueryMicromapCompacted = 0u; // and the size that a clone needs: what is in use
 VELLUM_CONST uint kQueryMicromapSerialized = 1u;
 VELLUM_CONST uint kQueryMarked = 4u; // a bit: the size is to be kMicromapSizeMark modulo 256
-// --- formats of their copies (shaders/query_copy.comp) ---
-VELLUM_CONST uint kQueryCopy64 = 1u;
-VELLUM_CONST uint kQueryCopyAvailability = 2u;
 
 // --- log of wrong input: header (4 words), then kLogCapacity entries (8 words) ---
 // header word 0: number of entries that there were to write

@@ -6,7 +6,8 @@
 namespace vellum
 {
 
-Document::Document(const std::filesystem::path &path) : m_path(path), m_model(std::make_unique<tinygltf::Model>())
+Document::Document(const std::filesystem::path &path)
+    : m_path(path), m_model(std::make_unique<tinygltf::Model>()), m_bufferViews(std::make_unique<BufferViews>(*m_model))
 {
     named([&] {
         Container container = readContainer(path);

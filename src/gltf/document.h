@@ -10,12 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "gltf/data/buffer_views.h"
 #include "gltf/file/gltf_error.h"
-
-namespace tinygltf
-{
-class Model;
-}
 
 namespace vellum
 {
@@ -40,6 +36,8 @@ public:
     [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
     // Images are left encoded: those with a URI in Image::image, the others in their buffer view.
     [[nodiscard]] const tinygltf::Model &model() const { return *m_model; }
+    // What is in the model's buffer views.
+    [[nodiscard]] const BufferViews &bufferViews() const { return *m_bufferViews; }
 
     // Whether it is a GLB.
     [[nodiscard]] bool binary() const { return m_binary; }
@@ -74,6 +72,7 @@ private:
     std::size_t m_jsonSize = 0;
     bool m_binary = false;
     std::unique_ptr<tinygltf::Model> m_model;
+    std::unique_ptr<BufferViews> m_bufferViews;
 };
 
 } // namespace vellum

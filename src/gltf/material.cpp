@@ -1,6 +1,5 @@
 #include <cmath>
 
-#include "gltf/data/accessor.h"
 #include "gltf/data/image.h"
 #include "gltf/file/tinygltf.h"
 #include "gltf/primitive.h"
@@ -37,7 +36,9 @@ void readTransform(const tinygltf::TextureInfo &texture, Material &material)
     const double c = rotation == 0 ? 1 : std::cos(rotation);
     const double s = rotation == 0 ? 0 : std::sin(rotation);
     material.uvTransform = {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
-    material.uvSet = static_cast<int>(numberOr(extension.Get("texCoord"), material.uvSet));
+    // Overrides that of the texture, for those who read the extension.
+    if (const tinygltf::Value &texCoord = extension.Get("texCoord"); texCoord.IsInt())
+        material.uvSet = texCoord.Get<int>();
 }
 
 Wrap wrapOf(int mode)
@@ -106,7 +107,7 @@ Image readImage(const Document &document, int index)
         const tinygltf::Image &image = model.images[static_cast<std::size_t>(index)];
         std::span<const std::uint8_t> encoded(image.image);
         if (image.bufferView >= 0)
-            encoded = readBufferView(model, image.bufferView, what);
+            encoded = document.bufferViews().bytes(image.bufferView, what);
         if (encoded.empty())
             throw GltfError(what + (image.uri.empty() ? " is empty" : " (" + image.uri + ") cannot be read"));
         return decodeImage(encoded, what);

@@ -47,6 +47,9 @@ struct Primitive {
     // Three for each triangle, all below the number of vertices; strips and fans are unfolded into triangles in the
     // order and with the winding that glTF gives them.
     std::vector<std::uint32_t> indices;
+    // A morph target changes `uvs` or `alphas`, which are those of no morphing at all: a micromap of them would be
+    // wrong as soon as it is animated.
+    bool morphed = false;
 
     [[nodiscard]] std::size_t triangleCount() const { return indices.size() / 3; }
 };
@@ -61,6 +64,8 @@ bool isMadeOfTriangles(const Document &document, PrimitivePlace place);
 // -1 gives the default material.
 Material readMaterial(const Document &document, int material);
 
+// glTF leaves it open what a primitive without positions is: it is read for its texture coordinates with Leave, and is
+// GltfUnsupported with Read.
 enum class Positions : std::uint8_t { Read, Leave };
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions);
 

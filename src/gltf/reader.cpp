@@ -2,8 +2,12 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <tuple>
 
+#include "gltf/data/accessor.h"
 #include "gltf/file/tinygltf.h"
+#include "gltf/matrix.h"
+#include "gltf/pose.h"
 #include "gltf/scene.h"
 
 namespace vellum
@@ -11,58 +15,24 @@ namespace vellum
 namespace
 {
 
-using Matrix = std::array<double, 16>; // column-major, as glTF stores it
+constexpr std::size_t kMostInstances = std::size_t{1} << 20;
+constexpr std::size_t kMostVertices = std::size_t{1} << 26; // and triangles
+constexpr int kDeepest = 512;
 
-constexpr Matrix kIdentity = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-
-Matrix multiply(const Matrix &a, const Matrix &b)
+Transform toTransform(const Matrix &matrix, const std::string &what)
 {
-    Matrix m{};
-    for (std::size_t column = 0; column < 4; ++column)
-        for (std::size_t row = 0; row < 4; ++row)
-            for (std::size_t k = 0; k < 4; ++k)
-                m[column * 4 + row] += a[k * 4 + row] * b[column * 4 + k];
-    return m;
+    Transform transform{};
+    for (std::size_t row = 0; row < 3; ++row) {
+        for (std::size_t column = 0; column < 4; ++column) {
+            transform[row][column] = static_cast<float>(matrix[4 * column + row]);
+            if (!std::isfinite(transform[row][column]))
+                throw GltfError(what + " stands at a place that is not finite");
+        }
+    }
+    return transform;
 }
 
-Matrix localMatrix(const tinygltf::Node &node)
-{
-    Matrix m = kIdentity;
-    if (node.matrix.size() == 16) {
-        std::copy(node.matrix.begin(), node.matrix.end(), m.begin());
-        return m;
-    }
-    std::array<double, 3> scale = {1, 1, 1};
-    if (node.scale.size() == 3)
-        std::copy(node.scale.begin(), node.scale.end(), scale.begin());
-    if (node.rotation.size() == 4) {
-        const double x = node.rotation[0], y = node.rotation[1], z = node.rotation[2], w = node.rotation[3];
-        m = {1 - 2 * (y * y + z * z),
-             2 * (x * y + z * w),
-             2 * (x * z - y * w),
-             0,
-             2 * (x * y - z * w),
-             1 - 2 * (x * x + z * z),
-             2 * (y * z + x * w),
-             0,
-             2 * (x * z + y * w),
-             2 * (y * z - x * w),
-             1 - 2 * (x * x + y * y),
-             0,
-             0,
-             0,
-             0,
-             1};
-    }
-    for (std::size_t column = 0; column < 3; ++column)
-        for (std::size_t row = 0; row < 3; ++row)
-            m[column * 4 + row] *= scale[column];
-    if (node.translation.size() == 3)
-        std::copy(node.translation.begin(), node.translation.end(), m.begin() + 12);
-    return m;
-}
-
-// Reads one file. Each step throws GltfError; readGltf puts the file's name in front.
+// Reads one file. Each step throws GltfError; readScene puts the file's name in front.
 class Reader
 {
 public:
@@ -71,127 +41,255 @@ public:
     Scene read();
 
 private:
-    struct Use { // a material in the scene
-        std::uint32_t material;
-        std::size_t geometry = std::numeric_limits<std::size_t>::max(); // none yet
-    };
+    // What shows a mesh as it is nowhere else: its skin belongs to one node, and so may its weights.
+    using MeshKey = std::tuple<int, int, std::vector<double>>; // mesh, node with a skin or -1, weights
 
-    void addNode(int index, const Matrix &parent, std::vector<bool> &seen, int depth);
-    void addMesh(int index, const Matrix &transform);
-    void addPrimitive(PrimitivePlace place, const Matrix &transform);
-    Use &useMaterial(int index);
-    int useImage(int index);
+    [[nodiscard]] std::vector<int> roots() const;
+    void findNodes(int index, const Matrix &parent, int depth);
+    void addNode(int index);
+    void addInstance(std::uint32_t mesh, const Matrix &matrix, const std::string &what);
+    [[nodiscard]] std::vector<Matrix> gpuInstances(const tinygltf::Node &node, const std::string &what) const;
+    // Nothing for a mesh without triangles.
+    std::optional<std::uint32_t> useMesh(const MeshKey &key);
+    void addPrimitive(PrimitivePlace place, const MeshKey &key, const std::vector<Matrix> &joints);
+    std::uint32_t useMaterial(int index);
+    int useImage(const Material &material);
 
     const Document &m_document;
     const tinygltf::Model &m_model;
     Scene m_scene;
-    std::map<int, Use> m_materials;
+    std::vector<Matrix> m_world; // by node
+    std::vector<bool> m_seen;    // by node
+    std::vector<int> m_nodes;    // with a mesh, in the order in which they are met
+    std::map<MeshKey, std::optional<std::uint32_t>> m_meshes;
+    std::vector<double> m_reach; // by mesh of the scene: the largest coordinate
+    std::map<int, std::uint32_t> m_materials;
     std::map<int, int> m_images;
+    std::size_t m_vertices = 0;
+    std::size_t m_corners = 0;
 };
 
-int Reader::useImage(int index)
+int Reader::useImage(const Material &material)
 {
-    if (const auto known = m_images.find(index); known != m_images.end())
+    if (const auto known = m_images.find(material.image); known != m_images.end())
         return known->second;
-    m_scene.images.push_back(index < 0 ? Image{1, 1, {255, 255, 255, 255}} : readImage(m_document, index));
-    return m_images[index] = static_cast<int>(m_scene.images.size() - 1);
+    int &place = m_images[material.image] = -1;
+    try {
+        m_scene.images.push_back(material.image < 0 ? Image{1, 1, {255, 255, 255, 255}}
+                                                    : readImage(m_document, material.image));
+    } catch (const GltfUnsupported &) {
+        // Only its colour is missing then.
+        if (material.masked())
+            throw;
+        m_images.erase(material.image);
+        return -1;
+    }
+    return place = static_cast<int>(m_scene.images.size() - 1);
 }
 
-Reader::Use &Reader::useMaterial(int index)
+std::uint32_t Reader::useMaterial(int index)
 {
     if (const auto known = m_materials.find(index); known != m_materials.end())
         return known->second;
     Material material = readMaterial(m_document, index);
     if (material.image >= 0 || material.masked())
-        material.image = useImage(material.image);
-    const Use use{static_cast<std::uint32_t>(m_scene.materials.size())};
+        material.image = useImage(material);
+    const auto place = static_cast<std::uint32_t>(m_scene.materials.size());
     m_scene.materials.push_back(std::move(material));
-    return m_materials.emplace(index, use).first->second;
+    return m_materials[index] = place;
 }
 
-void Reader::addPrimitive(PrimitivePlace place, const Matrix &transform)
+void Reader::addPrimitive(PrimitivePlace place, const MeshKey &key, const std::vector<Matrix> &joints)
 {
-    const Primitive primitive = readPrimitive(m_document, place, Positions::Read);
     const std::string what = m_document.nameOf(place);
-    const std::size_t count = primitive.positions.size();
+    Primitive primitive = readPrimitive(m_document, place, Positions::Read);
     if (primitive.indices.empty())
         return;
-    Use &use = useMaterial(primitive.material);
-    const Material &material = m_scene.materials[use.material];
-    if (primitive.uvs.empty() && readMaterial(m_document, primitive.material).image >= 0 && material.masked())
+    const std::uint32_t use = useMaterial(primitive.material);
+    const Material &material = m_scene.materials[use];
+    if (primitive.uvs.empty() && material.masked() && readMaterial(m_document, primitive.material).image >= 0)
         throw GltfError(what + " has the masked material \"" + material.name + "\" but no texture coordinates (" +
                         "TEXCOORD_" + std::to_string(material.uvSet) + ")");
-    if (use.geometry == std::numeric_limits<std::size_t>::max()) {
-        use.geometry = m_scene.geometries.size();
-        m_scene.geometries.push_back({use.material, {}, {}, {}});
-    }
-    Geometry &geometry = m_scene.geometries[use.geometry];
-    if (geometry.positions.size() + count > (1u << 28) ||
-        geometry.indices.size() + primitive.indices.size() > (1u << 28))
+    m_vertices += primitive.positions.size();
+    m_corners += primitive.indices.size();
+    if (m_vertices > kMostVertices || m_corners > 3 * kMostVertices)
         throw GltfError("the scene is too large");
-    if (primitive.uvs.empty())
-        geometry.uvs.resize(geometry.uvs.size() + count);
-    else
-        geometry.uvs.insert(geometry.uvs.end(), primitive.uvs.begin(), primitive.uvs.end());
-    const auto first = static_cast<std::uint32_t>(geometry.positions.size());
-    for (std::size_t i = 0; i < count; ++i) {
-        Vec3 world{};
-        for (std::size_t row = 0; row < 3; ++row) {
-            double sum = transform[12 + row];
-            for (std::size_t k = 0; k < 3; ++k)
-                sum += transform[k * 4 + row] * primitive.positions[i][k];
-            world[row] = static_cast<float>(sum);
-            if (!std::isfinite(world[row]))
+    morph(m_document, place, std::get<2>(key), primitive.positions);
+    if (!joints.empty())
+        moveBySkin(m_document, place, joints, primitive.positions);
+    for (std::size_t i = 0; i < primitive.positions.size(); ++i)
+        for (const float coordinate : primitive.positions[i])
+            if (!std::isfinite(coordinate))
                 throw GltfError(what + ": the position of vertex " + std::to_string(i) + " is not finite");
-        }
-        geometry.positions.push_back(world);
-    }
-    for (const std::uint32_t index : primitive.indices)
-        geometry.indices.push_back(first + index);
+    Geometry &geometry = m_scene.geometries.emplace_back();
+    geometry.material = use;
+    geometry.positions = std::move(primitive.positions);
+    geometry.uvs = std::move(primitive.uvs);
+    geometry.uvs.resize(geometry.positions.size());
+    geometry.indices = std::move(primitive.indices);
+    geometry.alphas = std::move(primitive.alphas);
+    geometry.place = place;
 }
 
-void Reader::addMesh(int index, const Matrix &transform)
+std::optional<std::uint32_t> Reader::useMesh(const MeshKey &key)
 {
+    const auto known = m_meshes.find(key);
+    if (known != m_meshes.end())
+        return known->second;
+    const auto &[index, node, weights] = key;
     if (index < 0 || static_cast<std::size_t>(index) >= m_model.meshes.size())
         throw GltfError("mesh " + std::to_string(index) + " does not exist");
-    const tinygltf::Mesh &mesh = m_model.meshes[static_cast<std::size_t>(index)];
-    for (std::uint32_t i = 0; i < mesh.primitives.size(); ++i)
+    std::vector<Matrix> joints;
+    if (node >= 0)
+        joints = jointMatrices(m_document, m_model.nodes[static_cast<std::size_t>(node)].skin, m_world);
+    Mesh mesh{static_cast<std::uint32_t>(m_scene.geometries.size()), 0};
+    const std::size_t primitives = m_model.meshes[static_cast<std::size_t>(index)].primitives.size();
+    for (std::uint32_t i = 0; i < primitives; ++i)
         if (const PrimitivePlace place{static_cast<std::uint32_t>(index), i}; isMadeOfTriangles(m_document, place))
-            addPrimitive(place, transform);
+            addPrimitive(place, key, joints);
+    mesh.geometryCount = static_cast<std::uint32_t>(m_scene.geometries.size()) - mesh.firstGeometry;
+    if (mesh.geometryCount == 0)
+        return m_meshes[key] = std::nullopt;
+    double reach = 0;
+    for (std::uint32_t i = 0; i < mesh.geometryCount; ++i)
+        for (const Vec3 &position : m_scene.geometries[mesh.firstGeometry + i].positions)
+            for (const float coordinate : position)
+                reach = std::max(reach, std::abs(static_cast<double>(coordinate)));
+    m_reach.push_back(reach);
+    m_scene.meshes.push_back(mesh);
+    return m_meshes[key] = static_cast<std::uint32_t>(m_scene.meshes.size() - 1);
 }
 
-void Reader::addNode(int index, const Matrix &parent, std::vector<bool> &seen, int depth)
+void Reader::addInstance(std::uint32_t mesh, const Matrix &matrix, const std::string &what)
+{
+    if (m_scene.instances.size() == kMostInstances)
+        throw GltfError("the scene has more than " + std::to_string(kMostInstances) + " instances of meshes");
+    const Transform transform = toTransform(matrix, what);
+    for (const auto &row : transform) {
+        double sum = std::abs(static_cast<double>(row[3]));
+        for (std::size_t i = 0; i < 3; ++i)
+            sum += std::abs(static_cast<double>(row[i])) * m_reach[mesh];
+        if (!(sum < static_cast<double>(std::numeric_limits<float>::max())))
+            throw GltfError(what + " puts its mesh where positions are not finite");
+    }
+    m_scene.instances.push_back({mesh, transform});
+}
+
+// EXT_mesh_gpu_instancing: one instance for each element of its accessors, which all have the same number of them.
+std::vector<Matrix> Reader::gpuInstances(const tinygltf::Node &node, const std::string &what) const
+{
+    const auto found = node.extensions.find("EXT_mesh_gpu_instancing");
+    if (found == node.extensions.end())
+        return {kIdentity};
+    const tinygltf::Value &attributes = found->second.Get("attributes");
+    std::optional<std::size_t> count;
+    const auto read = [&](const char *name, std::uint32_t components) {
+        const tinygltf::Value &accessor = attributes.Get(name);
+        if (!accessor.IsInt())
+            return std::vector<float>();
+        const std::string where = what + " EXT_mesh_gpu_instancing " + name;
+        const std::size_t elements = accessorCount(m_model, accessor.GetNumberAsInt(), where);
+        if (count && elements != *count)
+            throw GltfError(where + " has " + std::to_string(elements) + " elements, another attribute has " +
+                            std::to_string(*count));
+        if (elements > kMostInstances)
+            throw GltfError(where + " has " + std::to_string(elements) + " elements, more than " +
+                            std::to_string(kMostInstances));
+        count = elements;
+        return readFloats(m_document.bufferViews(), accessor.GetNumberAsInt(), components, where);
+    };
+    const std::vector<float> translations = read("TRANSLATION", 3);
+    const std::vector<float> rotations = read("ROTATION", 4);
+    const std::vector<float> scales = read("SCALE", 3);
+    if (!count)
+        return {kIdentity};
+    std::vector<Matrix> matrices;
+    for (std::size_t i = 0; i < *count; ++i) {
+        std::array<double, 3> translation = {0, 0, 0};
+        std::array<double, 4> rotation = {0, 0, 0, 1};
+        std::array<double, 3> scale = {1, 1, 1};
+        const auto take = [i](const std::vector<float> &from, auto &to) {
+            if (!from.empty())
+                std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(i * to.size()), to.size(), to.begin());
+        };
+        take(translations, translation);
+        take(rotations, rotation);
+        take(scales, scale);
+        matrices.push_back(compose(translation, rotation, scale));
+    }
+    return matrices;
+}
+
+void Reader::addNode(int index)
+{
+    const tinygltf::Node &node = m_model.nodes[static_cast<std::size_t>(index)];
+    const std::string what = "node " + std::to_string(index);
+    const bool exists = static_cast<std::size_t>(node.mesh) < m_model.meshes.size();
+    const bool skinned = node.skin >= 0;
+    const auto mesh = useMesh(
+        {node.mesh, skinned ? index : -1,
+         exists ? morphWeights(m_document, static_cast<std::uint32_t>(node.mesh), node.weights) : node.weights});
+    if (!mesh)
+        return;
+    // glTF 2.0, 3.7.3.3: "Only the joint transforms are applied to the skinned mesh; the transform of the skinned mesh
+    // node MUST be ignored."
+    const Matrix base = skinned ? kIdentity : m_world[static_cast<std::size_t>(index)];
+    for (const Matrix &matrix : gpuInstances(node, what))
+        addInstance(*mesh, multiply(base, matrix), what);
+}
+
+void Reader::findNodes(int index, const Matrix &parent, int depth)
 {
     if (index < 0 || static_cast<std::size_t>(index) >= m_model.nodes.size())
         throw GltfError("node " + std::to_string(index) + " does not exist");
     const auto place = static_cast<std::size_t>(index);
     // A node with several parents, or a cycle: without this, a small file could ask for endless work.
-    if (seen[place])
+    if (m_seen[place])
         throw GltfError("node " + std::to_string(index) + " is used more than once");
-    seen[place] = true;
-    if (depth > 512)
+    m_seen[place] = true;
+    if (depth > kDeepest)
         throw GltfError("the nodes are nested too deeply");
     const tinygltf::Node &node = m_model.nodes[place];
-    const Matrix transform = multiply(parent, localMatrix(node));
+    m_world[place] = multiply(parent, localMatrix(node));
     if (node.mesh >= 0)
-        addMesh(node.mesh, transform);
+        m_nodes.push_back(index);
     for (const int child : node.children)
-        addNode(child, transform, seen, depth + 1);
+        findNodes(child, m_world[place], depth + 1);
 }
 
-Scene Reader::read()
+std::vector<int> Reader::roots() const
 {
-    std::vector<bool> seen(m_model.nodes.size());
     if (!m_model.scenes.empty()) {
         const int wanted = m_model.defaultScene < 0 ? 0 : m_model.defaultScene;
         if (static_cast<std::size_t>(wanted) >= m_model.scenes.size())
             throw GltfError("scene " + std::to_string(wanted) + " does not exist");
-        for (const int root : m_model.scenes[static_cast<std::size_t>(wanted)].nodes)
-            addNode(root, kIdentity, seen, 0);
-    } else {
-        for (std::size_t i = 0; i < m_model.meshes.size(); ++i)
-            addMesh(static_cast<int>(i), kIdentity);
+        return m_model.scenes[static_cast<std::size_t>(wanted)].nodes;
     }
+    std::vector<bool> isChild(m_model.nodes.size());
+    for (const tinygltf::Node &node : m_model.nodes)
+        for (const int child : node.children)
+            if (static_cast<std::size_t>(child) < isChild.size())
+                isChild[static_cast<std::size_t>(child)] = true;
+    std::vector<int> found;
+    for (std::size_t i = 0; i < isChild.size(); ++i)
+        if (!isChild[i])
+            found.push_back(static_cast<int>(i));
+    return found;
+}
+
+Scene Reader::read()
+{
+    m_world.resize(m_model.nodes.size(), kIdentity);
+    m_seen.resize(m_model.nodes.size());
+    for (const int root : roots())
+        findNodes(root, kIdentity, 0);
+    // After all nodes are found: joints may come later than what they move.
+    for (const int node : m_nodes)
+        addNode(node);
+    if (m_model.scenes.empty() && m_model.nodes.empty())
+        for (std::uint32_t i = 0; i < m_model.meshes.size(); ++i)
+            if (const auto mesh = useMesh({static_cast<int>(i), -1, morphWeights(m_document, i, {})}))
+                addInstance(*mesh, kIdentity, "mesh " + std::to_string(i));
     if (m_scene.geometries.empty())
         throw GltfError("there are no triangles in it");
     return std::move(m_scene);
@@ -199,10 +297,40 @@ Scene Reader::read()
 
 } // namespace
 
+double determinant(const Transform &m)
+{
+    const auto at = [&](std::size_t row, std::size_t column) { return static_cast<double>(m[row][column]); };
+    return at(0, 0) * (at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1)) -
+           at(0, 1) * (at(1, 0) * at(2, 2) - at(1, 2) * at(2, 0)) +
+           at(0, 2) * (at(1, 0) * at(2, 1) - at(1, 1) * at(2, 0));
+}
+
+Vec3 transformed(const Transform &m, const Vec3 &point)
+{
+    Vec3 result{};
+    for (std::size_t row = 0; row < 3; ++row) {
+        double sum = static_cast<double>(m[row][3]);
+        for (std::size_t k = 0; k < 3; ++k)
+            sum += static_cast<double>(m[row][k]) * static_cast<double>(point[k]);
+        result[row] = static_cast<float>(sum);
+    }
+    return result;
+}
+
+void Scene::makeOneMesh()
+{
+    meshes = {{0, static_cast<std::uint32_t>(geometries.size())}};
+    instances = {{0, kInPlace}};
+}
+
+Scene readScene(const Document &document)
+{
+    return document.named([&] { return Reader(document).read(); });
+}
+
 Scene readGltf(const std::filesystem::path &path)
 {
-    const Document document(path);
-    return document.named([&] { return Reader(document).read(); });
+    return readScene(Document(path));
 }
 
 } // namespace vellum

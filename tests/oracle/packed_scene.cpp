@@ -28,6 +28,7 @@ public:
     explicit Recording(vt::Gpu &gpu) : gpu_(gpu)
     {
         VkCommandPoolCreateInfo pool{};
+        pool.queueFamilyIndex = gpu.family();
         pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
         VT_CHECK(vkCreateCommandPool(gpu.device(), &pool, nullptr, &pool_));
         VkCommandBufferAllocateInfo allocation{};

@@ -10,18 +10,17 @@ namespace
 constexpr VkBufferUsageFlags kBuildInput =
     VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
 
-VkTransformMatrixKHR matrixOf(const Placement &placement)
+// What stands at `place` in a copy that is placed so.
+VkTransformMatrixKHR matrixOf(const Placement &placement, const Transform &place)
 {
     VkTransformMatrixKHR matrix{};
-    for (std::size_t column = 0; column < 3; ++column) {
-        Vec3 axis{};
-        axis[column] = 1;
-        const Vec3 image = placement.apply(axis) - placement.offset;
+    for (std::size_t column = 0; column < 4; ++column) {
+        const Vec3 axis = {place[0][column], place[1][column], place[2][column]};
+        const Vec3 image =
+            Placement{placement.angle, placement.scale, column < 3 ? Vec3{} : placement.offset}.apply(axis);
         for (std::size_t row = 0; row < 3; ++row)
             matrix.matrix[row][column] = image[row];
     }
-    for (std::size_t row = 0; row < 3; ++row)
-        matrix.matrix[row][3] = placement.offset[row];
     return matrix;
 }
 
@@ -91,26 +90,33 @@ VkDeviceAddress AccelerationStructure::address() const
 
 World::World(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps)
 {
-    std::vector<const Geometry *> geometries;
-    for (const Geometry &g : scene.scene.geometries)
-        geometries.push_back(&g);
-    m_scene = buildBottom(device, geometries, &scene.scene, micromaps);
-    const Geometry *ground = &scene.ground;
-    m_ground = buildBottom(device, std::span(&ground, 1), nullptr, {});
+    for (const Mesh &mesh : scene.scene.meshes) {
+        const auto part = [&](auto all) { return all.subspan(mesh.firstGeometry, mesh.geometryCount); };
+        m_meshes.push_back(buildBottom(device, part(std::span(scene.scene.geometries)), &scene.scene,
+                                       micromaps.empty() ? micromaps : part(micromaps)));
+    }
+    m_ground = buildBottom(device, std::span(&scene.ground, 1), nullptr, {});
     buildTop(device, scene);
 }
 
-std::unique_ptr<AccelerationStructure> World::buildBottom(Device &device, std::span<const Geometry *const> geometries,
+std::unique_ptr<AccelerationStructure> World::buildBottom(Device &device, std::span<const Geometry> geometries,
                                                           const Scene *materials,
                                                           std::span<const Micromap *const> micromaps)
 {
-    std::vector<Mesh> meshes;
+    std::vector<Vec3> positions;
+    std::vector<std::uint32_t> indices;
+    for (const Geometry &g : geometries) {
+        positions.insert(positions.end(), g.positions.begin(), g.positions.end());
+        indices.insert(indices.end(), g.indices.begin(), g.indices.end());
+    }
+    const Buffer positionBuffer = uploadBuffer(device, std::as_bytes(std::span(positions)), kBuildInput);
+    const Buffer indexBuffer = uploadBuffer(device, std::as_bytes(std::span(indices)), kBuildInput);
+    VkDeviceAddress position = positionBuffer.address();
+    VkDeviceAddress index = indexBuffer.address();
     std::vector<VkAccelerationStructureGeometryKHR> infos;
     std::vector<std::uint32_t> counts;
     for (std::size_t i = 0; i < geometries.size(); ++i) {
-        const Geometry &g = *geometries[i];
-        meshes.push_back({uploadBuffer(device, std::as_bytes(std::span(g.positions)), kBuildInput),
-                          uploadBuffer(device, std::as_bytes(std::span(g.indices)), kBuildInput)});
+        const Geometry &g = geometries[i];
         VkAccelerationStructureGeometryKHR info{};
         info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
         info.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
@@ -119,17 +125,19 @@ std::unique_ptr<AccelerationStructure> World::buildBottom(Device &device, std::s
         VkAccelerationStructureGeometryTrianglesDataKHR &triangles = info.geometry.triangles;
         triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
         triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
-        triangles.vertexData.deviceAddress = meshes.back().positions.address();
+        triangles.vertexData.deviceAddress = position;
         triangles.vertexStride = sizeof(Vec3);
         triangles.maxVertex = static_cast<std::uint32_t>(g.positions.size() - 1);
         triangles.indexType = VK_INDEX_TYPE_UINT32;
-        triangles.indexData.deviceAddress = meshes.back().indices.address();
+        triangles.indexData.deviceAddress = index;
         if (i < micromaps.size() && micromaps[i] != nullptr) {
             m_micromaps.push_back(makeMicromap(device, *micromaps[i]));
             triangles.pNext = m_micromaps.back()->attachment();
         }
         infos.push_back(info);
         counts.push_back(static_cast<std::uint32_t>(g.indices.size() / 3));
+        position += g.positions.size() * sizeof(Vec3);
+        index += g.indices.size() * sizeof(std::uint32_t);
     }
     return std::make_unique<AccelerationStructure>(device, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, infos,
                                                    counts);
@@ -138,9 +146,10 @@ std::unique_ptr<AccelerationStructure> World::buildBottom(Device &device, std::s
 void World::buildTop(Device &device, const RenderScene &scene)
 {
     std::vector<VkAccelerationStructureInstanceKHR> instances;
-    const auto add = [&](const Placement &placement, std::size_t firstRecord, const AccelerationStructure &bottom) {
+    const auto add = [&](const VkTransformMatrixKHR &transform, std::size_t firstRecord,
+                         const AccelerationStructure &bottom) {
         VkAccelerationStructureInstanceKHR instance{};
-        instance.transform = matrixOf(placement);
+        instance.transform = transform;
         instance.instanceCustomIndex = static_cast<std::uint32_t>(firstRecord) & 0xffffffu;
         instance.mask = 0xff;
         instance.flags = VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR;
@@ -148,8 +157,9 @@ void World::buildTop(Device &device, const RenderScene &scene)
         instances.push_back(instance);
     };
     for (const Placement &copy : scene.copies)
-        add(copy, 0, *m_scene);
-    add({}, scene.records.size() - 1, *m_ground);
+        for (const MeshInstance &i : scene.scene.instances)
+            add(matrixOf(copy, i.transform), scene.scene.meshes[i.mesh].firstGeometry, *m_meshes[i.mesh]);
+    add(matrixOf({}, kInPlace), scene.records.size() - 1, *m_ground);
 
     const Buffer buffer = uploadBuffer(device, std::as_bytes(std::span(instances)), kBuildInput, 16);
     VkAccelerationStructureGeometryKHR info{};

@@ -62,7 +62,8 @@ private:
     VkAccelerationStructureKHR m_structure = VK_NULL_HANDLE;
 };
 
-// The scene to trace: a bottom level with the scene's geometries, one with the ground, and a top level with the copies.
+// The scene to trace: a bottom level for each mesh, one for the ground, and a top level with the instances of all
+// copies.
 class World
 {
 public:
@@ -73,16 +74,13 @@ public:
     [[nodiscard]] VkDeviceSize micromapBytes() const;
 
 private:
-    struct Mesh { // what a build reads
-        Buffer positions, indices;
-    };
-    std::unique_ptr<AccelerationStructure> buildBottom(Device &device, std::span<const Geometry *const> geometries,
+    std::unique_ptr<AccelerationStructure> buildBottom(Device &device, std::span<const Geometry> geometries,
                                                        const Scene *materials,
                                                        std::span<const Micromap *const> micromaps);
     void buildTop(Device &device, const RenderScene &scene);
 
     std::vector<std::unique_ptr<GpuMicromap>> m_micromaps;
-    std::unique_ptr<AccelerationStructure> m_scene;
+    std::vector<std::unique_ptr<AccelerationStructure>> m_meshes;
     std::unique_ptr<AccelerationStructure> m_ground;
     std::unique_ptr<AccelerationStructure> m_top;
 };

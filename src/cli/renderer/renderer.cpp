@@ -10,7 +10,7 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::uint32_t kTextureBinding = 7;
+constexpr std::uint32_t kTextureBinding = 8;
 constexpr std::uint32_t kHeavyReads = 16;
 
 using Clock = std::chrono::steady_clock;
@@ -93,6 +93,8 @@ void Renderer::uploadScene(const RenderScene &scene, std::span<const Micromap *c
                     " bytes, where " + std::to_string(m_device.limits().maxStorageBufferRange) + " are allowed");
     m_records = uploadBuffer(m_device, std::as_bytes(std::span(scene.records)), kStorage);
     m_uvs = uploadBuffer(m_device, std::as_bytes(std::span(scene.uvs)), kStorage);
+    m_alphas = uploadBuffer(m_device, std::as_bytes(std::span(scene.alphas)), kStorage);
+    m_hasAlphas = !scene.alphas.empty();
     m_normals = uploadBuffer(m_device, std::as_bytes(std::span(scene.normals)), kStorage);
     m_states = uploadBuffer(m_device, std::as_bytes(std::span(states)), kStorage);
     m_pixels = Buffer(m_device, pixels * 4, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device);
@@ -131,7 +133,7 @@ void Renderer::createDescriptors()
 {
     const auto textures = static_cast<std::uint32_t>(m_textures.size());
     const VkDescriptorPoolSize sizes[] = {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1},
-                                          {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 6},
+                                          {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 7},
                                           {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, textures}};
     const VkDescriptorPoolCreateInfo pool{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 3, sizes};
     check(vkCreateDescriptorPool(m_device.handle(), &pool, nullptr, &m_pool), "creating a descriptor pool");
@@ -143,7 +145,7 @@ void Renderer::createDescriptors()
     const VkWriteDescriptorSetAccelerationStructureKHR structure{
         VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR, nullptr, 1, &top};
     std::vector<VkDescriptorBufferInfo> buffers;
-    for (const Buffer *buffer : {&m_pixels, &m_records, &m_uvs, &m_normals, &m_counts, &m_states})
+    for (const Buffer *buffer : {&m_pixels, &m_records, &m_uvs, &m_normals, &m_counts, &m_states, &m_alphas})
         buffers.push_back({buffer->handle(), 0, VK_WHOLE_SIZE});
     std::vector<VkDescriptorImageInfo> images;
     for (const Texture &texture : m_textures)
@@ -172,6 +174,7 @@ std::unique_ptr<TracePipeline> Renderer::makePipeline(bool counting) const
     info.constants.textures = static_cast<std::uint32_t>(m_textures.size());
     info.constants.heavyReads = m_settings.heavy ? kHeavyReads : 0;
     info.constants.painting = m_settings.paintStates ? VK_TRUE : VK_FALSE;
+    info.constants.vertexAlphas = m_hasAlphas ? VK_TRUE : VK_FALSE;
     info.constants.counting = counting ? VK_TRUE : VK_FALSE;
     return makeTracePipeline(m_device, m_settings.trace, info);
 }

@@ -71,7 +71,8 @@ private:
     World m_world;
     Frame m_frame{};
     std::vector<Texture> m_textures;
-    Buffer m_pixels, m_records, m_uvs, m_normals, m_counts, m_states;
+    Buffer m_pixels, m_records, m_uvs, m_normals, m_counts, m_states, m_alphas;
+    bool m_hasAlphas = false; // of vertices
     VkDescriptorSetLayout m_setLayout = VK_NULL_HANDLE;
     VkPipelineLayout m_layout = VK_NULL_HANDLE;
     VkDescriptorPool m_pool = VK_NULL_HANDLE;

@@ -15,7 +15,8 @@ constexpr VkSpecializationMapEntry kConstants[] = {
     {0, offsetof(TraceConstants, textures), sizeof(TraceConstants::textures)},
     {1, offsetof(TraceConstants, heavyReads), sizeof(TraceConstants::heavyReads)},
     {2, offsetof(TraceConstants, counting), sizeof(TraceConstants::counting)},
-    {3, offsetof(TraceConstants, painting), sizeof(TraceConstants::painting)}};
+    {3, offsetof(TraceConstants, painting), sizeof(TraceConstants::painting)},
+    {4, offsetof(TraceConstants, vertexAlphas), sizeof(TraceConstants::vertexAlphas)}};
 
 } // namespace
 

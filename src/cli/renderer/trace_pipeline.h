@@ -27,6 +27,7 @@ struct TraceConstants {
     std::uint32_t heavyReads = 0;
     VkBool32 counting = VK_FALSE;
     VkBool32 painting = VK_FALSE;
+    VkBool32 vertexAlphas = VK_FALSE;
 };
 
 struct TracePipelineInfo {

@@ -8,6 +8,7 @@ namespace
 {
 
 constexpr int kDirections = 14;
+constexpr std::uint64_t kEnough = 4'000'000; // triangles
 
 // Directions over the upper hemisphere, evenly by the golden angle.
 Vec3 direction(int i)
@@ -20,30 +21,48 @@ Vec3 direction(int i)
 
 } // namespace
 
-Density::Density(const Scene &scene)
+Density::Density(const Scene &scene, const Box &box)
 {
-    for (const Geometry &g : scene.geometries)
-        for (const Vec3 &p : g.positions)
-            m_box.include(p);
+    std::uint64_t triangles = 0;
+    for (const MeshInstance &instance : scene.instances) {
+        const Mesh &mesh = scene.meshes[instance.mesh];
+        for (std::uint32_t i = 0; i < mesh.geometryCount; ++i)
+            triangles += scene.geometries[mesh.firstGeometry + i].indices.size() / 3;
+    }
+    m_box = box;
     const Vec3 size = m_box.size();
     m_cell = std::max({size[0], size[1], size[2], 1e-6f}) / kCells;
     for (std::size_t i = 0; i < 3; ++i)
         m_count[i] = static_cast<int>(size[i] / m_cell) + 1;
     m_area.resize(static_cast<std::size_t>(m_count[0] * m_count[1] * m_count[2]));
-    for (const Geometry &g : scene.geometries) {
-        // About half of a leaf card is leaf.
-        const float share = scene.materials[g.material].masked() ? 0.4f : 1.0f;
-        for (std::size_t i = 0; i + 2 < g.indices.size(); i += 3) {
-            const Vec3 &a = g.positions[g.indices[i]];
-            const Vec3 &b = g.positions[g.indices[i + 1]];
-            const Vec3 &c = g.positions[g.indices[i + 2]];
-            const float area = share * 0.5f * length(cross(b - a, c - a));
-            add((a + b + c) * (1.0f / 3), area * 0.25f);
-            for (const Vec3 *corner : {&a, &b, &c})
-                add(*corner * 0.5f + (a + b + c) * (1.0f / 6), area * 0.25f);
+    // Each step-th of the triangles of all instances, one behind the other, stands for those after it.
+    const std::uint64_t step = triangles / kEnough + 1;
+    std::uint64_t next = 0;
+    for (const MeshInstance &instance : scene.instances) {
+        const Mesh &mesh = scene.meshes[instance.mesh];
+        for (std::uint32_t i = 0; i < mesh.geometryCount; ++i) {
+            const Geometry &g = scene.geometries[mesh.firstGeometry + i];
+            // About half of a leaf card is leaf.
+            const float share = (scene.materials[g.material].masked() ? 0.4f : 1.0f) * static_cast<float>(step);
+            const std::uint64_t count = g.indices.size() / 3;
+            for (; next < count; next += step)
+                addTriangle(g, next, instance.transform, share);
+            next -= count;
         }
     }
     blur();
+}
+
+void Density::addTriangle(const Geometry &g, std::uint64_t triangle, const Transform &transform, float share)
+{
+    const std::uint32_t *indices = &g.indices[3 * triangle];
+    const Vec3 a = transformed(transform, g.positions[indices[0]]);
+    const Vec3 b = transformed(transform, g.positions[indices[1]]);
+    const Vec3 c = transformed(transform, g.positions[indices[2]]);
+    const float area = share * 0.5f * length(cross(b - a, c - a));
+    add((a + b + c) * (1.0f / 3), area * 0.25f);
+    for (const Vec3 *corner : {&a, &b, &c})
+        add(*corner * 0.5f + (a + b + c) * (1.0f / 6), area * 0.25f);
 }
 
 void Density::add(const Vec3 &point, float area)

@@ -11,7 +11,8 @@ namespace vellum::cli
 class Density
 {
 public:
-    explicit Density(const Scene &scene);
+    // `box`: around all instances.
+    Density(const Scene &scene, const Box &box);
 
     // How much of the sky is seen from a point, 0..1, by marching through the grid in some directions.
     [[nodiscard]] float skyVisibility(const Vec3 &point) const;
@@ -22,6 +23,7 @@ private:
     static constexpr int kCells = 40; // along the longest side
 
     [[nodiscard]] float at(const Vec3 &point) const;
+    void addTriangle(const Geometry &g, std::uint64_t triangle, const Transform &transform, float share);
     void add(const Vec3 &point, float area);
     void blur();
 

@@ -203,7 +203,7 @@ Scene makeGrove()
     wood.baseColor = {0.36f, 0.29f, 0.22f, 1};
     scene.materials = {wood, leafMaterial("beech leaves", 0), leafMaterial("birch leaves", 1)};
     for (std::uint32_t i = 0; i < 3; ++i)
-        scene.geometries.push_back({i, {}, {}, {}});
+        scene.geometries.emplace_back().material = i;
 
     const Habit beechTree = {4.6f, 0.26f, 2, {11, 6, 0}, 0.62f, 1.0f, 0.30f, 0.30f, 0.80f, 8, 0.15f, kBeechLeaves};
     const Habit birchTree = {7.2f, 0.15f, 2, {16, 4, 0}, 0.30f, 0.95f, 0.25f, 0.28f, 0.75f, 7, 0.45f, kBirchLeaves};
@@ -218,6 +218,7 @@ Scene makeGrove()
     // Close to the camera, to show single leaves.
     grower.grow(bush, {4.9f, 0, 5.4f}, 1.25f);
     grower.grow(bush, {1.4f, 0, 8.4f}, 1.0f);
+    scene.makeOneMesh();
     return scene;
 }
 

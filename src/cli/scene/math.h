@@ -59,6 +59,11 @@ struct Box {
             high[i] = std::fmax(high[i], p[i]);
         }
     }
+    // Of 8.
+    [[nodiscard]] Vec3 corner(unsigned i) const
+    {
+        return {(i & 1) != 0 ? high[0] : low[0], (i & 2) != 0 ? high[1] : low[1], (i & 4) != 0 ? high[2] : low[2]};
+    }
     [[nodiscard]] Vec3 center() const { return (low + high) * 0.5f; }
     [[nodiscard]] Vec3 size() const { return high - low; }
 };

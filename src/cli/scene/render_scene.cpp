@@ -2,12 +2,16 @@
 
 #include <algorithm>
 
+#include "cli/base/error.h"
 #include "cli/scene/density.h"
+#include "cli/scene/merge.h"
 
 namespace vellum::cli
 {
 namespace
 {
+
+constexpr std::size_t kMostInstances = std::size_t{1} << 22;
 
 std::uint32_t packNormal(const Vec3 &normal, float visibility)
 {
@@ -22,6 +26,33 @@ std::uint32_t packNormal(const Vec3 &normal, float visibility)
     const auto twelve = [](float f) { return static_cast<std::uint32_t>(std::lround((f * 0.5f + 0.5f) * 4095)); };
     const auto eight = static_cast<std::uint32_t>(std::lround(std::clamp(visibility, 0.0f, 1.0f) * 255));
     return twelve(x) | twelve(y) << 12 | eight << 24;
+}
+
+// A direction of the world, as a normal, in the space of what stands there: by the inverse of how the shader takes
+// normals the other way.
+Vec3 turnedBack(const Transform &place, const Vec3 &normal)
+{
+    Vec3 result{};
+    for (std::size_t column = 0; column < 3; ++column)
+        for (std::size_t row = 0; row < 3; ++row)
+            result[column] += place[row][column] * normal[row];
+    return result;
+}
+
+// How many there are of something in all instances.
+template <typename Count>
+std::uint64_t drawn(const Scene &scene, Count &&count)
+{
+    std::vector<std::uint64_t> ofMesh;
+    for (const Mesh &mesh : scene.meshes) {
+        ofMesh.push_back(0);
+        for (std::uint32_t i = 0; i < mesh.geometryCount; ++i)
+            ofMesh.back() += count(scene.geometries[mesh.firstGeometry + i]);
+    }
+    std::uint64_t sum = 0;
+    for (const MeshInstance &instance : scene.instances)
+        sum += ofMesh[instance.mesh];
+    return sum;
 }
 
 // Normals by the area-weighted mean of the triangles at each vertex.
@@ -39,13 +70,15 @@ std::vector<Vec3> smoothNormals(const Geometry &g)
     return normals;
 }
 
-void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &record, const Density &density)
+// `place`: where an instance of it stands, the one whose surroundings light it.
+void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &record, const Density &density,
+                 const Transform &place)
 {
     std::vector<Vec3> normals = smoothNormals(g);
     std::vector<std::uint32_t> packed(g.positions.size());
     const bool leaves = record.kind == static_cast<std::uint32_t>(Kind::Leaves);
     for (std::size_t i = 0; i < packed.size(); ++i) {
-        const Vec3 &p = g.positions[i];
+        const Vec3 p = transformed(place, g.positions[i]);
         float visibility = 1;
         if (record.kind == static_cast<std::uint32_t>(Kind::Ground)) {
             for (const Placement &copy : result.copies)
@@ -55,7 +88,7 @@ void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &r
         }
         if (leaves) {
             // The card's own direction only ruffles that of the crown's surface.
-            const Vec3 out = normalize(density.outward(p));
+            const Vec3 out = normalize(turnedBack(place, density.outward(p)));
             const Vec3 own = dot(normals[i], out) < 0 ? normals[i] * -1.0f : normals[i];
             normals[i] = normalize(out * 0.6f + own * 0.4f);
         }
@@ -63,6 +96,11 @@ void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &r
     }
     result.records.push_back(record);
     result.records.back().firstTriangle = static_cast<std::uint32_t>(result.normals.size() / 3);
+    if (!g.alphas.empty()) {
+        result.records.back().firstAlpha = static_cast<std::int32_t>(result.alphas.size());
+        for (const std::uint32_t index : g.indices)
+            result.alphas.push_back(g.alphas[index]);
+    }
     for (const std::uint32_t index : g.indices) {
         result.normals.push_back(packed[index]);
         result.uvs.push_back(g.uvs[index].u);
@@ -70,15 +108,43 @@ void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &r
     }
 }
 
-// The height that things stand on: the lowest point of what is solid; leaf cards may hang lower.
-float groundHeight(const Scene &scene, const Box &all)
+Box boxOf(const Geometry &g)
 {
-    float height = 1e30f;
+    Box box;
+    for (const Vec3 &p : g.positions)
+        box.include(p);
+    return box;
+}
+
+std::vector<Box> boxesOf(const Scene &scene)
+{
+    std::vector<Box> boxes;
     for (const Geometry &g : scene.geometries)
-        if (!scene.materials[g.material].masked())
-            for (const Vec3 &p : g.positions)
-                height = std::min(height, p[1]);
-    return height < 1e29f ? height : all.low[1];
+        boxes.push_back(boxOf(g));
+    return boxes;
+}
+
+// The box around all instances, of the geometries that `wanted` accepts.
+template <typename Wanted>
+Box boxOfInstances(const Scene &scene, const std::vector<Box> &boxes, Wanted &&wanted)
+{
+    Box all;
+    for (const MeshInstance &instance : scene.instances) {
+        const Mesh &mesh = scene.meshes[instance.mesh];
+        for (std::uint32_t i = mesh.firstGeometry; i < mesh.firstGeometry + mesh.geometryCount; ++i)
+            if (wanted(scene.geometries[i]))
+                for (unsigned corner = 0; corner < 8; ++corner)
+                    all.include(transformed(instance.transform, boxes[i].corner(corner)));
+    }
+    return all;
+}
+
+// The height that things stand on: the lowest point of what is solid; leaf cards may hang lower.
+float groundHeight(const Scene &scene, const std::vector<Box> &boxes, const Box &all)
+{
+    const Box solid =
+        boxOfInstances(scene, boxes, [&](const Geometry &g) { return !scene.materials[g.material].masked(); });
+    return solid.low[1] < 1e29f ? solid.low[1] : all.low[1];
 }
 
 std::vector<Placement> placeCopies(std::uint32_t copies, const Box &box)
@@ -136,57 +202,74 @@ Geometry makeGround(const Box &bounds, float height)
 std::vector<Vec3> findOutline(const RenderScene &scene, float height)
 {
     constexpr std::size_t kEnough = 60000;
-    std::size_t total = 0;
-    for (const Geometry &g : scene.scene.geometries)
-        total += g.positions.size() * scene.copies.size();
-    const std::size_t step = total / kEnough + 1;
+    const std::uint64_t step =
+        drawn(scene.scene, [](const Geometry &g) { return g.positions.size(); }) * scene.copies.size() / kEnough + 1;
     std::vector<Vec3> points;
+    const auto add = [&](const Vec3 &p) {
+        points.push_back(p);
+        points.back()[1] = std::max(points.back()[1], height);
+    };
+    std::uint64_t next = 0; // of the points of all instances, one behind the other
     for (const Placement &copy : scene.copies) {
-        for (const Geometry &g : scene.scene.geometries) {
-            for (std::size_t i = 0; i < g.positions.size(); i += step) {
-                points.push_back(copy.apply(g.positions[i]));
-                points.back()[1] = std::max(points.back()[1], height);
+        for (const MeshInstance &instance : scene.scene.instances) {
+            const Mesh &mesh = scene.scene.meshes[instance.mesh];
+            for (std::uint32_t i = 0; i < mesh.geometryCount; ++i) {
+                const std::vector<Vec3> &positions = scene.scene.geometries[mesh.firstGeometry + i].positions;
+                for (; next < positions.size(); next += step)
+                    add(copy.apply(transformed(instance.transform, positions[next])));
+                next -= positions.size();
             }
         }
     }
     return points;
 }
 
-} // namespace
-
-std::size_t RenderScene::maskedTriangles() const
+// By geometry: where its first instance stands.
+std::vector<Transform> placesOf(const Scene &scene)
 {
-    std::size_t count = 0;
-    for (const Geometry &g : scene.geometries)
-        count += scene.materials[g.material].masked() ? g.indices.size() / 3 : 0;
-    return count;
+    std::vector<Transform> places(scene.geometries.size(), kInPlace);
+    for (auto instance = scene.instances.rbegin(); instance != scene.instances.rend(); ++instance) {
+        const Mesh &mesh = scene.meshes[instance->mesh];
+        std::fill_n(places.begin() + mesh.firstGeometry, mesh.geometryCount, instance->transform);
+    }
+    return places;
 }
 
-std::size_t RenderScene::solidTriangles() const
+} // namespace
+
+std::uint64_t RenderScene::maskedTriangles() const
 {
-    std::size_t count = 0;
-    for (const Geometry &g : scene.geometries)
-        count += scene.materials[g.material].masked() ? 0 : g.indices.size() / 3;
-    return count;
+    return drawn(scene,
+                 [&](const Geometry &g) { return scene.materials[g.material].masked() ? g.indices.size() / 3 : 0; });
+}
+
+std::uint64_t RenderScene::solidTriangles() const
+{
+    return drawn(scene,
+                 [&](const Geometry &g) { return scene.materials[g.material].masked() ? 0 : g.indices.size() / 3; });
 }
 
 RenderScene prepareScene(Scene scene, std::uint32_t copies)
 {
     RenderScene result;
     result.scene = std::move(scene);
-    Box box;
-    for (const Geometry &g : result.scene.geometries)
-        for (const Vec3 &p : g.positions)
-            box.include(p);
-    const float height = groundHeight(result.scene, box);
+    mergeSingleMeshes(result.scene);
+    if (result.scene.instances.empty())
+        throw Error("there is nothing to see: every mesh is flattened by its transforms");
+    if (result.scene.instances.size() * copies > kMostInstances)
+        throw Error("there are too many instances: " + std::to_string(result.scene.instances.size()) + " in " +
+                    std::to_string(copies) + " copies, more than " + std::to_string(kMostInstances) + " in all");
+    const std::vector<Box> boxes = boxesOf(result.scene);
+    const Box box = boxOfInstances(result.scene, boxes, [](const Geometry &) { return true; });
+    const float height = groundHeight(result.scene, boxes, box);
     Box standing = box;
     standing.low[1] = height;
     result.copies = placeCopies(copies, standing);
+    Box above = box;
+    above.low[1] = std::max(box.low[1], height);
     for (const Placement &copy : result.copies)
         for (unsigned corner = 0; corner < 8; ++corner)
-            result.bounds.include(copy.apply({(corner & 1) != 0 ? box.high[0] : box.low[0],
-                                              (corner & 2) != 0 ? box.high[1] : std::max(box.low[1], height),
-                                              (corner & 4) != 0 ? box.high[2] : box.low[2]}));
+            result.bounds.include(copy.apply(above.corner(corner)));
     result.ground = makeGround(result.bounds, height);
     result.outline = findOutline(result, height);
 
@@ -197,8 +280,10 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
         if (textured)
             result.texturedMaterials.push_back(static_cast<std::uint32_t>(i));
     }
-    const Density density(result.scene);
-    for (const Geometry &g : result.scene.geometries) {
+    const Density density(result.scene, box);
+    const std::vector<Transform> places = placesOf(result.scene);
+    for (std::size_t i = 0; i < result.scene.geometries.size(); ++i) {
+        const Geometry &g = result.scene.geometries[i];
         const Material &m = result.scene.materials[g.material];
         const Kind kind = m.masked() ? Kind::Leaves : Kind::Solid;
         addGeometry(result, g,
@@ -206,10 +291,13 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
                      textureOf[g.material],
                      m.alphaCutoff,
                      static_cast<std::uint32_t>(kind),
-                     {m.baseColor[0], m.baseColor[1], m.baseColor[2], m.baseColor[3]}},
-                    density);
+                     {m.baseColor[0], m.baseColor[1], m.baseColor[2], m.baseColor[3]},
+                     -1,
+                     {}},
+                    density, places[i]);
     }
-    addGeometry(result, result.ground, {0, -1, 0, static_cast<std::uint32_t>(Kind::Ground), {1, 1, 1, 1}}, density);
+    addGeometry(result, result.ground, {0, -1, 0, static_cast<std::uint32_t>(Kind::Ground), {1, 1, 1, 1}, -1, {}},
+                density, kInPlace);
     return result;
 }
 

@@ -3,12 +3,14 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 #include <vulkan/vulkan.h>
 
 #include "cli/base/error.h"
+#include "cli/vulkan/memory.h"
 #include "vellum/vulkan_opacity_micromap.h"
 
 namespace vellum::cli
@@ -109,6 +111,7 @@ public:
     // Timestamps are worth more than the host's clock: a processor that is not the host's, with a timer.
     [[nodiscard]] bool hasTimestamps() const { return m_timestamps; }
 
+    [[nodiscard]] MemoryPool &bufferMemory() { return *m_bufferMemory; }
     // A memory type of `allowed` with all `needed` properties, best with `preferred` too; nothing where there is none.
     [[nodiscard]] std::optional<std::uint32_t> memoryType(std::uint32_t allowed, VkMemoryPropertyFlags needed,
                                                           VkMemoryPropertyFlags preferred) const;
@@ -132,6 +135,7 @@ private:
     bool m_timestamps = false;
     VkCommandPool m_pool = VK_NULL_HANDLE;
     VkFence m_fence = VK_NULL_HANDLE;
+    std::unique_ptr<MemoryPool> m_bufferMemory;
     DeviceFunctions m_functions{};
     VkPhysicalDeviceMemoryProperties m_memory{};
     VkPhysicalDeviceLimits m_limits{};

@@ -25,6 +25,7 @@ Device::~Device()
     vkDeviceWaitIdle(m_device);
     vkDestroyFence(m_device, m_fence, nullptr);
     vkDestroyCommandPool(m_device, m_pool, nullptr);
+    m_bufferMemory.reset();
     vkDestroyDevice(m_device, nullptr);
 }
 
@@ -117,6 +118,7 @@ void Device::create(const DeviceNeeds &needs)
     info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
     info.ppEnabledExtensionNames = extensions.data();
     check(vkCreateDevice(m_info.handle, &info, nullptr, &m_device), "creating a Vulkan device");
+    m_bufferMemory = std::make_unique<MemoryPool>(m_device);
     vkGetDeviceQueue(m_device, m_family, 0, &m_queue);
     const VkCommandPoolCreateInfo pool{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, m_family};
     check(vkCreateCommandPool(m_device, &pool, nullptr, &m_pool), "creating a command pool");

@@ -9,7 +9,7 @@ namespace vellum::cli
 namespace
 {
 
-VkDeviceMemory allocate(Device &device, const VkMemoryRequirements &requirements, Buffer::Place place, bool address)
+std::uint32_t memoryTypeFor(Device &device, const VkMemoryRequirements &requirements, Buffer::Place place)
 {
     const bool host = place == Buffer::Place::Host;
     const auto type = device.memoryType(
@@ -18,13 +18,7 @@ VkDeviceMemory allocate(Device &device, const VkMemoryRequirements &requirements
         host ? VK_MEMORY_PROPERTY_HOST_CACHED_BIT : VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
     if (!type)
         throw Error("the device has no memory of the needed kind");
-    const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
-                                          VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-    const VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, address ? &flags : nullptr,
-                                    requirements.size, *type};
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    check(vkAllocateMemory(device.handle(), &info, nullptr, &memory), "allocating device memory");
-    return memory;
+    return *type;
 }
 
 VkSamplerAddressMode addressMode(Wrap wrap)
@@ -58,10 +52,9 @@ Buffer::Buffer(Device &device, VkDeviceSize size, VkBufferUsageFlags usage, Plac
     check(vkCreateBuffer(m_device, &info, nullptr, &m_buffer), "creating a buffer");
     VkMemoryRequirements requirements;
     vkGetBufferMemoryRequirements(m_device, m_buffer, &requirements);
-    m_memory = allocate(device, requirements, place, (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0);
-    check(vkBindBufferMemory(m_device, m_buffer, m_memory, 0), "binding memory");
-    if (place == Place::Host)
-        check(vkMapMemory(m_device, m_memory, 0, VK_WHOLE_SIZE, 0, &m_mapped), "mapping memory");
+    m_pool = &device.bufferMemory();
+    m_memory = m_pool->allocate(requirements, memoryTypeFor(device, requirements, place), place == Place::Host);
+    check(vkBindBufferMemory(m_device, m_buffer, m_memory.memory, m_memory.offset), "binding memory");
 }
 
 Buffer::~Buffer()
@@ -69,7 +62,8 @@ Buffer::~Buffer()
     if (m_device == VK_NULL_HANDLE)
         return;
     vkDestroyBuffer(m_device, m_buffer, nullptr);
-    vkFreeMemory(m_device, m_memory, nullptr);
+    if (m_pool != nullptr)
+        m_pool->free(m_memory);
 }
 
 Buffer &Buffer::operator=(Buffer &&other) noexcept
@@ -77,8 +71,8 @@ Buffer &Buffer::operator=(Buffer &&other) noexcept
     std::swap(m_device, other.m_device);
     std::swap(m_buffer, other.m_buffer);
     std::swap(m_memory, other.m_memory);
+    std::swap(m_pool, other.m_pool);
     std::swap(m_size, other.m_size);
-    std::swap(m_mapped, other.m_mapped);
     return *this;
 }
 
@@ -146,7 +140,9 @@ Texture::Texture(Device &device, const Image &image, const Material &material) :
     check(vkCreateImage(m_device, &info, nullptr, &m_image), "creating an image");
     VkMemoryRequirements requirements;
     vkGetImageMemoryRequirements(m_device, m_image, &requirements);
-    m_memory = allocate(device, requirements, Buffer::Place::Device, false);
+    const VkMemoryAllocateInfo memory{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, nullptr, requirements.size,
+                                      memoryTypeFor(device, requirements, Buffer::Place::Device)};
+    check(vkAllocateMemory(m_device, &memory, nullptr, &m_memory), "allocating device memory");
     check(vkBindImageMemory(m_device, m_image, m_memory, 0), "binding memory");
     upload(device, image);
 

@@ -1,4 +1,4 @@
-// Buffers and textures, each with memory of its own.
+// Buffers and textures.
 #pragma once
 
 #include <cstddef>
@@ -28,16 +28,16 @@ public:
 
     [[nodiscard]] VkBuffer handle() const { return m_buffer; }
     [[nodiscard]] VkDeviceSize size() const { return m_size; }
-    [[nodiscard]] void *mapped() const { return m_mapped; }
+    [[nodiscard]] void *mapped() const { return m_memory.mapped; }
     // The first address that is a multiple of `alignment`. Needs VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address(VkDeviceSize alignment = 1) const;
 
 private:
     VkDevice m_device = VK_NULL_HANDLE;
     VkBuffer m_buffer = VK_NULL_HANDLE;
-    VkDeviceMemory m_memory = VK_NULL_HANDLE;
+    MemoryPool *m_pool = nullptr;
+    MemoryPool::Piece m_memory;
     VkDeviceSize m_size = 0;
-    void *m_mapped = nullptr;
 };
 
 // A buffer in the device's memory with these bytes at its first address that is a multiple of `alignment`, and zeros

@@ -137,6 +137,14 @@ std::vector<JsonValue> JsonValue::children() const
     return values;
 }
 
+std::vector<std::pair<JsonValue, JsonValue>> JsonValue::members() const
+{
+    std::vector<std::pair<JsonValue, JsonValue>> members;
+    for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
+        members.push_back({JsonValue(*m_tree, i), JsonValue(*m_tree, i + 1)});
+    return members;
+}
+
 std::optional<std::int64_t> JsonValue::integer() const
 {
     if (!exists() || node().kind != JsonTree::Kind::Scalar)

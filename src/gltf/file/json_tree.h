@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace vellum
@@ -60,6 +61,9 @@ public:
     [[nodiscard]] std::size_t count(std::string_view name) const;
     // The elements of an array, or the values of an object's members; empty for anything else.
     [[nodiscard]] std::vector<JsonValue> children() const;
+
+    // The names, which are strings, and values of an object's members; empty for anything else.
+    [[nodiscard]] std::vector<std::pair<JsonValue, JsonValue>> members() const;
 
     // A number without a fraction that 64 bits hold.
     [[nodiscard]] std::optional<std::int64_t> integer() const;

@@ -141,7 +141,7 @@ std::span<const std::uint8_t> ExtensionReader::view(std::int64_t index, const ch
     const tinygltf::Model &model = m_document.model();
     if (index >= static_cast<std::int64_t>(model.bufferViews.size()))
         fail(std::string("\"") + name + "\": buffer view " + std::to_string(index) + " does not exist");
-    return readBufferView(model, static_cast<int>(index), std::string("\"") + name + "\"");
+    return m_document.bufferViews().bytes(static_cast<int>(index), std::string("\"") + name + "\"");
 }
 
 void ExtensionReader::account(std::size_t bytes)
@@ -389,7 +389,7 @@ std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::
         fail(what + " has " + number(accessor.count) + " elements for " + number(triangles) + " triangles");
     if (accessor.sparse.isSparse || accessor.bufferView < 0)
         fail(what + " has no buffer view of its own or is sparse, which is not supported");
-    const auto bytes = readBufferView(model, accessor.bufferView, what);
+    const auto bytes = m_document.bufferViews().bytes(accessor.bufferView, what);
     const tinygltf::BufferView &range = model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
     const std::size_t stride = range.byteStride == 0 ? type->bytes : range.byteStride;
     if ((range.byteOffset + accessor.byteOffset) % type->bytes != 0 || stride % type->bytes != 0)

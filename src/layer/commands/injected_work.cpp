@@ -21,7 +21,6 @@
 #include "shaders/micromap_share.h"
 #include "shaders/micromap_stay.h"
 #include "shaders/micromap_sums.h"
-#include "shaders/query_copy.h"
 #include "shaders/query_value.h"
 #include "shaders/ray_flag_probe.h"
 #include "shaders/structure_copy.h"
@@ -60,7 +59,6 @@ Code codeOf(InjectedShader shader)
     case InjectedShader::MicromapLossyChoose: return {micromap_lossy_choose, sizeof micromap_lossy_choose};
     case InjectedShader::MicromapMove: return {micromap_move, sizeof micromap_move};
     case InjectedShader::QueryValue: return {query_value, sizeof query_value};
-    case InjectedShader::QueryCopy: return {query_copy, sizeof query_copy};
     case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
     case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};
     case InjectedShader::RayFlagProbe: return {ray_flag_probe, sizeof ray_flag_probe};
@@ -198,14 +196,6 @@ void InjectedWork::barrier(bool forHost)
     device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
                                            VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | host, 0, 1, &memory, 0, nullptr, 0,
                                            nullptr);
-}
-
-ScratchMemory::Place InjectedWork::scratch(VkDeviceSize bytes)
-{
-    if (!state_)
-        return {};
-    state_->scratch.restart();
-    return state_->scratch.place(bytes);
 }
 
 // A dispatch of nothing, with what the application has pushed; zeros, as in a new command buffer, where it has not.

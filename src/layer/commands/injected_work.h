@@ -42,7 +42,6 @@ enum class InjectedShader {
     MicromapLossyChoose,
     MicromapMove,
     QueryValue,
-    QueryCopy,
     Count
 };
 
@@ -64,10 +63,6 @@ struct QueryValuePush {
     VkDeviceAddress target, micromap;
     uint64_t micromapBytes;
     uint32_t kind, padding;
-};
-struct QueryCopyPush {
-    VkDeviceAddress values, availability, target;
-    uint32_t count, flags;
 };
 struct BlasRecordsPush {
     VkDeviceAddress tail, micromap, indices, cell, log, range;
@@ -178,8 +173,6 @@ public:
     }
     // How the invocations of a dispatch are laid out, in groups.
     static VkDispatchIndirectCommand groupsOf(uint64_t invocations, uint32_t groupSize);
-    // Memory of the command buffer for what is done here; address 0 where there is none.
-    [[nodiscard]] ScratchMemory::Place scratch(VkDeviceSize bytes);
     // Orders what came before in the command buffer, ours and the application's, before what comes after; and before
     // what the host reads.
     void barrier(bool forHost = false);

@@ -21,8 +21,10 @@ public:
     ~Attempt()
     {
         // Carried out, but for one that was given up: then the device is being destroyed, and idle, as it must be. Of
-        // one that is not, what the GPU may still use is left to it.
-        if (submitted_ && wait(kPatience) == VK_TIMEOUT) {
+        // one that is not, or where waiting fails, what the GPU may still use is left to it.
+        if (submitted_ && !done_)
+            wait(kPatience);
+        if (submitted_ && !done_) {
             static_cast<void>(trial_.release());
             return;
         }
@@ -69,9 +71,13 @@ public:
         return submitted_;
     }
 
-    VkResult wait(std::chrono::nanoseconds time) const
+    VkResult wait(std::chrono::nanoseconds time)
     {
-        return next_.WaitForFences(context_.device, 1, &fence_, VK_TRUE, static_cast<uint64_t>(time.count()));
+        const VkResult result =
+            next_.WaitForFences(context_.device, 1, &fence_, VK_TRUE, static_cast<uint64_t>(time.count()));
+        // After the loss of the device everything may be destroyed (Lost Device).
+        done_ = result == VK_SUCCESS || result == VK_ERROR_DEVICE_LOST;
+        return result;
     }
 
     void read() { trial_->read(); }
@@ -84,6 +90,7 @@ private:
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
     VkFence fence_ = VK_NULL_HANDLE;
     bool submitted_ = false;
+    bool done_ = false; // carried out, or lost
 };
 
 TrialQueue::TrialQueue() = default;

@@ -12,6 +12,7 @@
 
 #include <vulkan/vk_layer.h>
 
+#include "layer/door/hidden_extensions.h"
 #include "layer/ground/pnext.h"
 
 namespace vellum::layer
@@ -108,18 +109,19 @@ VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const
                       Provided &provided)
 {
     const Asked asked = askedFor(info);
-    const bool displacement = asksFor(info, newer::kDisplacementMicromapExtension);
-    if (!asked.ext && !asked.khr && !asked.addressCommands && !displacement)
+    const HiddenExtension *hidden = nullptr;
+    for (uint32_t i = 0; i < info.enabledExtensionCount && !hidden; ++i)
+        hidden = hiddenExtension(info.ppEnabledExtensionNames[i]);
+    if (!asked.ext && !asked.khr && !asked.addressCommands && !hidden)
         return VK_SUCCESS;
     provided.extensions = driverExtensions(instance, physicalDevice);
     const Implementations have = provided.have = implementationsOf(instance, physicalDevice, provided.extensions);
     bool &emulated = provided.emulated;
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
         emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
-    // Micromaps are all the driver's or all the layer's.
-    if (displacement && (emulated || have.ext == Implementation::Emulation)) {
-        instance.report.error("VELLUM-displacement-micromaps",
-                              "VK_NV_displacement_micromap is not there where VK_EXT_opacity_micromap is emulated",
+    if (hidden && (emulated || have.ext == Implementation::Emulation)) {
+        instance.report.error("VELLUM-hidden-extension",
+                              std::string(hidden->name) + " is not there beside emulated micromaps: " + hidden->reason,
                               VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }

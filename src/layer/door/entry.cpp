@@ -186,6 +186,8 @@ const Row kRows[] = {
     row<destroyAccelerationStructure>("vkDestroyAccelerationStructureKHR", Scope::Emulated),
     row<getAccelerationStructureBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated),
     row<getAccelerationStructureDeviceAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Emulated),
+    row<getAccelerationStructureCaptureData>("vkGetAccelerationStructureOpaqueCaptureDescriptorDataEXT",
+                                             Scope::Emulated),
     row<getDeviceAccelerationStructureCompatibility>("vkGetDeviceAccelerationStructureCompatibilityKHR",
                                                      Scope::Emulated),
     row<cmdBuildAccelerationStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated),

@@ -14,6 +14,7 @@
 
 #include "core/curve.h"
 #include "core/records.h"
+#include "layer/door/hidden_extensions.h"
 #include "layer/ground/pnext.h"
 #include "layer/memory/buffers.h"
 #include "layer/memory/fixed_memory.h"
@@ -298,11 +299,8 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
         if (implementations.*own.implementation == Implementation::Emulation && !contains(list, own.name))
             list.push_back(propertiesOf(own));
     }
-    // It extends the driver's VK_EXT_opacity_micromap, to which the layer's micromaps mean nothing.
     if (implementations.ext == Implementation::Emulation)
-        std::erase_if(list, [](const auto &e) {
-            return std::strcmp(e.extensionName, newer::kDisplacementMicromapExtension) == 0;
-        });
+        std::erase_if(list, [](const auto &e) { return hiddenExtension(e.extensionName) != nullptr; });
     return giveList(list, count, properties);
 }
 
@@ -318,7 +316,6 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
     const Unlinked addresses =
         take(have.addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
     const Unlinked pipelines = take(have.pipelines, newer::kPipelineOpacityMicromapFeatures);
-    const Unlinked displacement = take(have.ext, newer::kDisplacementMicromapFeatures);
     instance.next.GetPhysicalDeviceFeatures2(device, features);
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>()) {
         own->micromap = VK_TRUE;
@@ -331,8 +328,8 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->deviceAddressCommands = VK_TRUE;
     if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
         own->pipelineOpacityMicromap = VK_TRUE;
-    if (auto *none = displacement.get<newer::DisplacementMicromapFeatures>())
-        none->displacementMicromap = VK_FALSE;
+    if (have.ext == Implementation::Emulation)
+        clearHiddenFeatures(*features);
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
@@ -352,9 +349,8 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
         findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
     if (shaderObjects && have.anyEmulated()) {
-        const bool stable =
-            driverFactsOf(instance, device, driverExtensions(instance, device)).importsHostMemory ||
-            replaysAddresses(instance, device);
+        const bool stable = driverFactsOf(instance, device, driverExtensions(instance, device)).importsHostMemory ||
+                            replaysAddresses(instance, device);
         for (size_t i = 0; i < VK_UUID_SIZE; ++i)
             shaderObjects->shaderBinaryUUID[i] ^= stable ? rewriterUuid()[i] : processUuid()[i];
     }

@@ -75,6 +75,7 @@ namespace vellum::layer
     X(DestroyAccelerationStructureKHR, DestroyAccelerationStructureKHR)                                                \
     X(GetAccelerationStructureBuildSizesKHR, GetAccelerationStructureBuildSizesKHR)                                    \
     X(GetAccelerationStructureDeviceAddressKHR, GetAccelerationStructureDeviceAddressKHR)                              \
+    X(GetAccelerationStructureOpaqueCaptureDescriptorDataEXT, GetAccelerationStructureOpaqueCaptureDescriptorDataEXT)  \
     X(GetDeviceAccelerationStructureCompatibilityKHR, GetDeviceAccelerationStructureCompatibilityKHR)                  \
     X(CmdBuildAccelerationStructuresKHR, CmdBuildAccelerationStructuresKHR)                                            \
     X(CmdBuildAccelerationStructuresIndirectKHR, CmdBuildAccelerationStructuresIndirectKHR)                            \

@@ -66,11 +66,6 @@ inline constexpr const char *kDisplacementMicromapExtension = "VK_NV_displacemen
 inline constexpr auto kDisplacementMicromapFeatures = static_cast<VkStructureType>(1000397000);
 inline constexpr auto kDisplacementMicromapProperties = static_cast<VkStructureType>(1000397001);
 inline constexpr auto kTrianglesDisplacementMicromap = static_cast<VkStructureType>(1000397002);
-struct DisplacementMicromapFeatures {
-    VkStructureType sType;
-    void *pNext;
-    VkBool32 displacementMicromap;
-};
 struct DisplacementMicromapProperties {
     VkStructureType sType;
     void *pNext;

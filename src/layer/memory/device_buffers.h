@@ -28,7 +28,7 @@ struct DeviceBuffers {
     std::atomic<uint64_t> numbers{0};
     AddressMap addresses{};
     HostMemory host{};
-    MemoryPool scratch{gpu, kScratchAlignment, scratchUsage}; // of command buffers
+    MemoryPool scratch{gpu, kScratchAlignment, scratchUsage, GpuBuffer::Content::DevicesOnly}; // of command buffers
     // Called when a buffer has got memory, or its address is asked for.
     std::function<void(VkBuffer)> onAddress{};
 };

@@ -1,6 +1,7 @@
 #include "layer/memory/gpu_memory.h"
 
 #include <cstring>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -11,17 +12,34 @@ namespace
 
 constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
 
+constexpr VkMemoryPropertyFlags kLocal = VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
+constexpr VkMemoryPropertyFlags kHost = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+// Of types that need a feature (VUID-vkAllocateMemory-deviceCoherentMemory-02790), or are for images.
+constexpr VkMemoryPropertyFlags kSpecial = VK_MEMORY_PROPERTY_DEVICE_COHERENT_BIT_AMD |
+                                           VK_MEMORY_PROPERTY_DEVICE_UNCACHED_BIT_AMD |
+                                           VK_MEMORY_PROPERTY_PROTECTED_BIT | VK_MEMORY_PROPERTY_LAZILY_ALLOCATED_BIT;
+
 // The types that a buffer's memory may have, the better ones first: memory that is also local to the device is
-// preferred, since shaders read these buffers at every hit. There may be little of it that the host can see.
-std::vector<uint32_t> memoryTypes(const VkPhysicalDeviceMemoryProperties &memory, uint32_t allowed)
+// preferred, since shaders read these buffers at every hit. There may be little of it that the host can see, and it is
+// the application's to use: what the host need not see is where it cannot, if there is such memory.
+std::vector<uint32_t> memoryTypes(const VkPhysicalDeviceMemoryProperties &memory, uint32_t allowed, VkDeviceSize bytes,
+                                  bool hostSees)
 {
-    const VkMemoryPropertyFlags host = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+    struct Wish {
+        VkMemoryPropertyFlags mask, flags;
+    };
+    static constexpr Wish kSeen[] = {{kLocal | kHost, kLocal | kHost}, {kLocal | kHost, kHost}};
+    static constexpr Wish kUnseen[] = {{kLocal | VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT, kLocal},
+                                       {kLocal | kHost, kLocal | kHost},
+                                       {kLocal | kHost, kHost}};
     std::vector<uint32_t> types;
-    for (const VkMemoryPropertyFlags local : {VkMemoryPropertyFlags{VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT}, 0u}) {
+    for (const Wish &wish : hostSees ? std::span<const Wish>(kSeen) : std::span<const Wish>(kUnseen)) {
         for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
-            const VkMemoryPropertyFlags flags = memory.memoryTypes[i].propertyFlags;
-            if ((allowed & (1u << i)) != 0 && (flags & host) == host &&
-                (flags & VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT) == local)
+            const VkMemoryType &type = memory.memoryTypes[i];
+            // VUID-vkAllocateMemory-pAllocateInfo-01713
+            const bool fits = bytes <= memory.memoryHeaps[type.heapIndex].size;
+            if ((allowed & (1u << i)) != 0 && fits && (type.propertyFlags & kSpecial) == 0 &&
+                (type.propertyFlags & wish.mask) == wish.flags)
                 types.push_back(i);
         }
     }
@@ -101,7 +119,8 @@ VkResult GpuBuffer::make(const GpuContext &context, VkDeviceSize bytes, VkBuffer
     }
     VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, requirements.size, 0};
     result = VK_ERROR_OUT_OF_DEVICE_MEMORY;
-    for (const uint32_t type : memoryTypes(context.memory, requirements.memoryTypeBits)) {
+    const bool hostSees = content != Content::DevicesOnly;
+    for (const uint32_t type : memoryTypes(context.memory, requirements.memoryTypeBits, requirements.size, hostSees)) {
         allocateInfo.memoryTypeIndex = type;
         result = next.AllocateMemory(context.device, &allocateInfo, nullptr, &memory_);
         // Another type may be of another heap, which has room.
@@ -111,7 +130,7 @@ VkResult GpuBuffer::make(const GpuContext &context, VkDeviceSize bytes, VkBuffer
     void *mapped = nullptr;
     if (result == VK_SUCCESS)
         result = next.BindBufferMemory(context.device, buffer_, memory_, 0);
-    if (result == VK_SUCCESS)
+    if (result == VK_SUCCESS && hostSees)
         result = next.MapMemory(context.device, memory_, 0, VK_WHOLE_SIZE, 0, &mapped);
     if (result != VK_SUCCESS) {
         reset();
@@ -154,7 +173,8 @@ VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags 
     result = next.GetMemoryHostPointerPropertiesEXT(context_.device, kHost, memory, &host);
     if (result != VK_SUCCESS)
         return result;
-    const std::vector<uint32_t> types = memoryTypes(context_.memory, requirements.memoryTypeBits & host.memoryTypeBits);
+    const std::vector<uint32_t> types =
+        memoryTypes(context_.memory, requirements.memoryTypeBits & host.memoryTypeBits, bytes, true);
     if (types.empty() || requirements.size > bytes)
         return VK_ERROR_INVALID_EXTERNAL_HANDLE;
     const VkImportMemoryHostPointerInfoEXT import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT, nullptr, kHost,

@@ -1,4 +1,5 @@
-// Buffers that the layer owns: host-visible, coherent, with a device address. The host prepares what the GPU reads.
+// Buffers that the layer owns, with a device address. Most are host-visible and coherent: the host prepares what the
+// GPU reads.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -36,7 +37,8 @@ public:
     GpuBuffer(const GpuBuffer &) = delete;
     GpuBuffer &operator=(const GpuBuffer &) = delete;
 
-    enum class Content { Zero, Undefined };
+    // DevicesOnly: undefined, and the host does not see it.
+    enum class Content { Zero, Undefined, DevicesOnly };
     // On failure nothing is left behind.
     VkResult create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0,
                     Content content = Content::Zero);

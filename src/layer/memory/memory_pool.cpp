@@ -32,7 +32,8 @@ MemoryPool::Piece MemoryPool::take(VkDeviceSize bytes)
     Block &block = std::prev(blocks_.upper_bound(address))->second;
     block.used += needed;
     const VkDeviceSize offset = address - block.buffer.address();
-    return {address, needed, block.buffer.buffer(), offset, block.buffer.words() + offset / 4};
+    uint32_t *words = block.buffer.words() ? block.buffer.words() + offset / 4 : nullptr;
+    return {address, needed, block.buffer.buffer(), offset, words};
 }
 
 void MemoryPool::giveBack(const Piece &piece)
@@ -67,8 +68,7 @@ void MemoryPool::giveBack(const Piece &piece)
 bool MemoryPool::addBlock(VkDeviceSize bytes)
 {
     Block block;
-    if (block.buffer.create(context_, bytes + granularity_, usage_(context_), GpuBuffer::Content::Undefined) !=
-        VK_SUCCESS)
+    if (block.buffer.create(context_, bytes + granularity_, usage_(context_), content_) != VK_SUCCESS)
         return false;
     const VkDeviceAddress begin = alignUp(block.buffer.address());
     block.begin = begin;

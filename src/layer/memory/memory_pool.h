@@ -18,9 +18,10 @@ class MemoryPool
 {
 public:
     using Usage = VkBufferUsageFlags (*)(const GpuContext &); // of the blocks' buffers
-    // `granularity`, a power of two: pieces are aligned to it, and no two share one.
-    MemoryPool(const GpuContext &context, VkDeviceSize granularity, Usage usage)
-        : context_(context), granularity_(granularity), usage_(usage)
+    // `granularity`, a power of two: pieces are aligned to it, and no two share one. `content`: Undefined or
+    // DevicesOnly.
+    MemoryPool(const GpuContext &context, VkDeviceSize granularity, Usage usage, GpuBuffer::Content content)
+        : context_(context), granularity_(granularity), usage_(usage), content_(content)
     {
     }
     MemoryPool(const MemoryPool &) = delete;
@@ -31,7 +32,7 @@ public:
         VkDeviceSize bytes = 0;      // at least what was asked for
         VkBuffer buffer = VK_NULL_HANDLE;
         VkDeviceSize offset = 0;
-        uint32_t *words = nullptr; // as the host sees it
+        uint32_t *words = nullptr; // as the host sees it; null where it does not
     };
     // The content is undefined.
     Piece take(VkDeviceSize bytes);
@@ -55,6 +56,7 @@ private:
     const GpuContext &context_;
     const VkDeviceSize granularity_;
     const Usage usage_;
+    const GpuBuffer::Content content_;
     std::mutex mutex_; // guards what is below
     std::map<VkDeviceAddress, Block> blocks_;
     VkDeviceSize total_ = 0;

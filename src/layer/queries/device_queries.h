@@ -15,9 +15,11 @@ struct DeviceQueries {
     DeviceStructures &structures;
     // Each pool on pages of its own: the host resets one while the device writes another, which layers below that guard
     // pages would take for the same.
-    MemoryPool memory{buffers.gpu, 4096, [](const GpuContext &) -> VkBufferUsageFlags {
+    MemoryPool memory{buffers.gpu, 4096,
+                      [](const GpuContext &) -> VkBufferUsageFlags {
                           return VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-                      }};
+                      },
+                      GpuBuffer::Content::Undefined};
     HandleMap<VkQueryPool, std::shared_ptr<QueryPool>> pools{};
 };
 

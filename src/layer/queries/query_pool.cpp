@@ -92,6 +92,27 @@ bool inRange(const DeviceQueries &device, const QueryPool &pool, uint32_t first,
     return false;
 }
 
+// The copies that results of queries are, from the pool's memory to `offset` of a buffer. Transfers only: the command
+// may be recorded for a queue that has no compute shaders (its Supported Queue Types). A value that is not available is
+// zero, which PARTIAL allows, and is undefined without it.
+std::vector<VkBufferCopy> copiesOf(const QueryPool &pool, uint32_t first, uint32_t count, VkDeviceSize offset,
+                                   VkDeviceSize stride, const Format &format)
+{
+    const VkDeviceSize number = format.wide ? 8 : 4;
+    if (stride == number && format.wide && !format.both)
+        return {{pool.valueInBuffer(first), offset, count * number}};
+    std::vector<VkBufferCopy> regions;
+    for (uint32_t i = 0; i < count; ++i, offset += stride) {
+        regions.push_back({pool.valueInBuffer(first + i), offset, number});
+        if (!format.both)
+            continue;
+        regions.push_back({pool.availabilityInBuffer(first + i), offset + number, 4});
+        if (format.wide)
+            regions.push_back({pool.zeroInBuffer(), offset + number + 4, 4});
+    }
+    return regions;
+}
+
 // After the values, so that whoever sees that a query is available sees its value.
 void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuffer commandBuffer,
                    const QueryPool &pool, uint32_t first, uint32_t count)
@@ -256,29 +277,13 @@ void cmdCopyQueryPoolResults(DeviceQueries &device, VkCommandBuffer commandBuffe
     if (count == 0 || !inRange(device, *pool, first, count, "vkCmdCopyQueryPoolResults") ||
         InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyQueryPoolResults of this type of queries"))
         return;
-    // The application's buffer is only known to take transfers: results are put together elsewhere, and copied.
-    const Format format(flags);
     InjectedWork work(device.commands, commandBuffer);
-    const ScratchMemory::Place own = work.scratch(count * format.bytes());
-    if (!own.address) {
-        device.driver.report().error("VELLUM-out-of-memory", "vkCmdCopyQueryPoolResults: no memory for the results");
-        return;
-    }
     // The barrier waits for all that came before on this queue, which is the command's first synchronization scope:
     // results of another queue must have been waited for with a semaphore, even with VK_QUERY_RESULT_WAIT_BIT.
     work.barrier();
-    QueryCopyPush push{};
-    push.values = pool->valueAddress(first);
-    push.availability = pool->memory.address() + pool->availabilityOffset(first);
-    push.target = own.address;
-    push.count = count;
-    push.flags = (format.wide ? kQueryCopy64 : 0) | (format.both ? kQueryCopyAvailability : 0);
-    work.dispatch(InjectedShader::QueryCopy, push, count, 64);
-    work.barrier();
-    std::vector<VkBufferCopy> regions(count);
-    for (uint32_t i = 0; i < count; ++i)
-        regions[i] = {own.offset + i * format.bytes(), offset + i * stride, format.bytes()};
-    device.driver.next.CmdCopyBuffer(commandBuffer, own.buffer, buffer, count, regions.data());
+    const std::vector<VkBufferCopy> regions = copiesOf(*pool, first, count, offset, stride, Format(flags));
+    device.driver.next.CmdCopyBuffer(commandBuffer, pool->memory.buffer(), buffer,
+                                     static_cast<uint32_t>(regions.size()), regions.data());
     work.barrier(true);
 }
 

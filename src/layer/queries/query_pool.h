@@ -21,7 +21,7 @@ struct DeviceQueries;
 struct QueryPool {
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
     uint32_t count = 0;
-    PooledMemory memory; // 64-bit values, then 32-bit availability
+    PooledMemory memory; // 64-bit values, then 32-bit availability, then a word that is always zero
 
     [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
     [[nodiscard]] VkDeviceSize availabilityOffset(uint32_t query) const { return count * 8ull + query * 4ull; }
@@ -31,6 +31,7 @@ struct QueryPool {
     {
         return memory.offset() + availabilityOffset(query);
     }
+    [[nodiscard]] VkDeviceSize zeroInBuffer() const { return availabilityInBuffer(count); }
     [[nodiscard]] uint64_t value(uint32_t query) const;
     [[nodiscard]] bool available(uint32_t query) const;
 };

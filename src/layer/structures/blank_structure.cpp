@@ -23,7 +23,9 @@ public:
     bool record(VkCommandBuffer commands) override
     {
         if (!triangle_.buildTriangle(commands, 0, kSpareBytes) ||
-            serialized_.create(device_.buffers.gpu, triangle_.size() + 2 * kSpareBytes) != VK_SUCCESS)
+            serialized_.create(device_.buffers.gpu, triangle_.size() + 2 * kSpareBytes) != VK_SUCCESS ||
+            // Now, while there may be another trial.
+            device_.blank.memory.create(device_.buffers.gpu, alignUp(triangle_.size() + kSpareBytes, 16)) != VK_SUCCESS)
             return false;
         VkCopyAccelerationStructureToMemoryInfoKHR info{
             VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR};
@@ -49,8 +51,6 @@ public:
             bytes -= kSpareBytes;
             size -= kSpareBytes;
         }
-        if (blank.memory.create(device_.buffers.gpu, alignUp(bytes, 16)) != VK_SUCCESS)
-            return;
         uint32_t *kept = blank.memory.words();
         std::memcpy(kept, words, bytes);
         kept[8] = static_cast<uint32_t>(bytes);

@@ -1,6 +1,7 @@
 #include "layer/structures/structure_create.h"
 
 #include <algorithm>
+#include <cstring>
 #include <string>
 
 #include "layer/ground/judge.h"
@@ -148,6 +149,22 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceStructures &device, 
         cellOf(device.objects, *structure, info->accelerationStructure);
     }
     return device.driver.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
+}
+
+VkResult getAccelerationStructureCaptureData(DeviceStructures &device, VkDevice handle,
+                                             const VkAccelerationStructureCaptureDescriptorDataInfoEXT *info,
+                                             void *data)
+{
+    const auto structure = device.objects.accelerationStructures.get(info->accelerationStructure);
+    if (!structure || structure->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        return device.driver.next.GetAccelerationStructureOpaqueCaptureDescriptorDataEXT(handle, info, data);
+    // Nothing is known to the driver that it could replay.
+    VkPhysicalDeviceDescriptorBufferPropertiesEXT sizes{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_PROPERTIES_EXT};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &sizes, {}};
+    device.driver.instance->GetPhysicalDeviceProperties2(device.driver.physicalDevice, &properties);
+    std::memset(data, 0, sizes.accelerationStructureCaptureReplayDescriptorDataSize);
+    return VK_SUCCESS;
 }
 
 void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice handle,

@@ -19,6 +19,8 @@ void destroyAccelerationStructure(DeviceStructures &, VkDevice, VkAccelerationSt
                                   const VkAllocationCallbacks *);
 VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceStructures &, VkDevice,
                                                       const VkAccelerationStructureDeviceAddressInfoKHR *);
+VkResult getAccelerationStructureCaptureData(DeviceStructures &, VkDevice,
+                                             const VkAccelerationStructureCaptureDescriptorDataInfoEXT *, void *);
 void getAccelerationStructureBuildSizes(DeviceStructures &, VkDevice, VkAccelerationStructureBuildTypeKHR,
                                         const VkAccelerationStructureBuildGeometryInfoKHR *, const uint32_t *,
                                         VkAccelerationStructureBuildSizesInfoKHR *);

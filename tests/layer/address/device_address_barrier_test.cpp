@@ -168,19 +168,20 @@ TEST_F(AddressBarriers, BehindOtherStructures)
 void AddressBarriers::expectTransfers()
 {
     const Buffer some = buffer(256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    const std::uint32_t here = gpu().family();
     const std::uint32_t away = VK_QUEUE_FAMILY_EXTERNAL;
-    EXPECT_EQ(barriersIn(Dependency({barrierOf(rangeOf(some, 16, 32), 0, away)})),
-              (Texts{kOwn, transfer(0, away, 16, 32, some.handle())}));
-    EXPECT_EQ(barriersIn(Dependency({barrierOf(rangeOf(some, 16, 32), away, 0)})),
-              (Texts{kOwn, transfer(away, 0, 16, 32, some.handle())}));
+    EXPECT_EQ(barriersIn(Dependency({barrierOf(rangeOf(some, 16, 32), here, away)})),
+              (Texts{kOwn, transfer(here, away, 16, 32, some.handle())}));
+    EXPECT_EQ(barriersIn(Dependency({barrierOf(rangeOf(some, 16, 32), away, here)})),
+              (Texts{kOwn, transfer(away, here, 16, 32, some.handle())}));
     Aliases aliases(gpu(), 64, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
-    Texts barriers = barriersIn(Dependency({barrierOf({aliases.address(0) + 8, 40}, 0, away)}));
-    Texts expected{kOwn, transfer(0, away, 8, 40, aliases.handle(0)), transfer(0, away, 8, 40, aliases.handle(1))};
+    Texts barriers = barriersIn(Dependency({barrierOf({aliases.address(0) + 8, 40}, here, away)}));
+    Texts expected{kOwn, transfer(here, away, 8, 40, aliases.handle(0)), transfer(here, away, 8, 40, aliases.handle(1))};
     std::sort(barriers.begin(), barriers.end());
     std::sort(expected.begin(), expected.end());
     EXPECT_EQ(barriers, expected);
     // With no buffer there, the memory barrier is what is left.
-    EXPECT_EQ(barriersIn(Dependency({barrierOf({16, 32}, 0, away)})), (Texts{kOwn, kRange}));
+    EXPECT_EQ(barriersIn(Dependency({barrierOf({16, 32}, here, away)})), (Texts{kOwn, kRange}));
     EXPECT_EQ(takeOther(), Texts{"VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365"});
 }
 

@@ -63,7 +63,8 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
     std::vector<VkCommandPool> pools(4);
     std::vector<VkCommandBuffer> commands(4);
     besideSubmissions([&](std::size_t thread) {
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, 0};
+        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0,
+                                               gpu().family()};
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
         const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
                                                    pools[thread], VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};

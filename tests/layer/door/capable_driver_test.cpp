@@ -1,5 +1,5 @@
 // What the layer has where the driver has more than lavapipe: indirect builds, and capture and replay of addresses. The
-// driver is lavapipe with capable_layer.cpp on it.
+// driver is lavapipe with the trait "capable".
 #include "harness/copies.h"
 
 namespace
@@ -10,7 +10,7 @@ using namespace vt;
 class CapableDriver : public GpuTest
 {
 protected:
-    explicit CapableDriver(const Options &options = {.capable = true}) : GpuTest(options) {}
+    explicit CapableDriver(const Options &options = {.traits = "capable"}) : GpuTest(options) {}
 
     // Builds what is prepared, with ranges from memory, of which the host says no more than `most` primitives.
     void buildIndirectly(const Structure &structure, std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges,
@@ -129,7 +129,7 @@ TEST_F(CapableDriver, CopyOfAnIndirectTopLevel)
 class CapableDriverExt : public CapableDriver
 {
 protected:
-    CapableDriverExt() : CapableDriver({.capable = true, .api = Api::Ext}) {}
+    CapableDriverExt() : CapableDriver({.traits = "capable", .api = Api::Ext}) {}
 };
 
 TEST_F(CapableDriverExt, CaptureReplayFeature)
@@ -204,7 +204,7 @@ TEST_F(CapableDriverExt, CaptureReplayOfMicromaps)
 class CapableDriverKhr : public CapableDriver
 {
 protected:
-    CapableDriverKhr() : CapableDriver({.capable = true, .api = Api::Khr}) {}
+    CapableDriverKhr() : CapableDriver({.traits = "capable", .api = Api::Khr}) {}
 };
 
 // A micromap of VK_KHR_opacity_micromap is at the address that it is given, of a buffer that is where it was.

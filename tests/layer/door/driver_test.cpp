@@ -1,4 +1,4 @@
-// What a driver may do that lavapipe does not, and what must not reach it: spy_layer.cpp is that driver.
+// What a driver may do that lavapipe does not, and what must not reach it: layers/spy.cpp is that driver.
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -30,7 +30,7 @@ TEST(Driver, WithoutLocalMemoryLeft)
     std::unique_ptr<Gpu> gpu;
     {
         const Environment full("VELLUM_TEST_SPY_MEMORY");
-        ASSERT_NO_THROW(gpu = std::make_unique<Gpu>());
+        ASSERT_NO_THROW(gpu = std::make_unique<Gpu>(Options{.traits = "hostmemory"}));
     }
     for (const Message &m : gpu->takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
@@ -274,11 +274,7 @@ TEST(Driver, ManyCopiesOfQueryResults)
 TEST(Driver, NoDisplacementBesideEmulation)
 {
     const Environment force("VELLUM_FORCE_EMULATION");
-    std::unique_ptr<Gpu> gpu;
-    {
-        const Environment native("VELLUM_TEST_SPY_DISPLACEMENT");
-        gpu = std::make_unique<Gpu>(Options{.validation = false, .api = Api::Ext});
-    }
+    auto gpu = std::make_unique<Gpu>(Options{.validation = false, .traits = "displacement", .api = Api::Ext});
     constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
     std::uint32_t count = 0;
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu->physical(), nullptr, &count, nullptr));
@@ -326,17 +322,13 @@ TEST(Driver, NoDisplacementBesideEmulation)
         if (m.fromVellum()) // the loader says something, too
             told.push_back(m.id);
     }
-    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-displacement-micromaps"});
+    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-hidden-extension"});
 }
 
 // The driver has both, but with an extension that it lacks micromaps are the layer's.
 TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
 {
-    std::unique_ptr<Gpu> gpu;
-    {
-        const Environment native("VELLUM_TEST_SPY_DISPLACEMENT");
-        gpu = std::make_unique<Gpu>(Options{.validation = false, .api = Api::Khr});
-    }
+    auto gpu = std::make_unique<Gpu>(Options{.validation = false, .traits = "displacement", .api = Api::Khr});
     const float priority = 1;
     VkDeviceQueueCreateInfo queue{};
     queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
@@ -359,7 +351,62 @@ TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
         if (m.fromVellum())
             told.push_back(m.id);
     }
-    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-displacement-micromaps"});
+    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-hidden-extension"});
+}
+
+// Lavapipe has VK_AMDX_shader_enqueue; beside the layer nobody sees it, and no device can have it.
+TEST(Driver, HiddenExtension)
+{
+    constexpr const char *kEnqueue = "VK_AMDX_shader_enqueue";
+    struct EnqueueFeatures {
+        VkStructureType sType = static_cast<VkStructureType>(1000134000);
+        void *pNext = nullptr;
+        VkBool32 shaderEnqueue = VK_TRUE;
+        VkBool32 shaderMeshEnqueue = VK_TRUE;
+    };
+    const auto has = [](const Gpu &gpu) {
+        std::uint32_t count = 0;
+        VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, nullptr));
+        std::vector<VkExtensionProperties> list(count);
+        VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, list.data()));
+        return std::any_of(list.begin(), list.end(),
+                           [](const auto &e) { return std::strcmp(e.extensionName, kEnqueue) == 0; });
+    };
+    const auto featuresOf = [](const Gpu &gpu) {
+        EnqueueFeatures enqueue;
+        VkPhysicalDeviceFeatures2 features{};
+        features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+        features.pNext = &enqueue;
+        vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+        enqueue.pNext = nullptr;
+        return enqueue;
+    };
+    if (const Gpu bare(Options{.vellum = false, .validation = false, .micromaps = false}); !has(bare))
+        GTEST_SKIP() << "the driver has no " << kEnqueue;
+    else
+        EXPECT_TRUE(featuresOf(bare).shaderEnqueue);
+    Gpu gpu(Options{.validation = false});
+    EXPECT_FALSE(has(gpu));
+    EXPECT_FALSE(featuresOf(gpu).shaderEnqueue);
+    EXPECT_FALSE(featuresOf(gpu).shaderMeshEnqueue);
+
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{};
+    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+    VkDeviceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    const std::array names{VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, kEnqueue};
+    info.enabledExtensionCount = 2;
+    info.ppEnabledExtensionNames = names.data();
+    VkDevice device = VK_NULL_HANDLE;
+    // The loader refuses what nobody lists; where a manifest lists it, the layer does (NoDisplacementBesideEmulation).
+    EXPECT_EQ(vkCreateDevice(gpu.physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
+    vkDestroyDevice(device, nullptr);
+    gpu.takeUnexpectedMessages();
 }
 
 } // namespace

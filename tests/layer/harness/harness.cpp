@@ -15,8 +15,7 @@ namespace
 
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
-constexpr const char *kSpyLayer = "VK_LAYER_VELLUM_test_spy";
-constexpr const char *kCapableLayer = "VK_LAYER_VELLUM_test_capable";
+constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
 constexpr const char *kNullLayer = "VK_LAYER_VELLUM_test_null";
 
 // Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
@@ -227,10 +226,12 @@ void Gpu::createInstance()
         layers.push_back(kVellumLayer);
     if (options_.validation && (options_.oldValidation || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
-    if (options_.spy)
-        layers.push_back(kSpyLayer);
-    if (options_.capable)
-        layers.push_back(kCapableLayer);
+    std::string traits = options_.spy ? "spy," : "";
+    traits += options_.traits + ',';
+    if (const char *chosen = std::getenv("VELLUM_TEST_TRAITS"))
+        traits += chosen;
+    if (traits.find_first_not_of(',') != std::string::npos)
+        layers.push_back(kDriverLayer);
     if (!options_.absentGpu.empty()) {
         layers.push_back(kNullLayer);
         setenv("RADV_FORCE_FAMILY", options_.absentGpu.c_str(), 1);
@@ -245,7 +246,9 @@ void Gpu::createInstance()
     info.ppEnabledExtensionNames = extensions.data();
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
+    setenv("VELLUM_TEST_DRIVER", traits.c_str(), 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
+    unsetenv("VELLUM_TEST_DRIVER");
     unsetenv("VELLUM_VALIDATE");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
     VT_INSTANCE_COMMANDS(VT_LOAD)
@@ -395,22 +398,32 @@ void Gpu::createDevice()
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 
-    std::uint32_t families = 1;
-    VkQueueFamilyProperties family{};
-    vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, &family);
+    std::uint32_t families = 0;
+    vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, nullptr);
+    families_.resize(families);
+    vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, families_.data());
+    constexpr VkQueueFlags kBoth = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT;
+    while (family_ < families - 1 && (families_[family_].queueFlags & kBoth) != kBoth)
+        ++family_;
     constexpr std::array<float, 4> priorities{1, 1, 1, 1};
-    VkDeviceQueueCreateInfo queue{};
-    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueCount = std::min<std::uint32_t>(family.queueCount, priorities.size());
-    queue.pQueuePriorities = priorities.data();
+    std::vector<VkDeviceQueueCreateInfo> queues(families);
+    for (std::uint32_t i = 0; i < families; ++i) {
+        queues[i].sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+        queues[i].queueFamilyIndex = i;
+        queues[i].queueCount = i == family_ ? std::min<std::uint32_t>(families_[i].queueCount, priorities.size()) : 1u;
+        queues[i].pQueuePriorities = priorities.data();
+    }
+    // Of an absent GPU (absentGpu), queues of other kinds are of no use.
+    if (!options_.absentGpu.empty())
+        queues = {queues[family_]};
     std::vector<const char *> names;
     for (const std::string &name : extensions_)
         names.push_back(name.c_str());
     VkDeviceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
     info.pNext = &features;
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
+    info.queueCreateInfoCount = static_cast<std::uint32_t>(queues.size());
+    info.pQueueCreateInfos = queues.data();
     info.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
     info.ppEnabledExtensionNames = names.data();
     VT_CHECK(vkCreateDevice(physical_, &info, nullptr, &device_));
@@ -418,12 +431,14 @@ void Gpu::createDevice()
     VT_DEVICE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
 
-    for (std::uint32_t i = 0; i < queue.queueCount; ++i)
-        vkGetDeviceQueue(device_, 0, i, &queues_.emplace_back());
+    const std::uint32_t ownQueues = std::min<std::uint32_t>(families_[family_].queueCount, priorities.size());
+    for (std::uint32_t i = 0; i < ownQueues; ++i)
+        vkGetDeviceQueue(device_, family_, i, &queues_.emplace_back());
     queue_ = queues_[0];
     VkCommandPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
     pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
+    pool.queueFamilyIndex = family_;
     VT_CHECK(vkCreateCommandPool(device_, &pool, nullptr, &pool_));
 
     VkPhysicalDeviceAccelerationStructurePropertiesKHR limits{};
@@ -441,6 +456,13 @@ void Gpu::createDevice()
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
     lavapipe26_ = driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
+}
+
+VkQueue Gpu::queueOf(std::uint32_t family) const
+{
+    VkQueue queue = VK_NULL_HANDLE;
+    vkGetDeviceQueue(device_, family, 0, &queue);
+    return queue;
 }
 
 bool Gpu::has(const char *deviceExtension) const

@@ -56,8 +56,8 @@ struct Options {
     bool vellum = true;
     bool validation = true;
     bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
-    bool spy = true;           // spy_layer.cpp, below everything
-    bool capable = false;      // capable_layer.cpp, below even that
+    bool spy = true;           // layers/spy.cpp: what must not reach the driver
+    std::string traits = {};   // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
     // A GPU that RADV compiles for though it is not there, by RADV's name of it; null_layer.cpp stands for the device.
     // The process must have RADV as its driver.
     std::string absentGpu{};
@@ -255,8 +255,13 @@ public:
     [[nodiscard]] const Commands &vk() const { return commands_; }
     // Null where memory is Memory::Apart.
     [[nodiscard]] Arena *arena() const { return arena_.get(); }
-    // All queues of the first family that the device was made with: what is not said otherwise goes to the first one.
+    // All queues of its family that the device was made with: what is not said otherwise goes to the first one.
     [[nodiscard]] std::span<const VkQueue> queues() const { return queues_; }
+    // The family that they are of, which is the first one for both graphics and compute. Where there are others, the
+    // device was made with a queue of each.
+    [[nodiscard]] std::uint32_t family() const { return family_; }
+    [[nodiscard]] std::span<const VkQueueFamilyProperties> families() const { return families_; }
+    [[nodiscard]] VkQueue queueOf(std::uint32_t family) const;
     [[nodiscard]] std::uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
     {
@@ -309,6 +314,8 @@ private:
     VkDevice device_ = VK_NULL_HANDLE;
     VkQueue queue_ = VK_NULL_HANDLE;
     std::vector<VkQueue> queues_;
+    std::uint32_t family_ = 0;
+    std::vector<VkQueueFamilyProperties> families_;
     std::unique_ptr<Arena> arena_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     Commands commands_;

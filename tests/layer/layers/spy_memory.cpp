@@ -1,4 +1,5 @@
-// Buffers, types of memory and mappings.
+// Buffers, types of memory and mappings. With the trait "hostmemory" there is one type more; as long as
+// VELLUM_TEST_SPY_MEMORY is in the environment, the others have nothing left.
 #include "layers/spy.h"
 
 #include <atomic>
@@ -28,13 +29,16 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
 
 // --- a memory type more: that of the host, where lavapipe's are local to the device ---
 
-bool moreMemory = false;
+bool moreMemory(void *key)
+{
+    return driver::has(key, "hostmemory");
+}
 std::uint32_t memoryTypesBelow = 0;
 
 VKAPI_ATTR void VKAPI_CALL getBufferRequirements(VkDevice handle, VkBuffer buffer, VkMemoryRequirements *requirements)
 {
     SPY_NEXT(vkGetBufferMemoryRequirements)(handle, buffer, requirements);
-    if (moreMemory)
+    if (moreMemory(keyOf(handle)))
         requirements->memoryTypeBits |= 1u << memoryTypesBelow;
 }
 
@@ -44,7 +48,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
     VkMemoryAllocateInfo below = *info;
-    if (moreMemory && info->memoryTypeIndex == memoryTypesBelow)
+    if (moreMemory(keyOf(handle)) && info->memoryTypeIndex == memoryTypesBelow)
         below.memoryTypeIndex = 0;
     else if (std::getenv("VELLUM_TEST_SPY_MEMORY") != nullptr)
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
@@ -109,15 +113,10 @@ VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, co
 
 } // namespace
 
-void setMoreMemory(bool more)
-{
-    moreMemory = more;
-}
-
 VKAPI_ATTR void VKAPI_CALL getMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties *memory)
 {
-    tableOf(keyOf(handle)).getMemoryProperties(handle, memory);
-    if (!moreMemory)
+    SPY_NEXT(vkGetPhysicalDeviceMemoryProperties)(handle, memory);
+    if (!moreMemory(keyOf(handle)))
         return;
     memoryTypesBelow = memory->memoryTypeCount;
     memory->memoryTypes[memory->memoryTypeCount++] = {

@@ -184,16 +184,10 @@ std::span<const Row> structures()
         {"vkSetDebugUtilsObjectTagEXT", SPY_FUNCTION(setTag)},
         {"vkGetAccelerationStructureBuildSizesKHR", SPY_FUNCTION(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", SPY_FUNCTION(cmdBuild)},
+        {"vkDebugMarkerSetObjectNameEXT", SPY_FUNCTION(setMarkerName), Row::Where::Always},
+        {"vkDebugMarkerSetObjectTagEXT", SPY_FUNCTION(setMarkerTag), Row::Where::Always},
     };
     return rows;
-}
-
-// Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
-PFN_vkVoidFunction markerFunction(std::string_view name)
-{
-    if (name == "vkDebugMarkerSetObjectNameEXT")
-        return SPY_FUNCTION(setMarkerName);
-    return name == "vkDebugMarkerSetObjectTagEXT" ? SPY_FUNCTION(setMarkerTag) : nullptr;
 }
 
 } // namespace spy

@@ -97,12 +97,17 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipeline
     SPY_NEXT(vkCmdWriteTimestamp2)(handle, stage, pool, query);
 }
 
+bool hasMarkers()
+{
+    return std::getenv("VELLUM_TEST_SPY_MARKER") != nullptr;
+}
+
 // Whether the driver has it or not: lavapipe has not.
 VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkBuffer buffer,
                                                  VkDeviceSize offset, std::uint32_t marker)
 {
     expectStages("vkCmdWriteBufferMarker2AMD", stage);
-    if (std::getenv("VELLUM_TEST_SPY_MARKER") != nullptr)
+    if (hasMarkers())
         SPY_NEXT(vkCmdFillBuffer)(handle, buffer, offset, 4, marker);
 }
 
@@ -216,18 +221,11 @@ std::span<const Row> synchronization()
         {"vkCmdWriteTimestamp2", SPY_FUNCTION(cmdWriteTimestamp2)},
         {"vkQueueSubmit2", SPY_FUNCTION(queueSubmit2)},
         {"vkCreateRenderPass2", SPY_FUNCTION(createRenderPass2)},
+        // By the first of them the layer knows that the extension is there.
+        {"vkCmdWriteBufferMarkerAMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always, hasMarkers},
+        {"vkCmdWriteBufferMarker2AMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always},
     };
     return rows;
-}
-
-PFN_vkVoidFunction bufferMarkerFunction(std::string_view name)
-{
-    // By the first of them the layer knows that the extension is there.
-    if (name == "vkCmdWriteBufferMarkerAMD" && std::getenv("VELLUM_TEST_SPY_MARKER") == nullptr)
-        return nullptr;
-    return name == "vkCmdWriteBufferMarkerAMD" || name == "vkCmdWriteBufferMarker2AMD"
-               ? SPY_FUNCTION(cmdWriteBufferMarker2)
-               : nullptr;
 }
 
 } // namespace spy

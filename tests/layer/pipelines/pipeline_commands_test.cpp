@@ -258,6 +258,10 @@ protected:
         PipelineCommands::SetUp();
         if (IsSkipped())
             return;
+        VkPhysicalDeviceProperties properties;
+        vkGetPhysicalDeviceProperties(gpu().physical(), &properties);
+        if (properties.limits.maxPushConstantsSize < ComputeState::kRange.offset + ComputeState::kRange.size)
+            GTEST_SKIP() << "too few push constants for shaders of both kinds";
         PipelineTracerSetup setup = zeroRecords();
         setup.otherPushConstants = {ComputeState::kRange};
         tracer_ = std::make_unique<PipelineTracer>(gpu(), setup);

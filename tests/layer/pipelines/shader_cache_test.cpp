@@ -36,7 +36,8 @@ namespace
 
 namespace fs = std::filesystem;
 
-constexpr const char *kReplay = "VELLUM_TEST_CAPABLE_REPLAY";
+constexpr const char *kTraits = "VELLUM_TEST_TRAITS";
+constexpr const char *kReplay = "capable,replay";
 constexpr const char *kRewriteOnly = "VELLUM_TEST_REWRITE_ONLY";     // nothing is compiled
 constexpr const char *kPipelineCache = "VELLUM_TEST_PIPELINE_CACHE"; // the file for its data
 constexpr const char *kTaken = "VELLUM_TEST_TAKEN_ADDRESS";
@@ -46,7 +47,6 @@ Options ofRuns()
     Options options;
     options.validation = false;
     options.spy = std::getenv(kPipelineCache) != nullptr;
-    options.capable = std::getenv(kReplay) != nullptr;
     options.addressReplay = false;
     return options;
 }
@@ -190,7 +190,6 @@ protected:
     {
         fs::create_directories(folder_);
         Options options = ofRuns();
-        options.capable = false;
         VkPhysicalDeviceDriverProperties driver{};
         driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
         VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &driver, {}};
@@ -291,11 +290,11 @@ TEST_F(ShaderCache, NextRunCompilesNothing)
 // As on a GPU: the addresses are the driver's, but it gives them again.
 TEST_F(ShaderCache, NextRunCompilesNothingWhereAddressesAreReplayed)
 {
-    const Outcome first = run({{kReplay, "1"}});
+    const Outcome first = run({{kTraits, kReplay}});
     EXPECT_GT(first.misses, 10u);
     const auto files = addressFiles();
     ASSERT_EQ(files.size(), 2u); // of two devices
-    const Outcome second = run({{kReplay, "1"}});
+    const Outcome second = run({{kTraits, kReplay}});
     EXPECT_EQ(second.words, first.words);
     expectHits(second);
     EXPECT_EQ(addressFiles(), files);
@@ -304,13 +303,13 @@ TEST_F(ShaderCache, NextRunCompilesNothingWhereAddressesAreReplayed)
 // A pipeline cache of the application's, on a driver that has such (spy_cache.cpp).
 TEST_F(ShaderCache, PipelineCacheOfTheRunBefore)
 {
-    for (const std::string replay : {"", "1"}) {
+    for (const bool replay : {false, true}) {
         SCOPED_TRACE(replay);
         Environment environment{{"VELLUM_TEST_SPY_CACHE", "1"},
-                                {kPipelineCache, inFolder("pipelines" + replay)},
+                                {kPipelineCache, inFolder(replay ? "pipelines_replayed" : "pipelines")},
                                 {"MESA_SHADER_CACHE_SHOW_STATS", "0"}};
-        if (!replay.empty())
-            environment[kReplay] = replay;
+        if (replay)
+            environment[kTraits] = kReplay;
         const Outcome first = run(environment);
         // Inline modules and others are the same to a cache.
         EXPECT_EQ(first.misses, 18u);
@@ -324,7 +323,7 @@ TEST_F(ShaderCache, PipelineCacheOfTheRunBefore)
 // Without the file such a driver puts the tables anywhere, and another shader is another shader.
 TEST_F(ShaderCache, NoFolderNoAddresses)
 {
-    const Environment none{{kReplay, "1"}, {"VELLUM_CACHE_FOLDER", ""}};
+    const Environment none{{kTraits, kReplay}, {"VELLUM_CACHE_FOLDER", ""}};
     const Outcome first = run(none);
     const Outcome second = run(none);
     EXPECT_NE(second.words, first.words);
@@ -334,19 +333,19 @@ TEST_F(ShaderCache, NoFolderNoAddresses)
 // An address that another has is given up, and the next one kept.
 TEST_F(ShaderCache, AddressThatIsTaken)
 {
-    const Outcome first = run({{kReplay, "1"}, {kRewriteOnly, "1"}});
+    const Outcome first = run({{kTraits, kReplay}, {kRewriteOnly, "1"}});
     std::ifstream file(addressFiles().front());
     std::string buffer, memory;
     file >> buffer >> memory;
-    const Outcome second = run({{kReplay, "1"}, {kRewriteOnly, "1"}, {kTaken, memory}});
+    const Outcome second = run({{kTraits, kReplay}, {kRewriteOnly, "1"}, {kTaken, memory}});
     EXPECT_NE(second.words, first.words);
-    const Outcome third = run({{kReplay, "1"}, {kRewriteOnly, "1"}});
+    const Outcome third = run({{kTraits, kReplay}, {kRewriteOnly, "1"}});
     EXPECT_EQ(third.words, second.words);
 }
 
 TEST_F(ShaderCache, FilesThatAreDamaged)
 {
-    const Environment replay{{kReplay, "1"}, {kRewriteOnly, "1"}};
+    const Environment replay{{kTraits, kReplay}, {kRewriteOnly, "1"}};
     const Outcome first = run(replay);
     const auto files = addressFiles();
     ASSERT_EQ(files.size(), 2u);

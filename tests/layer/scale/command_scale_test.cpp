@@ -120,6 +120,7 @@ TEST_F(CommandScale, CopiesInThousandsOfCommandBuffers)
 TEST_F(CommandScale, PoolsComeAndGo)
 {
     VkCommandPoolCreateInfo poolInfo{};
+    poolInfo.queueFamilyIndex = gpu().family();
     poolInfo.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
     poolInfo.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
     const Tracer tracer(gpu());

@@ -3,17 +3,15 @@
 //   VELLUM_STRESS=full    ten times as many
 #pragma once
 
-#include <dlfcn.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
 
 #include "harness/copies.h"
+#include "harness/test_driver.h"
 #include "structures/footprint.h"
 
 namespace vt
@@ -28,22 +26,7 @@ inline std::size_t scaled(std::size_t count)
 // Of device memory, below Vellum's layer: a device may have as few as 4096 at a time (maxMemoryAllocationCount).
 inline std::uint64_t allocations()
 {
-    static const auto count = [] {
-        // The library is there already; the loader took it from one of these folders.
-        const std::string folders = std::getenv("VK_ADD_LAYER_PATH");
-        void *symbol = nullptr;
-        for (std::size_t begin = 0; begin != std::string::npos && symbol == nullptr;) {
-            const std::size_t end = folders.find(':', begin);
-            const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_spy.so";
-            const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
-            if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD))
-                symbol = dlsym(library, "vellumSpyAllocations");
-            begin = end == std::string::npos ? end : end + 1;
-        }
-        return reinterpret_cast<std::uint64_t (*)()>(symbol);
-    }();
-    if (count == nullptr)
-        throw std::runtime_error("the spy layer is not there");
+    static const auto count = testDriverFunction<std::uint64_t (*)()>("vellumSpyAllocations");
     return count();
 }
 

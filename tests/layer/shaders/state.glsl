@@ -15,7 +15,7 @@ layout(push_constant) uniform Push
 #ifdef VERTEX
     layout(offset = 0) uvec4 words[4];
 #else
-    layout(offset = 64) uvec4 words[12];
+    layout(offset = 64) uvec4 words[WORDS];
 #endif
 } push;
 

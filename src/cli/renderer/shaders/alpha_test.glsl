@@ -8,6 +8,11 @@ bool isLeaf(uint geometry, uint primitive, vec2 barycentrics)
         return true;
     const vec2 uv = textureCoordinates(g, primitive, barycentrics);
     float alpha = textureLod(textures[nonuniformEXT(g.texture)], uv, 0.0).a * g.color.a;
+    if (kVertexAlphas && g.firstAlpha >= 0) {
+        const uint first = uint(g.firstAlpha) + 3u * primitive;
+        alpha *= alphas[first] * (1.0 - barycentrics.x - barycentrics.y) + alphas[first + 1u] * barycentrics.x +
+                 alphas[first + 2u] * barycentrics.y;
+    }
     if (kHeavyReads > 0u) {
         // Work of a costly material, of which nothing is left in the result: no sum of alphas is below zero.
         float sum = 0.0;

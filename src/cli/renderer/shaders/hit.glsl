@@ -22,7 +22,8 @@ vec3 decodeNormal(uint packed)
     return normalize(n);
 }
 
-Hit describeHit(float t, uint geometry, uint primitive, vec2 barycentrics, mat3 objectToWorld)
+// `worldToObject`: of the instance; its transpose takes normals to the world, however it scales or mirrors.
+Hit describeHit(float t, uint geometry, uint primitive, vec2 barycentrics, mat3 worldToObject)
 {
     const GeometryRecord g = geometries[geometry];
     const uint first = 3u * (g.firstTriangle + primitive);
@@ -33,7 +34,7 @@ Hit describeHit(float t, uint geometry, uint primitive, vec2 barycentrics, mat3 
         normal += weights[i] * decodeNormal(normals[first + i]);
         visibility += weights[i] * float(normals[first + i] >> 24) / 255.0;
     }
-    return Hit(t, geometry, textureCoordinates(g, primitive, barycentrics), normalize(objectToWorld * normal),
+    return Hit(t, geometry, textureCoordinates(g, primitive, barycentrics), normalize(normal * worldToObject),
                visibility);
 }
 

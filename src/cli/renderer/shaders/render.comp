@@ -33,7 +33,7 @@ Hit traceClosest(vec3 origin, vec3 direction)
                               rayQueryGetIntersectionGeometryIndexEXT(query, true),
                           rayQueryGetIntersectionPrimitiveIndexEXT(query, true),
                           rayQueryGetIntersectionBarycentricsEXT(query, true),
-                          mat3(rayQueryGetIntersectionObjectToWorldEXT(query, true)));
+                          mat3(rayQueryGetIntersectionWorldToObjectEXT(query, true)));
     if (kPaint && hit.t != kNothing) {
         const uint primitive = rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
         const vec2 barycentrics = rayQueryGetIntersectionBarycentricsEXT(query, true);

@@ -10,5 +10,5 @@ hitAttributeEXT vec2 barycentrics;
 void main()
 {
     payload.hit = describeHit(gl_HitTEXT, gl_InstanceCustomIndexEXT + gl_GeometryIndexEXT, gl_PrimitiveID, barycentrics,
-                              mat3(gl_ObjectToWorldEXT));
+                              mat3(gl_WorldToObjectEXT));
 }

@@ -7,6 +7,7 @@ layout(constant_id = 0) const uint kTextures = 1;
 layout(constant_id = 1) const uint kHeavyReads = 0; // additional texture reads per candidate
 layout(constant_id = 2) const bool kCount = false;  // write how many candidates each ray was handed
 layout(constant_id = 3) const bool kPaint = false;  // the states of micromaps; by ray queries only
+layout(constant_id = 4) const bool kVertexAlphas = false; // some geometry has them
 
 const uint kSolid = 0u;
 const uint kLeaves = 1u;
@@ -18,6 +19,7 @@ struct GeometryRecord {
     float cutoff;
     uint kind;
     vec4 color;
+    int firstAlpha; // -1: none
 };
 
 layout(binding = 0) uniform accelerationStructureEXT world;
@@ -26,7 +28,8 @@ layout(std430, binding = 2) readonly buffer Geometries { GeometryRecord geometri
 layout(std430, binding = 3) readonly buffer Uvs { vec2 uvs[]; };
 layout(std430, binding = 4) readonly buffer Normals { uint normals[]; };
 layout(std430, binding = 5) writeonly buffer Counts { uvec2 counts[]; }; // candidates, rays
-layout(binding = 7) uniform sampler2D textures[kTextures];
+layout(std430, binding = 7) readonly buffer Alphas { float alphas[]; }; // with kVertexAlphas
+layout(binding = 8) uniform sampler2D textures[kTextures];
 
 layout(push_constant) uniform Frame {
     vec4 origin;  // w: scale of the scene

@@ -27,6 +27,7 @@ Bytes packGlb(std::string json, Bytes binary);
 Bytes cardGlb(const Replacements &replacements = {});
 
 void writeFile(const std::filesystem::path &path, const Bytes &bytes);
+Bytes readFile(const std::filesystem::path &path);
 
 // A fresh folder below the system's temporary one, deleted with all that is in it.
 class TemporaryFolder

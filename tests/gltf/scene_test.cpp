@@ -55,7 +55,12 @@ TEST(Gltf, ReadsACard)
     EXPECT_EQ(image.rgba[4 * (8 * 16 + 8) + 3], 255);
     const Geometry &card = scene.geometries[0];
     EXPECT_EQ(card.indices, (std::vector<std::uint32_t>{0, 1, 2, 0, 2, 3}));
-    EXPECT_EQ(card.positions[2], (Vec3{1, 4, 0})); // moved by its node
+    EXPECT_EQ(card.positions[2], (Vec3{1, 2, 0}));
+    EXPECT_EQ(card.place, (PrimitivePlace{0, 0}));
+    ASSERT_EQ(scene.meshes.size(), 1u);
+    EXPECT_EQ(scene.meshes[0].geometryCount, 2u);
+    ASSERT_EQ(scene.instances.size(), 1u);
+    EXPECT_EQ(transformed(scene.instances[0].transform, card.positions[2]), (Vec3{1, 4, 0})); // moved by its node
     EXPECT_EQ(card.uvs[0], (TexCoord{0, 1}));
     EXPECT_FALSE(scene.materials[1].masked());
     EXPECT_EQ(scene.geometries[1].indices, (std::vector<std::uint32_t>{0, 1, 2}));
@@ -65,11 +70,12 @@ TEST(Gltf, AppliesTransforms)
 {
     const Scene turned = read(cardGlb(
         {{"\"translation\": [0, 2, 0]", "\"rotation\": [0, 0, 0.70710678, 0.70710678], \"scale\": [2, 1, 1]"}}));
-    EXPECT_NEAR(turned.geometries[0].positions[1][0], 0, 1e-5); // (1, 0, 0) -> (2, 0, 0) -> (0, 2, 0)
-    EXPECT_NEAR(turned.geometries[0].positions[1][1], 2, 1e-5);
+    const Vec3 corner = transformed(turned.instances[0].transform, turned.geometries[0].positions[1]);
+    EXPECT_NEAR(corner[0], 0, 1e-5); // (1, 0, 0) -> (2, 0, 0) -> (0, 2, 0)
+    EXPECT_NEAR(corner[1], 2, 1e-5);
     const Scene matrix =
         read(cardGlb({{"\"translation\": [0, 2, 0]", "\"matrix\": [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,6,7,1]"}}));
-    EXPECT_EQ(matrix.geometries[0].positions[1], (Vec3{6, 6, 7}));
+    EXPECT_EQ(transformed(matrix.instances[0].transform, matrix.geometries[0].positions[1]), (Vec3{6, 6, 7}));
     const Scene uvs = read(cardGlb({{"\"baseColorTexture\": {\"index\": 0}",
                                      "\"baseColorTexture\": {\"index\": 0, \"extensions\": {\"KHR_texture_transform\": "
                                      "{\"offset\": [0.5, 0.25], \"scale\": [2, 4]}}}"}}));

@@ -1,0 +1,26 @@
+// The options of `vellum bake`.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "gltf/micromaps/file_bake.h"
+
+namespace vellum::cli
+{
+
+struct BakeCommandOptions {
+    std::vector<std::filesystem::path> inputs; // files and folders
+    std::optional<std::filesystem::path> output;
+    FileBakeOptions bake;
+    unsigned threads = 0; // 0: one for each processor
+    bool report = false;
+    bool json = false;
+};
+
+// "1500", "64K", "2M" or "1G", with steps of 1024. Throws Error.
+std::uint64_t parseBytes(const std::string &text);
+
+} // namespace vellum::cli

@@ -1,0 +1,53 @@
+// What `vellum bake` says about what it did.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "cli/bake_command.h"
+
+namespace vellum::cli
+{
+
+struct PrimitiveReport {
+    std::string name;
+    std::string material;
+    std::size_t triangles = 0;
+    std::array<std::size_t, 4> special{}; // triangles that are one state all over, by State
+    std::size_t varying = 0;              // FileBake: unknown because of their vertices' alpha
+    std::array<std::size_t, 13> levels{}; // the other triangles by level
+    std::array<double, 4> states{};       // shares of State, each triangle counted alike
+    std::size_t micromap = 0;             // the number of its micromap
+};
+
+struct MicromapReport {
+    std::size_t triangles = 0;
+    std::size_t bytes = 0; // data and records
+};
+
+struct LeftReport {
+    std::string name;
+    std::string material;
+    std::string reason;
+};
+
+struct FileReport {
+    BakeJob job;
+    std::string error; // empty where all went well, and the rest is empty otherwise
+    bool replaced = false;
+    std::uint64_t inputBytes = 0;
+    std::uint64_t outputBytes = 0;
+    std::vector<PrimitiveReport> primitives;
+    std::vector<MicromapReport> micromaps;
+    std::vector<LeftReport> left;
+};
+
+FileReport reportOf(const BakeJob &job, const FileBake &result);
+
+void printLines(const std::vector<FileReport> &files);
+void printTable(const std::vector<FileReport> &files);
+void printJson(const std::vector<FileReport> &files);
+
+} // namespace vellum::cli

@@ -1,0 +1,82 @@
+#include "cli/vulkan/memory.h"
+
+#include <algorithm>
+
+#include "cli/vulkan/context.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr VkDeviceSize kBlock = VkDeviceSize{8} << 20;
+constexpr VkDeviceSize kSmall = kBlock / 8; // what shares a block
+
+} // namespace
+
+// Pieces are taken one behind the other; their memory is used anew when all are freed.
+class MemoryPool::Block
+{
+public:
+    std::uint32_t type = 0;
+    bool mapped = false;
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    std::byte *bytes = nullptr;
+    VkDeviceSize size = 0;
+    VkDeviceSize used = 0;
+    std::size_t pieces = 0;
+};
+
+MemoryPool::MemoryPool(VkDevice device) : m_device(device) {}
+
+MemoryPool::~MemoryPool()
+{
+    for (const auto &block : m_blocks)
+        vkFreeMemory(m_device, block->memory, nullptr);
+}
+
+MemoryPool::Piece MemoryPool::allocate(const VkMemoryRequirements &requirements, std::uint32_t type, bool mapped)
+{
+    const auto offsetIn = [&](const Block &block) {
+        return (block.used + requirements.alignment - 1) / requirements.alignment * requirements.alignment;
+    };
+    const auto fits = [&](const std::unique_ptr<Block> &block) {
+        return block->type == type && block->mapped == mapped && offsetIn(*block) <= block->size &&
+               requirements.size <= block->size - offsetIn(*block);
+    };
+    auto found = std::find_if(m_blocks.begin(), m_blocks.end(), fits);
+    if (found == m_blocks.end()) {
+        auto block = std::make_unique<Block>();
+        block->type = type;
+        block->mapped = mapped;
+        block->size = requirements.size <= kSmall ? kBlock : requirements.size;
+        const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
+                                              VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+        const VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, block->size, type};
+        check(vkAllocateMemory(m_device, &info, nullptr, &block->memory), "allocating device memory");
+        m_blocks.push_back(std::move(block));
+        found = m_blocks.end() - 1;
+        void *bytes = nullptr;
+        if (mapped)
+            check(vkMapMemory(m_device, (*found)->memory, 0, VK_WHOLE_SIZE, 0, &bytes), "mapping memory");
+        (*found)->bytes = static_cast<std::byte *>(bytes);
+    }
+    Block &block = **found;
+    const VkDeviceSize offset = offsetIn(block);
+    block.used = offset + requirements.size;
+    ++block.pieces;
+    return {block.memory, offset, mapped ? block.bytes + offset : nullptr, &block};
+}
+
+void MemoryPool::free(const Piece &piece)
+{
+    if (piece.block == nullptr || --piece.block->pieces != 0)
+        return;
+    piece.block->used = 0;
+    if (piece.block->size == kBlock)
+        return;
+    vkFreeMemory(m_device, piece.memory, nullptr);
+    std::erase_if(m_blocks, [&](const auto &block) { return block.get() == piece.block; });
+}
+
+} // namespace vellum::cli

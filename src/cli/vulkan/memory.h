@@ -1,0 +1,40 @@
+// Memory for buffers.
+#pragma once
+
+#include <memory>
+#include <vector>
+#include <vulkan/vulkan.h>
+
+namespace vellum::cli
+{
+
+// Gives out memory of a device. Small pieces share allocations: a device may allow no more than 4,096 of them
+// (maxMemoryAllocationCount).
+class MemoryPool
+{
+public:
+    class Block;
+    struct Piece {
+        VkDeviceMemory memory = VK_NULL_HANDLE;
+        VkDeviceSize offset = 0;
+        void *mapped = nullptr; // the piece's first byte, where it was asked for
+        Block *block = nullptr;
+    };
+
+    explicit MemoryPool(VkDevice device);
+    // When all is freed, before the device is destroyed.
+    ~MemoryPool();
+    MemoryPool(const MemoryPool &) = delete;
+    MemoryPool &operator=(const MemoryPool &) = delete;
+
+    // Memory that buffers with a device address may lie in. Mapped memory must be of a host-coherent type. Throws
+    // Error.
+    Piece allocate(const VkMemoryRequirements &requirements, std::uint32_t type, bool mapped);
+    void free(const Piece &piece);
+
+private:
+    VkDevice m_device;
+    std::vector<std::unique_ptr<Block>> m_blocks;
+};
+
+} // namespace vellum::cli

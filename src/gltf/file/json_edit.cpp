@@ -1,0 +1,116 @@
+#include "gltf/file/json_edit.h"
+
+#include <cstdio>
+
+#include "gltf/file/gltf_error.h"
+
+namespace vellum
+{
+
+std::string quotedJson(std::string_view text)
+{
+    std::string quoted = "\"";
+    for (const char c : text) {
+        if (c == '"' || c == '\\')
+            quoted += '\\';
+        if (static_cast<unsigned char>(c) >= 0x20) {
+            quoted += c;
+            continue;
+        }
+        char escape[8];
+        std::snprintf(escape, sizeof escape, "\\u%04x", static_cast<unsigned>(c));
+        quoted += escape;
+    }
+    return quoted + '"';
+}
+
+JsonEdit::Changes &JsonEdit::changesOf(const JsonValue &container)
+{
+    Changes &changes = m_changes[container.begin()];
+    changes.container = container;
+    return changes;
+}
+
+void JsonEdit::replace(const JsonValue &value, std::string text)
+{
+    m_replaced.insert({value.begin(), {value.end(), std::move(text)}});
+}
+
+void JsonEdit::append(const JsonValue &array, std::string text)
+{
+    changesOf(array).appended.push_back(std::move(text));
+}
+
+void JsonEdit::set(const JsonValue &object, std::string_view name, const std::string &text)
+{
+    const std::size_t count = object.count(name);
+    if (count > 1)
+        throw GltfError("an object of the JSON has " + std::to_string(count) + " members named " + quotedJson(name));
+    if (count == 1)
+        replace(object[name], text);
+    else
+        append(object, quotedJson(name) + ":" + text);
+}
+
+void JsonEdit::remove(const JsonValue &container, std::string_view name)
+{
+    for (const auto &[key, value] : container.members())
+        if (key.string() == name)
+            changesOf(container).removed.insert(key.begin());
+    for (const JsonValue &element : container.children())
+        if (container.isArray() && element.string() == name)
+            changesOf(container).removed.insert(element.begin());
+}
+
+void JsonEdit::spliceContainer(const Changes &changes, std::multimap<std::size_t, Splice> &splices)
+{
+    const JsonValue &container = changes.container;
+    std::vector<std::pair<std::size_t, std::size_t>> children; // from their name on
+    for (const auto &[key, value] : container.members())
+        children.emplace_back(key.begin(), value.end());
+    if (container.isArray())
+        for (const JsonValue &element : container.children())
+            children.emplace_back(element.begin(), element.end());
+    constexpr std::size_t kNone = ~std::size_t{0};
+    std::size_t lastKept = container.begin() + 1; // the end of it
+    bool anyKept = false;
+    std::size_t removing = kNone; // the beginning of the first of those that are removed in a row
+    for (const auto &[begin, end] : children) {
+        if (changes.removed.contains(begin)) {
+            removing = removing == kNone ? begin : removing;
+            continue;
+        }
+        if (removing != kNone)
+            splices.insert({removing, {begin, ""}});
+        removing = kNone;
+        lastKept = end;
+        anyKept = true;
+    }
+    std::string text;
+    for (const std::string &added : changes.appended) {
+        text += anyKept ? "," : "";
+        text += added;
+        anyKept = true;
+    }
+    splices.insert({lastKept, {removing != kNone ? children.back().second : lastKept, text}});
+}
+
+std::string JsonEdit::apply() const
+{
+    std::multimap<std::size_t, Splice> splices = m_replaced;
+    for (const auto &[begin, changes] : m_changes)
+        spliceContainer(changes, splices);
+    const std::string_view text = m_tree.text();
+    std::string result;
+    std::size_t done = 0;
+    for (const auto &[begin, splice] : splices) {
+        result += text.substr(done, begin - done);
+        result += splice.text;
+        done = splice.end;
+    }
+    const std::size_t end = m_tree.root().end();
+    result += text.substr(done, end - done);
+    return result;
+}
+
+} // namespace vellum

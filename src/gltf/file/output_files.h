@@ -1,0 +1,70 @@
+// Files that appear whole, or not at all.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vellum
+{
+
+// Bytes to write: own ones, and those of somebody who outlives this.
+class FileContent
+{
+public:
+    void add(std::span<const std::uint8_t> bytes) { m_pieces.push_back(bytes); }
+    void add(std::string_view text) { add({reinterpret_cast<const std::uint8_t *>(text.data()), text.size()}); }
+    void keep(std::vector<std::uint8_t> bytes) { add(m_kept.emplace_back(std::move(bytes))); }
+    [[nodiscard]] const std::vector<std::span<const std::uint8_t>> &pieces() const { return m_pieces; }
+    [[nodiscard]] std::uint64_t size() const;
+
+private:
+    std::deque<std::vector<std::uint8_t>> m_kept;
+    std::vector<std::span<const std::uint8_t>> m_pieces;
+};
+
+class OutputFiles
+{
+public:
+    // `cancelled` is asked now and then; BakeCancelled is thrown once it returns true.
+    explicit OutputFiles(std::function<bool()> cancelled) : m_cancelled(std::move(cancelled)) {}
+    ~OutputFiles();
+    OutputFiles(const OutputFiles &) = delete;
+    OutputFiles &operator=(const OutputFiles &) = delete;
+
+    // Writes a file that takes the place of whatever is at `path` when publish() is called. Folders are made. Throws
+    // GltfError, with the path in front. Until then nothing can be seen of the file; on file systems that cannot do
+    // that, a hidden temporary file.
+    void write(const std::filesystem::path &path, const FileContent &content);
+    // Copies a file. One that is at `to` already must have the same bytes: GltfError otherwise.
+    void copy(const std::filesystem::path &from, const std::filesystem::path &to);
+    // Lets the files appear, in the order in which they were written. Where that fails those that are new are removed
+    // again.
+    void publish();
+
+private:
+    enum class Existing { Replace, Keep };
+    struct Pending {
+        std::filesystem::path path;
+        Existing existing;
+        int descriptor = -1;
+        std::filesystem::path temporary; // its name, where it has one
+    };
+    Pending &open(const std::filesystem::path &path, Existing existing);
+    void makeFolders(const std::filesystem::path &folder);
+    void put(const Pending &pending, std::span<const std::uint8_t> bytes) const;
+    void finish(const Pending &pending) const;
+    bool publish(Pending &pending); // whether it is new
+    static void discard(Pending &pending);
+
+    std::function<bool()> m_cancelled;
+    std::deque<Pending> m_pending;
+    std::vector<std::filesystem::path> m_folders; // that were made
+    bool m_published = false;
+};
+
+} // namespace vellum

@@ -1,0 +1,81 @@
+#include "gltf/file/relative_uri.h"
+
+#include <cctype>
+#include <cstdio>
+
+#include "gltf/file/json_tree.h"
+
+namespace vellum
+{
+namespace
+{
+
+bool isKept(unsigned char c)
+{
+    return std::isalnum(c) != 0 || c >= 0x80 ||
+           std::string_view("-._~/").find(static_cast<char>(c)) != std::string_view::npos;
+}
+
+int hexDigit(char c)
+{
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                  : -1;
+}
+
+void collect(const JsonValue &value, std::vector<std::filesystem::path> &paths)
+{
+    for (const auto &[name, member] : value.members())
+        if (name.string() == "uri")
+            if (const auto path = decodedUri(member.string().value_or("")))
+                paths.push_back(*path);
+    for (const JsonValue &child : value.children())
+        collect(child, paths);
+}
+
+} // namespace
+
+std::string encodedUri(std::string_view name)
+{
+    std::string uri;
+    for (const char c : name) {
+        if (isKept(static_cast<unsigned char>(c))) {
+            uri += c;
+            continue;
+        }
+        char escape[4];
+        std::snprintf(escape, sizeof escape, "%%%02X", static_cast<unsigned>(static_cast<unsigned char>(c)));
+        uri += escape;
+    }
+    return uri;
+}
+
+std::optional<std::filesystem::path> decodedUri(std::string_view uri)
+{
+    // RFC 3986: a scheme ends at the first colon, in front of any slash.
+    const std::size_t colon = uri.find_first_of(":/");
+    if (uri.empty() || (colon != std::string_view::npos && uri[colon] == ':'))
+        return std::nullopt;
+    std::string path;
+    for (std::size_t i = 0; i < uri.size(); ++i) {
+        const int high = uri[i] == '%' && i + 2 < uri.size() ? hexDigit(uri[i + 1]) : -1;
+        const int low = high >= 0 ? hexDigit(uri[i + 2]) : -1;
+        path += low >= 0 ? static_cast<char>(16 * high + low) : uri[i];
+        if (low >= 0)
+            i += 2;
+    }
+    if (path.find('\0') != std::string::npos)
+        return std::nullopt;
+    return path;
+}
+
+std::vector<std::filesystem::path> namedFiles(std::string_view json)
+{
+    const JsonTree tree(json);
+    std::vector<std::filesystem::path> paths;
+    collect(tree.root(), paths);
+    return paths;
+}
+
+} // namespace vellum

@@ -1,0 +1,23 @@
+// The names of files in glTF: URIs relative to the file.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vellum
+{
+
+// A file's name as a URI: what is neither a letter, a digit, one of -._~/ nor part of a longer UTF-8 sequence is
+// percent-encoded.
+std::string encodedUri(std::string_view name);
+
+// The path that a URI means, percent-encoding resolved; nothing for data URIs and those with a scheme.
+std::optional<std::filesystem::path> decodedUri(std::string_view uri);
+
+// The files that a JSON text names by members "uri", in any object of it, extensions included.
+std::vector<std::filesystem::path> namedFiles(std::string_view json);
+
+} // namespace vellum

@@ -1,0 +1,69 @@
+#include "gltf/micromaps/changing_alpha.h"
+
+#include <charconv>
+
+#include "gltf/file/json_tree.h"
+#include "gltf/file/tinygltf.h"
+
+namespace vellum
+{
+namespace
+{
+
+// The material that a pointer of KHR_animation_pointer leads to, if it changes alpha or where it is read.
+std::optional<int> changedMaterial(const std::string &pointer)
+{
+    constexpr std::string_view kMaterials = "/materials/";
+    if (!pointer.starts_with(kMaterials))
+        return std::nullopt;
+    int material = -1;
+    const char *end = pointer.data() + pointer.size();
+    const auto read = std::from_chars(pointer.data() + kMaterials.size(), end, material);
+    if (read.ec != std::errc())
+        return std::nullopt;
+    const std::string_view rest(read.ptr, end);
+    if (rest.find("alphaCutoff") == std::string_view::npos && rest.find("baseColor") == std::string_view::npos)
+        return std::nullopt;
+    return material;
+}
+
+} // namespace
+
+ChangingAlpha::ChangingAlpha(const Document &document) : m_document(document)
+{
+    const auto &materials = document.model().materials;
+    for (std::size_t i = 0; i < materials.size(); ++i)
+        if (materials[i].extensions.contains("KHR_materials_pbrSpecularGlossiness"))
+            m_materials[static_cast<int>(i)] = "its alpha comes from KHR_materials_pbrSpecularGlossiness";
+    if (document.json().find("KHR_animation_pointer") == std::string_view::npos)
+        return;
+    const JsonTree tree(document.json());
+    for (const JsonValue &animation : tree.root()["animations"].children())
+        for (const JsonValue &channel : animation["channels"].children()) {
+            const auto pointer = channel["target"]["extensions"]["KHR_animation_pointer"]["pointer"].string();
+            if (const auto material = changedMaterial(pointer.value_or("")))
+                m_materials[*material] = "its material's alpha is animated (KHR_animation_pointer)";
+        }
+}
+
+std::optional<std::string> ChangingAlpha::reason(PrimitivePlace place) const
+{
+    const tinygltf::Primitive &primitive = m_document.model().meshes.at(place.mesh).primitives.at(place.primitive);
+    if (const auto found = m_materials.find(primitive.material); found != m_materials.end())
+        return found->second;
+    const auto variants = primitive.extensions.find("KHR_materials_variants");
+    if (variants == primitive.extensions.end() || !variants->second.IsObject())
+        return std::nullopt;
+    const tinygltf::Value &mappings = variants->second.Get("mappings");
+    for (std::size_t i = 0; mappings.IsArray() && i < mappings.ArrayLen(); ++i) {
+        const tinygltf::Value &mapping = mappings.Get(static_cast<int>(i));
+        if (!mapping.IsObject())
+            continue;
+        const tinygltf::Value &material = mapping.Get("material");
+        if (!material.IsInt() || material.GetNumberAsInt() != primitive.material)
+            return "its material can be changed (KHR_materials_variants)";
+    }
+    return std::nullopt;
+}
+
+} // namespace vellum

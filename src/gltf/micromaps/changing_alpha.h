@@ -1,0 +1,26 @@
+// Primitives whose alpha is not what the base colour texture of their material says, or not always.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "gltf/document.h"
+
+namespace vellum
+{
+
+class ChangingAlpha
+{
+public:
+    explicit ChangingAlpha(const Document &document);
+
+    // Why a micromap could be wrong for a primitive; nothing where it cannot.
+    [[nodiscard]] std::optional<std::string> reason(PrimitivePlace place) const;
+
+private:
+    const Document &m_document;
+    std::map<int, std::string> m_materials; // reasons
+};
+
+} // namespace vellum

@@ -1,0 +1,423 @@
+#include "gltf/micromaps/document_writer.h"
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/json_edit.h"
+#include "gltf/file/json_tree.h"
+#include "gltf/file/relative_uri.h"
+#include "gltf/file/tinygltf.h"
+
+namespace vellum
+{
+namespace
+{
+
+constexpr const char *kExtension = "EXT_mesh_opacity_micromap";
+constexpr const char *kEarlier = "KHR_mesh_opacity_micromap";
+constexpr std::uint32_t kBinaryChunk = 0x004e4942;
+constexpr std::size_t kChunkHeaderBytes = 8;
+constexpr std::size_t kMostBytes = 0x7fffffff; // what readContainer takes
+// What Vulkan wants of the addresses of both inputs of a micromap build
+// (VUID-vkCmdBuildMicromapsEXT-pInfos-07515): a buffer that is loaded as it is serves.
+constexpr std::size_t kBuildAlignment = 256;
+constexpr std::size_t kIndexAlignment = 4;
+
+std::string number(std::uint64_t value)
+{
+    return std::to_string(value);
+}
+
+template <typename... Part>
+std::string joined(const Part &...parts)
+{
+    std::string text;
+    (text.append(parts), ...);
+    return text;
+}
+
+template <typename T>
+void append(std::vector<std::uint8_t> &bytes, const T &value)
+{
+    const std::size_t old = bytes.size();
+    bytes.resize(old + sizeof value);
+    std::memcpy(bytes.data() + old, &value, sizeof value);
+}
+
+void padTo(std::vector<std::uint8_t> &bytes, std::size_t alignment, std::uint8_t with = 0)
+{
+    bytes.resize((bytes.size() + alignment - 1) / alignment * alignment, with);
+}
+
+std::uint32_t wordAt(std::span<const std::uint8_t> bytes, std::size_t offset)
+{
+    std::uint32_t word = 0;
+    std::memcpy(&word, bytes.data() + offset, sizeof word);
+    return word;
+}
+
+std::string dataUri(std::span<const std::uint8_t> bytes)
+{
+    constexpr const char *kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string text = "data:application/octet-stream;base64,";
+    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+        const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
+        std::uint32_t word = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+            word = word << 8 | (k < count ? bytes[i + k] : 0u);
+        for (std::size_t k = 0; k < 4; ++k)
+            text += k <= count ? kDigits[word >> (18 - 6 * k) & 63] : '=';
+    }
+    return text;
+}
+
+std::string listOf(const std::vector<MicromapUsage> &usages, std::uint32_t (*member)(const MicromapUsage &))
+{
+    std::string text = "[";
+    for (const MicromapUsage &usage : usages)
+        text += joined(text.size() > 1 ? "," : "", number(member(usage)));
+    return text + "]";
+}
+
+class Writer
+{
+public:
+    Writer(const Document &document, const DocumentBake &bake, const std::string &bufferName)
+        : m_document(document), m_bake(bake), m_bufferName(bufferName), m_tree(document.json()), m_root(m_tree.root()),
+          m_edit(m_tree)
+    {
+    }
+
+    RewrittenFile write();
+
+private:
+    void checkNumbers() const;
+    void checkOnce(const JsonValue &object, const char *name) const;
+    [[nodiscard]] bool dataInChunk() const;
+    void setExtension(const JsonValue &object, const std::string &text);
+    void editPrimitives();
+    std::string micromapJson(const StoredMicromap &micromap);
+    std::string primitiveJson(const BakedPrimitive &primitive, std::size_t records);
+    std::size_t addView(std::span<const std::uint8_t> bytes, std::size_t alignment, const char *more = "");
+    template <typename T>
+    std::size_t addAccessor(const std::vector<T> &values, const char *more = "");
+    void appendAll(const char *name, const std::vector<std::string> &elements);
+    void setUsed(bool used);
+    void placeData(RewrittenFile &result);
+    void assemble(RewrittenFile &result);
+
+    const Document &m_document;
+    const DocumentBake &m_bake;
+    const std::string &m_bufferName;
+    JsonTree m_tree;
+    JsonValue m_root;
+    JsonEdit m_edit;
+    bool m_inChunk = false;
+    std::size_t m_dataBegin = 0; // of m_data in its buffer
+    std::vector<std::uint8_t> m_data;
+    std::vector<std::string> m_views;
+    std::vector<std::string> m_accessors;
+};
+
+// What tinygltf read must be what the text says, or numbers would mean something else in the text.
+void Writer::checkNumbers() const
+{
+    const tinygltf::Model &model = m_document.model();
+    const std::pair<const char *, std::size_t> lists[] = {{"bufferViews", model.bufferViews.size()},
+                                                          {"buffers", model.buffers.size()},
+                                                          {"accessors", model.accessors.size()},
+                                                          {"meshes", model.meshes.size()}};
+    for (const auto &[name, size] : lists) {
+        checkOnce(m_root, name);
+        if (m_root[name].children().size() != size || (m_root[name].exists() && !m_root[name].isArray()))
+            throw GltfError(std::string("\"") + name + "\" has elements that cannot be read");
+    }
+    checkOnce(m_root, "extensionsUsed");
+    const std::vector<JsonValue> meshes = m_root["meshes"].children();
+    for (std::size_t m = 0; m < meshes.size(); ++m) {
+        checkOnce(meshes[m], "primitives");
+        if (meshes[m]["primitives"].children().size() != model.meshes[m].primitives.size())
+            throw GltfError("mesh " + number(m) + " has primitives that cannot be read");
+    }
+}
+
+void Writer::checkOnce(const JsonValue &object, const char *name) const
+{
+    if (object.count(name) > 1)
+        throw GltfError("the JSON has \"" + std::string(name) + "\" several times in one object");
+}
+
+// glTF 2.0, "GLB-stored Buffer": the first buffer, without a URI, is the chunk, whose end may be padding.
+bool Writer::dataInChunk() const
+{
+    if (!m_document.binary())
+        return false;
+    const std::span<const std::uint8_t> chunks = m_document.otherChunks();
+    const JsonValue first = m_root["buffers"].children().empty() ? JsonValue() : m_root["buffers"].children()[0];
+    if (!first.exists())
+        return chunks.empty();
+    if (first["uri"].exists() || chunks.size() < kChunkHeaderBytes || wordAt(chunks, 4) != kBinaryChunk)
+        return false;
+    const auto length = first["byteLength"].integer();
+    return length && *length >= 0 && static_cast<std::uint64_t>(*length) <= wordAt(chunks, 0);
+}
+
+std::size_t Writer::addView(std::span<const std::uint8_t> bytes, std::size_t alignment, const char *more)
+{
+    padTo(m_data, alignment);
+    const std::size_t buffer = m_inChunk ? 0 : m_document.model().buffers.size();
+    m_views.push_back(joined("{\"buffer\":", number(buffer), ",\"byteOffset\":", number(m_dataBegin + m_data.size()),
+                             ",\"byteLength\":", number(bytes.size()), more, "}"));
+    m_data.insert(m_data.end(), bytes.begin(), bytes.end());
+    return m_document.model().bufferViews.size() + m_views.size() - 1;
+}
+
+template <typename T>
+std::size_t Writer::addAccessor(const std::vector<T> &values, const char *more)
+{
+    const std::span bytes(reinterpret_cast<const std::uint8_t *>(values.data()), values.size() * sizeof(T));
+    const std::size_t view = addView(bytes, kIndexAlignment, more);
+    m_accessors.push_back(joined("{\"bufferView\":", number(view),
+                                 ",\"componentType\":", sizeof(T) == 2 ? "5123" : "5125",
+                                 ",\"count\":", number(values.size()), ",\"type\":\"SCALAR\"}"));
+    return m_document.model().accessors.size() + m_accessors.size() - 1;
+}
+
+std::string Writer::micromapJson(const StoredMicromap &micromap)
+{
+    const std::size_t data = addView(micromap.data, kBuildAlignment);
+    const std::span records(reinterpret_cast<const std::uint8_t *>(micromap.triangles.data()),
+                            micromap.triangles.size() * sizeof(MicromapTriangle));
+    const std::size_t triangles = addView(records, kBuildAlignment);
+    const auto counts = listOf(micromap.usage, [](const MicromapUsage &usage) { return usage.count; });
+    const auto levels = listOf(micromap.usage, [](const MicromapUsage &usage) { return usage.subdivisionLevel; });
+    const auto formats =
+        listOf(micromap.usage, [](const MicromapUsage &usage) { return static_cast<std::uint32_t>(usage.format); });
+    return joined("{\"data\":", number(data), ",\"triangles\":", number(triangles), ",\"usageCounts\":", counts,
+                  ",\"usageLevels\":", levels, ",\"usageFormats\":", formats, "}");
+}
+
+// 16-bit indices where they do: VK_EXT_opacity_micromap takes no smaller ones. The four highest are special.
+std::string Writer::primitiveJson(const BakedPrimitive &primitive, std::size_t records)
+{
+    const std::vector<std::int32_t> &indices = primitive.micromap.indices;
+    const std::size_t accessor = records <= 0xfffc
+                                     ? addAccessor(std::vector<std::uint16_t>(indices.begin(), indices.end()))
+                                     : addAccessor(std::vector<std::uint32_t>(indices.begin(), indices.end()));
+    std::string text =
+        joined("{\"micromap\":", number(primitive.micromap.micromap), ",\"micromapIndices\":", number(accessor));
+    if (primitive.micromap.baseTriangle != 0)
+        text += joined(",\"micromapBaseTriangle\":", number(primitive.micromap.baseTriangle));
+    return text + "}";
+}
+
+// Gives an object the extension, or none where `text` is empty.
+void Writer::setExtension(const JsonValue &object, const std::string &text)
+{
+    checkOnce(object, "extensions");
+    const JsonValue extensions = object["extensions"];
+    if (!extensions.exists()) {
+        if (!text.empty())
+            m_edit.set(object, "extensions", joined("{", quotedJson(kExtension), ":", text, "}"));
+        return;
+    }
+    if (!extensions.isObject())
+        throw GltfError("the JSON has \"extensions\" that are not an object");
+    const std::size_t ours = extensions.count(kExtension) + extensions.count(kEarlier);
+    if (text.empty() && ours == extensions.members().size()) {
+        if (ours != 0) // an object without extensions has no "extensions"
+            m_edit.remove(object, "extensions");
+        return;
+    }
+    m_edit.remove(extensions, kEarlier);
+    if (text.empty())
+        m_edit.remove(extensions, kExtension);
+    else
+        m_edit.set(extensions, kExtension, text);
+}
+
+void Writer::editPrimitives()
+{
+    std::map<PrimitivePlace, const BakedPrimitive *> baked;
+    for (const BakedPrimitive &primitive : m_bake.primitives)
+        baked[primitive.place] = &primitive;
+    const std::vector<JsonValue> meshes = m_root["meshes"].children();
+    for (std::uint32_t m = 0; m < meshes.size(); ++m) {
+        const std::vector<JsonValue> primitives = meshes[m]["primitives"].children();
+        for (std::uint32_t p = 0; p < primitives.size(); ++p) {
+            const auto found = baked.find({m, p});
+            if (found == baked.end()) {
+                setExtension(primitives[p], "");
+                continue;
+            }
+            const BakedPrimitive &primitive = *found->second;
+            if (!primitive.corners.empty()) {
+                constexpr const char *kTarget = ",\"target\":34963"; // ELEMENT_ARRAY_BUFFER
+                const std::vector<std::uint32_t> &corners = primitive.corners;
+                // 65535 would restart the primitive (glTF 2.0, "Overview" of meshes).
+                const bool small = *std::max_element(corners.begin(), corners.end()) < 0xffff;
+                const std::size_t accessor =
+                    small ? addAccessor(std::vector<std::uint16_t>(corners.begin(), corners.end()), kTarget)
+                          : addAccessor(corners, kTarget);
+                m_edit.set(primitives[p], "indices", number(accessor));
+                m_edit.set(primitives[p], "mode", "4");
+            }
+            setExtension(primitives[p],
+                         primitiveJson(primitive, m_bake.micromaps[primitive.micromap.micromap].triangles.size()));
+        }
+    }
+}
+
+void Writer::appendAll(const char *name, const std::vector<std::string> &elements)
+{
+    if (elements.empty())
+        return;
+    const JsonValue array = m_root[name];
+    std::string all;
+    for (const std::string &element : elements) {
+        if (array.exists())
+            m_edit.append(array, element);
+        all += joined(all.empty() ? "" : ",", element);
+    }
+    if (!array.exists())
+        m_edit.set(m_root, name, joined("[", all, "]"));
+}
+
+void Writer::setUsed(bool used)
+{
+    for (const char *name : {"extensionsUsed", "extensionsRequired"}) {
+        const JsonValue list = m_root[name];
+        std::size_t theirs = 0;
+        bool listed = false;
+        for (const JsonValue &element : list.children()) {
+            const std::string extension = element.string().value_or("");
+            theirs += extension != kExtension && extension != kEarlier ? 1u : 0u;
+            listed = listed || extension == kExtension;
+        }
+        const bool add = used && !listed && std::strcmp(name, "extensionsUsed") == 0;
+        if (add) {
+            appendAll(name, {quotedJson(kExtension)});
+        } else if (list.exists() && theirs == 0 && !(used && listed) && !list.children().empty()) {
+            m_edit.remove(m_root, name); // it must not be empty
+            continue;
+        }
+        if (!list.exists())
+            continue;
+        m_edit.remove(list, kEarlier);
+        if (!used)
+            m_edit.remove(list, kExtension);
+    }
+}
+
+void Writer::placeData(RewrittenFile &result)
+{
+    if (m_data.empty())
+        return;
+    const std::size_t length = m_dataBegin + m_data.size();
+    if (m_inChunk && m_root["buffers"].exists() && !m_root["buffers"].children().empty()) {
+        m_edit.set(m_root["buffers"].children()[0], "byteLength", number(length));
+        return;
+    }
+    std::string buffer = "{";
+    if (!m_inChunk) {
+        const bool embedded = m_document.binary() || m_bufferName.empty();
+        buffer += joined("\"uri\":", quotedJson(embedded ? dataUri(m_data) : encodedUri(m_bufferName)), ",");
+        if (!embedded)
+            result.buffer.keep(std::move(m_data));
+    }
+    appendAll("buffers", {joined(buffer, "\"byteLength\":", number(length), "}")});
+}
+
+void Writer::assemble(RewrittenFile &result)
+{
+    const std::string json = m_edit.apply();
+    const std::string_view original = m_document.json();
+    std::vector<std::uint8_t> text(json.begin(), json.end());
+    if (!m_document.binary()) {
+        text.insert(text.end(), original.begin() + static_cast<std::ptrdiff_t>(m_root.end()), original.end());
+        result.file.keep(std::move(text));
+        return;
+    }
+    padTo(text, 4, ' ');
+    std::span<const std::uint8_t> rest = m_document.otherChunks();
+    std::span<const std::uint8_t> binary;
+    const bool grows = m_inChunk && !m_data.empty();
+    if (grows && !rest.empty()) {
+        binary = rest.subspan(kChunkHeaderBytes, wordAt(rest, 0));
+        rest = rest.subspan(kChunkHeaderBytes + binary.size());
+    }
+    std::vector<std::uint8_t> between(m_dataBegin - binary.size());
+    padTo(m_data, 4);
+    const std::uint64_t chunk = grows ? m_dataBegin + m_data.size() : 0;
+    const std::uint64_t total =
+        12 + kChunkHeaderBytes + text.size() + (grows ? kChunkHeaderBytes + chunk : 0) + rest.size();
+    if (total > kMostBytes)
+        throw GltfError("with micromaps it would be larger than 2 GiB");
+    std::vector<std::uint8_t> header(m_document.bytes().begin(), m_document.bytes().begin() + 8);
+    append(header, static_cast<std::uint32_t>(total));
+    append(header, static_cast<std::uint32_t>(text.size()));
+    header.insert(header.end(), m_document.bytes().begin() + 16, m_document.bytes().begin() + 20); // "JSON"
+    result.file.keep(std::move(header));
+    result.file.keep(std::move(text));
+    if (grows) {
+        std::vector<std::uint8_t> chunkHeader;
+        append(chunkHeader, static_cast<std::uint32_t>(chunk));
+        append(chunkHeader, kBinaryChunk);
+        result.file.keep(std::move(chunkHeader));
+        result.file.add(binary);
+        result.file.keep(std::move(between));
+        result.file.keep(std::move(m_data));
+    }
+    result.file.add(rest);
+}
+
+RewrittenFile Writer::write()
+{
+    RewrittenFile result;
+    checkNumbers();
+    m_inChunk = dataInChunk();
+    if (m_inChunk) {
+        const std::span<const std::uint8_t> chunks = m_document.otherChunks();
+        const std::size_t old = chunks.empty() ? 0 : wordAt(chunks, 0);
+        m_dataBegin = (old + kBuildAlignment - 1) / kBuildAlignment * kBuildAlignment;
+    }
+    std::string micromaps;
+    for (const StoredMicromap &micromap : m_bake.micromaps)
+        micromaps += joined(micromaps.empty() ? "" : ",", micromapJson(micromap));
+    setExtension(m_root, micromaps.empty() ? "" : joined("{\"micromaps\":[", micromaps, "]}"));
+    editPrimitives();
+    setUsed(!micromaps.empty());
+    appendAll("bufferViews", m_views);
+    appendAll("accessors", m_accessors);
+    placeData(result);
+    if (m_data.size() > kMostBytes)
+        throw GltfError("with micromaps it would be larger than 2 GiB");
+    assemble(result);
+    return result;
+}
+
+} // namespace
+
+bool hasMicromaps(const Document &document)
+{
+    const JsonTree tree(document.json());
+    const JsonValue extensions = tree.root()["extensions"];
+    return extensions[kExtension].exists() || extensions[kEarlier].exists();
+}
+
+RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferName)
+{
+    return document.named([&] {
+        RewrittenFile result;
+        const bool has = std::string_view(document.json()).find("_mesh_opacity_micromap") != std::string_view::npos;
+        if (bake.micromaps.empty() && !has) {
+            result.file.add(document.bytes());
+            return result;
+        }
+        return Writer(document, bake, bufferName).write();
+    });
+}
+
+} // namespace vellum

@@ -1,0 +1,124 @@
+#include "gltf/pose.h"
+
+#include <algorithm>
+
+#include "gltf/data/accessor.h"
+#include "gltf/file/tinygltf.h"
+
+namespace vellum
+{
+namespace
+{
+
+const tinygltf::Primitive &primitiveAt(const Document &document, PrimitivePlace place)
+{
+    return document.model().meshes.at(place.mesh).primitives.at(place.primitive);
+}
+
+int attribute(const tinygltf::Primitive &primitive, const std::string &name)
+{
+    const auto found = primitive.attributes.find(name);
+    return found == primitive.attributes.end() ? -1 : found->second;
+}
+
+// `components` values for each vertex.
+std::vector<float> readAttribute(const Document &document, int accessor, std::uint32_t components, std::size_t vertices,
+                                 const std::string &what)
+{
+    if (accessorCount(document.model(), accessor, what) != vertices)
+        throw GltfError(what + " has not one element for each of " + std::to_string(vertices) + " vertices");
+    return readFloats(document.bufferViews(), accessor, components, what);
+}
+
+} // namespace
+
+std::vector<double> morphWeights(const Document &document, std::uint32_t mesh, const std::vector<double> &ofNode)
+{
+    const std::vector<double> &weights = ofNode.empty() ? document.model().meshes.at(mesh).weights : ofNode;
+    if (std::all_of(weights.begin(), weights.end(), [](double weight) { return weight == 0; }))
+        return {};
+    return weights;
+}
+
+void morph(const Document &document, PrimitivePlace place, const std::vector<double> &weights,
+           std::vector<Vec3> &positions)
+{
+    const tinygltf::Primitive &primitive = primitiveAt(document, place);
+    for (std::size_t target = 0; target < std::min(weights.size(), primitive.targets.size()); ++target) {
+        const auto found = primitive.targets[target].find("POSITION");
+        if (weights[target] == 0 || found == primitive.targets[target].end())
+            continue;
+        const std::string what = document.nameOf(place) + " morph target " + std::to_string(target) + " POSITION";
+        const std::vector<float> moves = readAttribute(document, found->second, 3, positions.size(), what);
+        for (std::size_t i = 0; i < positions.size(); ++i)
+            for (std::size_t k = 0; k < 3; ++k)
+                positions[i][k] += static_cast<float>(weights[target] * static_cast<double>(moves[3 * i + k]));
+    }
+}
+
+std::vector<Matrix> jointMatrices(const Document &document, int index, const std::vector<Matrix> &world)
+{
+    const tinygltf::Model &model = document.model();
+    const std::string what = "skin " + std::to_string(index);
+    if (index < 0 || static_cast<std::size_t>(index) >= model.skins.size())
+        throw GltfError(what + " does not exist");
+    const tinygltf::Skin &skin = model.skins[static_cast<std::size_t>(index)];
+    std::vector<float> inverse;
+    if (skin.inverseBindMatrices >= 0)
+        inverse = readFloats(document.bufferViews(), skin.inverseBindMatrices, 16, what + " inverseBindMatrices");
+    if (!inverse.empty() && inverse.size() < 16 * skin.joints.size())
+        throw GltfError(what + " has " + std::to_string(inverse.size() / 16) + " inverse bind matrices for " +
+                        std::to_string(skin.joints.size()) + " joints");
+    std::vector<Matrix> matrices;
+    for (std::size_t i = 0; i < skin.joints.size(); ++i) {
+        const auto joint = static_cast<std::size_t>(skin.joints[i]);
+        if (joint >= world.size())
+            throw GltfError(what + ": node " + std::to_string(skin.joints[i]) + " does not exist");
+        Matrix bind = kIdentity;
+        if (!inverse.empty())
+            std::copy_n(inverse.begin() + static_cast<std::ptrdiff_t>(16 * i), 16, bind.begin());
+        matrices.push_back(multiply(world[joint], bind));
+    }
+    return matrices;
+}
+
+// glTF 2.0, 3.7.3.3 ("Skinned Mesh Attributes"): the weighted sum of the matrices of all sets of joints.
+void moveBySkin(const Document &document, PrimitivePlace place, const std::vector<Matrix> &joints,
+                std::vector<Vec3> &positions)
+{
+    struct Set { // four for each vertex
+        std::vector<float> joints, weights;
+    };
+    const tinygltf::Primitive &primitive = primitiveAt(document, place);
+    std::vector<Set> sets;
+    for (int n = 0; attribute(primitive, "JOINTS_" + std::to_string(n)) >= 0; ++n) {
+        const auto read = [&](const std::string &name) {
+            return readAttribute(document, attribute(primitive, name), 4, positions.size(),
+                                 document.nameOf(place) + " " + name);
+        };
+        sets.push_back({read("JOINTS_" + std::to_string(n)), read("WEIGHTS_" + std::to_string(n))});
+    }
+    if (sets.empty())
+        return;
+    for (std::size_t vertex = 0; vertex < positions.size(); ++vertex) {
+        Matrix sum{};
+        for (const Set &set : sets) {
+            for (std::size_t i = 4 * vertex; i < 4 * vertex + 4; ++i) {
+                if (set.weights[i] == 0)
+                    continue;
+                if (!(set.joints[i] >= 0 && set.joints[i] < static_cast<float>(joints.size())))
+                    throw GltfError(document.nameOf(place) + ": vertex " + std::to_string(vertex) +
+                                    " is moved by a joint that the skin does not have");
+                const Matrix &joint = joints[static_cast<std::size_t>(set.joints[i])];
+                for (std::size_t k = 0; k < 16; ++k)
+                    sum[k] += static_cast<double>(set.weights[i]) * joint[k];
+            }
+        }
+        Vec3 &p = positions[vertex];
+        const auto moved = transformed(sum, {p[0], p[1], p[2]});
+        for (std::size_t k = 0; k < 3; ++k)
+            p[k] = static_cast<float>(moved[k]);
+    }
+}
+
+} // namespace vellum

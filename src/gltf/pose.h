@@ -1,0 +1,28 @@
+// Where the vertices of a primitive are when morph targets and a skin have moved them.
+#pragma once
+
+#include <vector>
+
+#include "gltf/matrix.h"
+#include "gltf/primitive.h"
+
+namespace vellum
+{
+
+// The default weights of a mesh's morph targets: those of the node that shows it, or else its own; empty where all are
+// zero.
+std::vector<double> morphWeights(const Document &document, std::uint32_t mesh, const std::vector<double> &ofNode);
+
+// Adds the primitive's morph targets to `positions`, each times its weight. Throws GltfError.
+void morph(const Document &document, PrimitivePlace place, const std::vector<double> &weights,
+           std::vector<Vec3> &positions);
+
+// A skin's matrices, one for each joint, from the joints' own matrices in the world: `world` has one for each node.
+// Throws GltfError.
+std::vector<Matrix> jointMatrices(const Document &document, int skin, const std::vector<Matrix> &world);
+
+// Moves `positions` to the world: JOINTS_n and WEIGHTS_n say by which joints. Throws GltfError.
+void moveBySkin(const Document &document, PrimitivePlace place, const std::vector<Matrix> &joints,
+                std::vector<Vec3> &positions);
+
+} // namespace vellum

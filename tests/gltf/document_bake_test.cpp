@@ -1,0 +1,244 @@
+// Which primitives are baked, and against what.
+#include "gltf/micromaps/document_bake.h"
+
+#include <array>
+#include <cstring>
+#include <gtest/gtest.h>
+
+#include "glb_file.h"
+#include "gltf/primitive.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+DocumentBakeOptions optionsOf(std::uint32_t level = 4)
+{
+    DocumentBakeOptions options;
+    options.bake.level = level;
+    return options;
+}
+
+DocumentBake bakeCard(const Replacements &replacements, const DocumentBakeOptions &options = optionsOf())
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", cardGlb(replacements));
+    return bakeDocument(Document(folder / "test.glb"), options);
+}
+
+// The one reason for which the card is left.
+std::string reasonFor(const Replacements &replacements, const DocumentBakeOptions &options = optionsOf())
+{
+    const DocumentBake bake = bakeCard(replacements, options);
+    EXPECT_TRUE(bake.micromaps.empty());
+    EXPECT_TRUE(bake.primitives.empty());
+    return bake.left.size() == 1 ? bake.left[0].reason : "none";
+}
+
+const std::string kPrimitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})";
+const std::string kAsset = R"("asset": {"version": "2.0"},)";
+
+// The card with COLOR_0, whose alphas these are.
+DocumentBake bakeColored(const std::array<float, 4> &alphas, const DocumentBakeOptions &options = optionsOf(),
+                         const std::string &cutoff = "0.25")
+{
+    const Bytes card = cardGlb({{R"("TEXCOORD_0": 1})", R"("TEXCOORD_0": 1, "COLOR_0": 4})"},
+                                {"\"alphaCutoff\": 0.25", "\"alphaCutoff\": " + cutoff},
+                                {R"("count": 3, "type": "VEC3"}],)",
+                                 R"("count": 3, "type": "VEC3"},
+                                 {"bufferView": 4, "componentType": 5126, "count": 4, "type": "VEC4"}],)"},
+                                {"\"bufferViews\": [", "\"bufferViews\": [COLORS"}});
+    std::uint32_t length = 0;
+    std::memcpy(&length, &card[12], sizeof length);
+    std::string json(card.begin() + 20, card.begin() + 20 + length);
+    json.resize(json.find_last_not_of(' ') + 1);
+    json.erase(json.find("COLORS"), 6);
+    const std::size_t end = json.find("],\n\"buffers\"");
+    json.insert(end, R"(, {"buffer": 1, "byteLength": 64})");
+    std::string base64;
+    Bytes bytes;
+    for (const float alpha : alphas) {
+        const std::array<float, 4> color = {1, 1, 1, alpha};
+        const std::size_t old = bytes.size();
+        bytes.resize(old + sizeof color);
+        std::memcpy(bytes.data() + old, color.data(), sizeof color);
+    }
+    bytes.resize(66);
+    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+        const auto word = static_cast<unsigned>(bytes[i] << 16 | bytes[i + 1] << 8 | bytes[i + 2]);
+        for (int shift = 18; shift >= 0; shift -= 6)
+            base64 += "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"[word >> shift & 63];
+    }
+    json.resize(json.size() - 2);
+    json += R"(, {"uri": "data:application/octet-stream;base64,)" + base64 + R"(", "byteLength": 66}]})";
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", packGlb(json, {card.begin() + 28 + length, card.end()}));
+    return bakeDocument(Document(folder / "test.glb"), options);
+}
+
+// What the baker itself makes of the card's two triangles, with this cutoff.
+Micromap bakeDirectly(double cutoff, BakeOptions options = optionsOf().bake)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", cardGlb());
+    const Document document(folder / "test.glb");
+    const Material material = readMaterial(document, 0);
+    options.cutoff = cutoff;
+    return bake(alphaTexture(material, readImage(document, 0)),
+                triangleUvs(readPrimitive(document, {0, 0}, Positions::Leave)), options)
+        .micromap;
+}
+
+void expectSame(const DocumentBake &bake, const Micromap &expected)
+{
+    ASSERT_EQ(bake.micromaps.size(), 1u);
+    EXPECT_EQ(bake.micromaps[0].data, expected.data);
+    EXPECT_EQ(bake.micromaps[0].usage, expected.buildUsage());
+    ASSERT_EQ(bake.primitives.size(), 1u);
+    EXPECT_EQ(bake.primitives[0].micromap.indices, expected.indices);
+}
+
+} // namespace
+
+TEST(DocumentBake, IsWhatTheBakerMakesOfTheMaterial)
+{
+    const DocumentBake bake = bakeCard({});
+    expectSame(bake, bakeDirectly(0.25));
+    EXPECT_EQ(bake.primitives[0].place, (PrimitivePlace{0, 0}));
+    EXPECT_EQ(bake.primitives[0].material, "leaf");
+    EXPECT_TRUE(bake.left.empty());
+    // No texel has more than the base colour's 0.75.
+    EXPECT_NE(bakeDirectly(0.25).indices, bakeDirectly(0.9).indices);
+}
+
+TEST(DocumentBake, BlendOnRequest)
+{
+    const Replacements blend = {{"MASK", "BLEND"}};
+    EXPECT_EQ(reasonFor(blend), "its alphaMode is BLEND");
+    DocumentBakeOptions options = optionsOf();
+    options.blend = true;
+    expectSame(bakeCard(blend, options), bakeDirectly(0.5));
+    options.blendCutoff = 0.875f;
+    EXPECT_EQ(bakeCard(blend, options).primitives.at(0).micromap.indices, bakeDirectly(0.875).indices);
+}
+
+TEST(DocumentBake, WhatIsNamedIsLeft)
+{
+    DocumentBakeOptions options = optionsOf();
+    options.leaveMaterials = {"wood", "l??f"};
+    EXPECT_EQ(reasonFor({}, options), "as asked for");
+    options.leaveMaterials = {"lea"};
+    options.leaveMeshes = {"tree*"};
+    EXPECT_EQ(bakeCard({}, options).primitives.size(), 1u);
+    EXPECT_EQ(reasonFor({{"{\"primitives\"", "{\"name\": \"tree 7\", \"primitives\""}}, options), "as asked for");
+}
+
+TEST(DocumentBake, EqualAlphaSharesAMicromap)
+{
+    const DocumentBake bake = bakeCard({{R"({"attributes": {"POSITION": 3}, "material": 1})", kPrimitive}});
+    ASSERT_EQ(bake.primitives.size(), 2u);
+    EXPECT_EQ(bake.primitives[1].micromap.indices, bake.primitives[0].micromap.indices);
+    EXPECT_EQ(bake.micromaps.size(), 1u);
+    EXPECT_EQ(bake.micromaps[0].data, bakeDirectly(0.25).data);
+    // Another cutoff is another source.
+    const Replacements other = {
+        {R"({"attributes": {"POSITION": 3}, "material": 1})",
+         R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1})"},
+        {R"({"name": "wood"})",
+         R"({"name": "wood", "alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})"}};
+    EXPECT_EQ(bakeCard(other).micromaps.size(), 2u);
+    // With a budget they share what there is of it.
+    DocumentBakeOptions options = optionsOf();
+    options.bake.budget = 100;
+    const DocumentBake small = bakeCard(other, options);
+    ASSERT_EQ(small.micromaps.size(), 2u);
+    std::size_t bytes = 0;
+    for (const StoredMicromap &micromap : small.micromaps)
+        for (const MicromapTriangle &triangle : micromap.triangles)
+            bytes += 8 + packedBytes(triangle.subdivisionLevel, triangle.format);
+    EXPECT_LE(bytes, 100u);
+    EXPECT_GT(bytes, 20u);
+}
+
+TEST(DocumentBake, AMaterialWithoutTextureIsOneStateAllOver)
+{
+    const Replacements bare = {{R"(, "baseColorTexture": {"index": 0})", ""}};
+    const DocumentBake bake = bakeCard(bare); // alpha 0.75, cutoff 0.25
+    ASSERT_EQ(bake.primitives.size(), 1u);
+    EXPECT_EQ(bake.primitives[0].micromap.indices, (std::vector<std::int32_t>(2, specialIndex(State::Opaque))));
+    // The extension wants a triangle in every micromap.
+    EXPECT_EQ(bake.micromaps.at(0).triangles.size(), 1u);
+}
+
+TEST(DocumentBake, PrimitivesThatCannotBeBakedAreLeft)
+{
+    EXPECT_EQ(reasonFor({{R"(, "TEXCOORD_0": 1)", ""}}), "it has no texture coordinates (TEXCOORD_0)");
+    EXPECT_EQ(reasonFor({{kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
+                                          R"(, "extensions": {"KHR_materials_variants": {"mappings":
+                                          [{"material": 1, "variants": [0]}]}}})"}}),
+              "its material can be changed (KHR_materials_variants)");
+    EXPECT_EQ(reasonFor({{R"("name": "leaf",)",
+                          R"("name": "leaf", "extensions": {"KHR_materials_pbrSpecularGlossiness": {"a": 1}},)"}}),
+              "its alpha comes from KHR_materials_pbrSpecularGlossiness");
+    const auto animated = [](const std::string &pointer) {
+        return Replacements{{kAsset, kAsset + R"("animations": [{"samplers": [{"input": 0, "output": 0}], "channels":
+            [{"sampler": 0, "target": {"node": 0, "path": "pointer", "extensions": {"KHR_animation_pointer":
+            {"pointer": ")" + pointer + R"("}}}}]}],)"}};
+    };
+    EXPECT_EQ(reasonFor(animated("/materials/0/alphaCutoff")),
+              "its material's alpha is animated (KHR_animation_pointer)");
+    EXPECT_EQ(reasonFor(animated("/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/"
+                                 "KHR_texture_transform/offset")),
+              "its material's alpha is animated (KHR_animation_pointer)");
+    EXPECT_EQ(bakeCard(animated("/materials/0/emissiveFactor")).primitives.size(), 1u);
+    EXPECT_EQ(bakeCard(animated("/materials/1/alphaCutoff")).primitives.size(), 1u);
+}
+
+TEST(DocumentBake, AVariantWithTheSameMaterialIsNoChange)
+{
+    EXPECT_EQ(bakeCard({{kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
+                                         R"(, "extensions": {"KHR_materials_variants": {"mappings":
+                                         [{"material": 0, "variants": [0]}]}}})"}})
+                  .primitives.size(),
+              1u);
+}
+
+TEST(DocumentBake, ADamagedFileIsAnError)
+{
+    EXPECT_THROW(bakeCard({{R"("indices": 2)", R"("indices": 9)"}}), GltfError);
+    EXPECT_THROW(
+        bakeCard({{R"("mimeType": "image/png", "bufferView": 3)", R"("mimeType": "image/png", "bufferView": 9)"}}),
+        GltfError);
+}
+
+TEST(DocumentBake, TheAlphaOfVerticesMultiplies)
+{
+    expectSame(bakeColored({1, 1, 1, 1}), bakeDirectly(0.25));
+    // 0.25 / 0.25 is more than any texel has.
+    EXPECT_EQ(bakeColored({0.25f, 0.25f, 0.25f, 0.25f}).primitives.at(0).micromap.indices, bakeDirectly(1).indices);
+    EXPECT_NE(bakeDirectly(1).indices, bakeDirectly(0.25).indices);
+    expectSame(bakeColored({0.5f, 0.5f, 0.5f, 0.5f}), bakeDirectly(0.5));
+    EXPECT_EQ(bakeColored({1, 1, 1, 1}).primitives[0].varying, 0u);
+}
+
+TEST(DocumentBake, WhereTheAlphaOfVerticesVariesNothingIsKnown)
+{
+    // Triangles 0 1 2 and 0 2 3.
+    const DocumentBake bake = bakeColored({1, 1, 1, 0.5f});
+    ASSERT_EQ(bake.primitives.size(), 1u);
+    EXPECT_EQ(bake.primitives[0].micromap.indices[0], 0);
+    EXPECT_EQ(bake.primitives[0].micromap.indices[1], specialIndex(State::UnknownOpaque));
+    EXPECT_EQ(bake.primitives[0].varying, 1u);
+    EXPECT_EQ(bakeColored({2, 2, 2, 2}).primitives[0].varying, 2u);
+    EXPECT_EQ(bakeColored({-1, -1, -1, -1}).primitives[0].varying, 2u);
+}
+
+TEST(DocumentBake, NoAlphaIsNoAlphaWhateverTheTexture)
+{
+    const std::vector<std::int32_t> transparent(2, specialIndex(State::Transparent));
+    const std::vector<std::int32_t> opaque(2, specialIndex(State::Opaque));
+    EXPECT_EQ(bakeColored({0, 0, 0, 0}).primitives[0].micromap.indices, transparent);
+    EXPECT_EQ(bakeColored({0, 0, 0, 0}, optionsOf(), "0.0").primitives[0].micromap.indices, opaque);
+}

@@ -1,0 +1,277 @@
+// What baking changes in a file, and what it does not.
+#include "gltf/micromaps/document_writer.h"
+
+#include <cstring>
+#include <gtest/gtest.h>
+
+#include "glb_file.h"
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/json_tree.h"
+#include "gltf/micromaps/file_bake.h"
+#include "gltf/micromaps/stored_micromaps.h"
+#include "gltf/primitive.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+std::uint32_t wordAt(const Bytes &bytes, std::size_t offset)
+{
+    std::uint32_t word = 0;
+    std::memcpy(&word, bytes.data() + offset, sizeof word);
+    return word;
+}
+
+struct Chunk {
+    std::uint32_t type;
+    Bytes bytes;
+};
+
+std::vector<Chunk> chunksOf(const Bytes &glb)
+{
+    EXPECT_EQ(wordAt(glb, 8), glb.size());
+    std::vector<Chunk> chunks;
+    for (std::size_t at = 12; at < glb.size();) {
+        const std::size_t length = wordAt(glb, at);
+        EXPECT_EQ(length % 4, 0u);
+        const auto begin = glb.begin() + static_cast<std::ptrdiff_t>(at) + 8;
+        chunks.push_back({wordAt(glb, at + 4), {begin, begin + static_cast<std::ptrdiff_t>(length)}});
+        at += 8 + length;
+    }
+    return chunks;
+}
+
+std::string textOf(const Bytes &bytes)
+{
+    std::string text(bytes.begin(), bytes.end());
+    return text.substr(0, text.find_last_not_of(std::string(" \0", 2)) + 1);
+}
+
+void replaceOnce(std::string &text, const std::string &from, const std::string &to)
+{
+    const std::size_t place = text.find(from);
+    ASSERT_NE(place, std::string::npos) << from;
+    ASSERT_EQ(text.find(from, place + 1), std::string::npos) << from;
+    text.replace(place, from.size(), to);
+}
+
+// Bakes files in a folder of their own.
+struct Bench {
+    TemporaryFolder folder;
+    FileBakeOptions options;
+
+    Bench() { options.bake.level = 3; }
+    Bytes bake(const Bytes &file, const std::string &input = "in.glb", const std::string &output = "out.glb")
+    {
+        writeFile(folder / input, file);
+        bakeFile(folder / input, folder / output, options);
+        EXPECT_EQ(readFile(folder / input), file);
+        return readFile(folder / output);
+    }
+    static Bytes text(const std::string &json) { return {json.begin(), json.end()}; }
+    [[nodiscard]] StoredMicromaps micromaps(const std::string &name) const
+    {
+        return readMicromaps(Document(folder / name));
+    }
+};
+
+const std::string kPrimitive = R"("indices": 2, "material": 0)";
+
+// The card with its buffer in a file of its own.
+struct Split {
+    std::string json;
+    Bytes binary;
+};
+
+Split splitCard(const Replacements &replacements = {})
+{
+    const std::vector<Chunk> chunks = chunksOf(cardGlb(replacements));
+    Split split{textOf(chunks[0].bytes), chunks[1].bytes};
+    const JsonTree tree(split.json);
+    split.binary.resize(static_cast<std::size_t>(*tree.root()["buffers"].children().at(0)["byteLength"].integer()));
+    replaceOnce(split.json, R"("buffers": [{)", R"("buffers": [{"uri": "card%20data.bin", )");
+    return split;
+}
+
+} // namespace
+
+// Every inserted text is taken away again: what remains is the input.
+TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
+{
+    const Replacements oddities = {
+        {R"("asset": {"version": "2.0"},)",
+         "\"asset\" : {\"version\": \"2.0\", \"extras\": [1.0e0, null, \"\\u00e4\"]},\n"
+         "\t\"extensionsUsed\": [ \"ACME_other\" ],\r\n  \"ACME\":{}, "},
+        {R"("nodes": [0]}],)", R"("nodes": [0]}], "extensions": { "ACME_other" : {"x": [ ]} },)"},
+    };
+    Bench bench;
+    const Bytes input = cardGlb(oddities);
+    const std::vector<Chunk> before = chunksOf(input);
+    const std::vector<Chunk> after = chunksOf(bench.bake(input));
+    ASSERT_EQ(after.size(), 2u);
+    std::string text = textOf(after[0].bytes);
+    replaceOnce(text,
+                R"(,"EXT_mesh_opacity_micromap":{"micromaps":[{"data":4,"triangles":5,"usageCounts":[2],)"
+                R"("usageLevels":[3],"usageFormats":[2]}]})",
+                "");
+    replaceOnce(text, R"(,"EXT_mesh_opacity_micromap")", "");
+    replaceOnce(text, R"(,"extensions":{"EXT_mesh_opacity_micromap":{"micromap":0,"micromapIndices":4}})", "");
+    replaceOnce(text, R"(,{"bufferView":6,"componentType":5123,"count":2,"type":"SCALAR"})", "");
+    // The chunk is aligned to 256 bytes for each of data and records.
+    const std::size_t begin = (before[1].bytes.size() + 255) / 256 * 256;
+    const std::string views = R"(,{"buffer":0,"byteOffset":)" + std::to_string(begin) +
+                              R"(,"byteLength":32},{"buffer":0,"byteOffset":)" + std::to_string(begin + 256) +
+                              R"(,"byteLength":16},{"buffer":0,"byteOffset":)" + std::to_string(begin + 272) +
+                              R"(,"byteLength":4})";
+    replaceOnce(text, views, "");
+    const JsonTree tree(text);
+    const JsonValue length = tree.root()["buffers"].children().at(0)["byteLength"];
+    EXPECT_EQ(length.integer(), static_cast<std::int64_t>(begin + 276));
+    std::string original = textOf(before[0].bytes);
+    const JsonTree originalTree(original);
+    const JsonValue originalLength = originalTree.root()["buffers"].children().at(0)["byteLength"];
+    EXPECT_EQ(text.substr(0, length.begin()), original.substr(0, originalLength.begin()));
+    EXPECT_EQ(text.substr(length.end()), original.substr(originalLength.end()));
+    // The binary chunk begins with the old one.
+    ASSERT_EQ(after[1].bytes.size(), begin + 276);
+    EXPECT_TRUE(std::equal(before[1].bytes.begin(), before[1].bytes.end(), after[1].bytes.begin()));
+    EXPECT_EQ(bench.micromaps("out.glb").primitives.size(), 1u);
+}
+
+TEST(DocumentWriter, WithoutAnythingToBakeTheFileIsTheSame)
+{
+    Bench bench;
+    const Bytes input = cardGlb({{R"("alphaMode": "MASK", )", ""}});
+    EXPECT_EQ(bench.bake(input), input);
+}
+
+TEST(DocumentWriter, OtherChunksStay)
+{
+    Bench bench;
+    Bytes input = cardGlb();
+    const Bytes extra = {8, 0, 0, 0, 'A', 'C', 'M', 'E', 1, 2, 3, 4, 5, 6, 7, 8};
+    input.insert(input.end(), extra.begin(), extra.end());
+    const auto size = static_cast<std::uint32_t>(input.size());
+    std::memcpy(input.data() + 8, &size, 4);
+    const std::vector<Chunk> chunks = chunksOf(bench.bake(input));
+    ASSERT_EQ(chunks.size(), 3u);
+    EXPECT_EQ(chunks[2].type, 0x454d4341u);
+    EXPECT_EQ(chunks[2].bytes, (Bytes{1, 2, 3, 4, 5, 6, 7, 8}));
+    EXPECT_EQ(bench.micromaps("out.glb").primitives.size(), 1u);
+}
+
+TEST(DocumentWriter, AGltfGetsAFileBesideIt)
+{
+    Bench bench;
+    const Split split = splitCard();
+    writeFile(bench.folder / "card data.bin", split.binary);
+    const Bytes output = bench.bake(Bench::text(split.json + "\n \n"), "in.gltf", "the tree.gltf");
+    const std::string text(output.begin(), output.end());
+    EXPECT_NE(text.find(R"(,{"uri":"the%20tree.omm.bin","byteLength":)"), std::string::npos);
+    EXPECT_TRUE(text.ends_with("\n \n"));
+    EXPECT_TRUE(std::filesystem::exists(bench.folder / "the tree.omm.bin"));
+    EXPECT_EQ(bench.micromaps("the tree.gltf").primitives.size(), 1u);
+    // A file that is named like it and belongs to the input is not written over.
+    const Bytes again = bench.bake(readFile(bench.folder / "the tree.gltf"), "the tree.omm.gltf", "the tree.gltf");
+    EXPECT_NE(std::string(again.begin(), again.end()).find("the%20tree.omm-2.bin"), std::string::npos);
+    EXPECT_EQ(bench.micromaps("the tree.gltf").primitives.size(), 1u);
+}
+
+TEST(DocumentWriter, EmbedsOnRequest)
+{
+    Bench bench;
+    bench.options.embed = true;
+    const Split split = splitCard();
+    writeFile(bench.folder / "card data.bin", split.binary);
+    bench.bake(Bench::text(split.json), "in.gltf", "out.gltf");
+    EXPECT_FALSE(std::filesystem::exists(bench.folder / "out.omm.bin"));
+    bench.options.embed = false;
+    bench.bake(Bench::text(split.json), "in.gltf", "other.gltf");
+    const StoredMicromaps embedded = bench.micromaps("out.gltf");
+    const StoredMicromaps beside = bench.micromaps("other.gltf");
+    EXPECT_EQ(embedded.micromaps.at(0).data, beside.micromaps.at(0).data);
+    EXPECT_EQ(embedded.primitives.at({0, 0}).indices, beside.primitives.at({0, 0}).indices);
+}
+
+TEST(DocumentWriter, AGlbWhoseFirstBufferIsElsewhereGetsADataUri)
+{
+    Bench bench;
+    const Split split = splitCard();
+    writeFile(bench.folder / "card data.bin", split.binary);
+    Bytes input = packGlb(split.json, {});
+    input.resize(input.size() - 8); // no binary chunk
+    const auto size = static_cast<std::uint32_t>(input.size());
+    std::memcpy(input.data() + 8, &size, 4);
+    const std::vector<Chunk> chunks = chunksOf(bench.bake(input));
+    ASSERT_EQ(chunks.size(), 1u);
+    EXPECT_NE(textOf(chunks[0].bytes).find(R"({"uri":"data:application/octet-stream;base64,)"), std::string::npos);
+    EXPECT_EQ(bench.micromaps("out.glb").primitives.size(), 1u);
+}
+
+TEST(DocumentWriter, StripsAndFansBecomeLists)
+{
+    for (const char *mode : {"5", "6"}) {
+        Bench bench;
+        const Bytes input = cardGlb({{kPrimitive, R"("mode": )" + std::string(mode) + R"(, "material": 0)"}});
+        bench.bake(input);
+        const Document before(bench.folder / "in.glb");
+        const Document after(bench.folder / "out.glb");
+        EXPECT_EQ(readPrimitive(after, {0, 0}, Positions::Read).indices,
+                  readPrimitive(before, {0, 0}, Positions::Read).indices);
+        EXPECT_EQ(JsonTree(after.json()).root()["meshes"].children()[0]["primitives"].children()[0]["mode"].integer(),
+                  4);
+        EXPECT_EQ(readMicromaps(after).primitives.at({0, 0}).indices.size(), 2u);
+    }
+}
+
+TEST(DocumentWriter, MicromapsAreReplaced)
+{
+    Bench bench;
+    const Bytes once = bench.bake(cardGlb());
+    bench.options.bake.level = 2;
+    bench.bake(once, "once.glb", "twice.glb");
+    const StoredMicromaps twice = bench.micromaps("twice.glb");
+    ASSERT_EQ(twice.micromaps.size(), 1u);
+    EXPECT_EQ(twice.micromaps[0].usage, (std::vector<MicromapUsage>{{2, 2, Format::FourState}}));
+    // And they go where nothing is baked.
+    bench.options.leaveMaterials = {"l*f"};
+    const std::string text = textOf(chunksOf(bench.bake(once, "once.glb", "none.glb"))[0].bytes);
+    EXPECT_EQ(text.find("opacity_micromap"), std::string::npos);
+    EXPECT_EQ(text.find("\"extensions"), std::string::npos); // none is empty
+}
+
+TEST(DocumentWriter, TheEarlierSpellingIsReplaced)
+{
+    Bench bench;
+    Bytes once = bench.bake(cardGlb());
+    for (std::size_t i = 0; i + 3 < once.size(); ++i)
+        if (std::memcmp(&once[i], "EXT_mesh", 8) == 0)
+            std::memcpy(&once[i], "KHR", 3);
+    writeFile(bench.folder / "khr.glb", once);
+    EXPECT_EQ(bench.micromaps("khr.glb").extension, "KHR_mesh_opacity_micromap");
+    const std::string text = textOf(chunksOf(bench.bake(once, "khr.glb", "ext.glb"))[0].bytes);
+    EXPECT_EQ(text.find("KHR_mesh"), std::string::npos);
+    EXPECT_EQ(bench.micromaps("ext.glb").extension, "EXT_mesh_opacity_micromap");
+    EXPECT_EQ(bench.micromaps("ext.glb").primitives.size(), 1u);
+}
+
+TEST(DocumentWriter, TheOutputIsTheSameForAnyNumberOfThreads)
+{
+    Bench bench;
+    bench.options.bake.level = 6;
+    bench.options.bake.threads = 1;
+    const Bytes one = bench.bake(cardGlb());
+    bench.options.bake.threads = 5;
+    EXPECT_EQ(bench.bake(cardGlb()), one);
+}
+
+TEST(DocumentWriter, AmbiguousJsonIsRefused)
+{
+    Bench bench;
+    EXPECT_THROW(bench.bake(cardGlb({{kPrimitive, kPrimitive + R"(, "extensions": {}, "extensions": {})"}})),
+                 GltfError);
+    EXPECT_THROW(bench.bake(cardGlb({{kPrimitive, kPrimitive + R"(, "extensions": 3)"}})), GltfError);
+    EXPECT_FALSE(std::filesystem::exists(bench.folder / "out.glb"));
+}

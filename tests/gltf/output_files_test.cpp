@@ -1,0 +1,113 @@
+#include "gltf/file/output_files.h"
+
+#include <gtest/gtest.h>
+
+#include "bake/bake.h"
+#include "glb_file.h"
+#include "gltf/file/gltf_error.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+FileContent contentOf(const std::string &text)
+{
+    FileContent content;
+    content.keep({text.begin(), text.end()});
+    return content;
+}
+
+std::string textOf(const std::filesystem::path &path)
+{
+    const Bytes bytes = readFile(path);
+    return {bytes.begin(), bytes.end()};
+}
+
+std::size_t entries(const std::filesystem::path &folder)
+{
+    const std::filesystem::directory_iterator begin(folder);
+    return static_cast<std::size_t>(std::distance(begin, {}));
+}
+
+const std::function<bool()> kNever;
+
+} // namespace
+
+TEST(OutputFiles, AppearWhenTheyArePublished)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "old", {'x'});
+    {
+        OutputFiles files(kNever);
+        files.write(folder / "a/b/new", contentOf("new"));
+        files.write(folder / "old", contentOf("newer"));
+        EXPECT_EQ(textOf(folder / "old"), "x");
+        EXPECT_FALSE(std::filesystem::exists(folder / "a/b/new"));
+        files.publish();
+    }
+    EXPECT_EQ(textOf(folder / "a/b/new"), "new");
+    EXPECT_EQ(textOf(folder / "old"), "newer");
+    EXPECT_EQ(entries(folder.path()), 2u);
+    EXPECT_EQ(entries(folder / "a/b"), 1u);
+}
+
+TEST(OutputFiles, LeaveNothingBehindOtherwise)
+{
+    const TemporaryFolder folder;
+    {
+        OutputFiles files(kNever);
+        files.write(folder / "a/b/new", contentOf("new"));
+    }
+    EXPECT_EQ(entries(folder.path()), 0u);
+    int asked = 0;
+    {
+        OutputFiles files([&] { return ++asked > 1; });
+        files.write(folder / "one", contentOf("1"));
+        EXPECT_THROW(files.write(folder / "two", contentOf("2")), BakeCancelled);
+    }
+    EXPECT_EQ(entries(folder.path()), 0u);
+}
+
+TEST(OutputFiles, WhenOneCannotAppearTheOthersDisappear)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "source", {'s'});
+    {
+        OutputFiles files(kNever);
+        files.write(folder / "one", contentOf("1"));
+        files.copy(folder / "source", folder / "two");
+        writeFile(folder / "two", {'t'}); // somebody else's, meanwhile
+        EXPECT_THROW(files.publish(), GltfError);
+    }
+    EXPECT_FALSE(std::filesystem::exists(folder / "one"));
+    EXPECT_EQ(textOf(folder / "two"), "t");
+    EXPECT_EQ(entries(folder.path()), 2u);
+}
+
+TEST(OutputFiles, CopiesDoNotReplaceWhatIsDifferent)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "source", {'s'});
+    writeFile(folder / "same", {'s'});
+    writeFile(folder / "different", {'d'});
+    OutputFiles files(kNever);
+    files.copy(folder / "source", folder / "copy");
+    files.copy(folder / "source", folder / "same");
+    EXPECT_THROW(files.copy(folder / "source", folder / "different"), GltfError);
+    files.publish();
+    EXPECT_EQ(textOf(folder / "copy"), "s");
+    EXPECT_EQ(textOf(folder / "different"), "d");
+}
+
+TEST(OutputFiles, WhatIsNoFileIsNotReplaced)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "file", {'f'});
+    std::filesystem::create_directory(folder / "sub");
+    OutputFiles files(kNever);
+    EXPECT_THROW(files.write("/dev/null", contentOf("x")), GltfError);
+    EXPECT_THROW(files.write(folder / "sub", contentOf("x")), GltfError);
+    EXPECT_THROW(files.write(folder / "file/x", contentOf("x")), GltfError);
+}

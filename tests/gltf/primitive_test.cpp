@@ -1,0 +1,301 @@
+// What a primitive's vertices and triangles are, however the file stores them.
+#include "gltf/primitive.h"
+
+#include <cstring>
+#include <gtest/gtest.h>
+
+#include "glb_file.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+template <typename T>
+void append(Bytes &bytes, const std::vector<T> &values)
+{
+    const std::size_t old = bytes.size();
+    bytes.resize(old + values.size() * sizeof(T));
+    std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
+}
+
+// A file with one primitive, whose parts are given as they stand in the JSON. Every buffer view is its own buffer's.
+struct Sample {
+    std::string primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0})";
+    std::vector<std::string> accessors;
+    std::vector<Bytes> views;
+    std::vector<std::string> viewMembers; // `, "byteStride": 8`
+    std::string baseColorTexture = R"({"index": 0})";
+
+    // Adds a view, and an accessor for all of it.
+    template <typename T>
+    void add(const std::vector<T> &values, const std::string &accessor)
+    {
+        views.emplace_back();
+        append(views.back(), values);
+        accessors.push_back("{\"bufferView\": " + std::to_string(views.size() - 1) + ", " + accessor + "}");
+    }
+
+    [[nodiscard]] Bytes pack() const
+    {
+        Bytes binary;
+        std::string viewText;
+        for (std::size_t i = 0; i < views.size(); ++i) {
+            viewText += (i == 0 ? "" : ", ") + std::string("{\"buffer\": 0, \"byteOffset\": ") +
+                        std::to_string(binary.size()) + ", \"byteLength\": " + std::to_string(views[i].size()) +
+                        (i < viewMembers.size() ? viewMembers[i] : "") + "}";
+            append(binary, views[i]);
+        }
+        std::string accessorText;
+        for (std::size_t i = 0; i < accessors.size(); ++i)
+            accessorText += (i == 0 ? "" : ", ") + accessors[i];
+        return packGlb(R"({"asset": {"version": "2.0"}, "meshes": [{"name": "leaf", "primitives": [)" + primitive +
+                           R"(]}], "materials": [{"pbrMetallicRoughness": {"baseColorTexture": )" + baseColorTexture +
+                           R"(}}], "textures": [{"source": 0}], "images": [{"uri": "none.png"}], "accessors": [)" +
+                           accessorText + "], \"bufferViews\": [" + viewText +
+                           "], \"buffers\": [{\"byteLength\": " + std::to_string(binary.size()) + "}]}",
+                       binary);
+    }
+
+    [[nodiscard]] Primitive read(Positions positions = Positions::Read) const
+    {
+        const TemporaryFolder folder;
+        writeFile(folder / "test.glb", pack());
+        return readPrimitive(Document(folder / "test.glb"), {0, 0}, positions);
+    }
+
+    [[nodiscard]] std::string error(Positions positions = Positions::Read) const
+    {
+        try {
+            static_cast<void>(read(positions));
+        } catch (const GltfError &error) {
+            const std::string text = error.what();
+            const std::string where = "test.glb: mesh 0 \"leaf\" primitive 0";
+            const std::size_t begin = text.find(where);
+            return begin == std::string::npos ? text : text.substr(begin + where.size());
+        }
+        return "none";
+    }
+};
+
+Sample sample()
+{
+    Sample sample;
+    sample.add<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, R"("componentType": 5126, "count": 3, "type": "VEC3")");
+    sample.add<float>({0, 0, 1, 0, 0, 1}, R"("componentType": 5126, "count": 3, "type": "VEC2")");
+    return sample;
+}
+
+} // namespace
+
+TEST(GltfPrimitive, EveryTypeOfTextureCoordinates)
+{
+    const auto read = [](Sample file) { return file.read().uvs; };
+    const std::string two = R"("count": 3, "type": "VEC2")";
+    const std::string normalized = two + R"(, "normalized": true)";
+    Sample file = sample();
+    file.accessors.pop_back();
+    file.views.pop_back();
+    const auto with = [&](auto values, const std::string &accessor) {
+        Sample changed = file;
+        changed.add(values, accessor);
+        return read(changed);
+    };
+    using Uvs = std::vector<TexCoord>;
+    EXPECT_EQ(with(std::vector<std::uint8_t>{0, 255, 51, 102, 1, 2}, "\"componentType\": 5121, " + normalized),
+              (Uvs{{0, 1}, {0.2f, 0.4f}, {1 / 255.0f, 2 / 255.0f}}));
+    EXPECT_EQ(with(std::vector<std::uint8_t>{0, 255, 51, 102, 1, 2}, "\"componentType\": 5121, " + two),
+              (Uvs{{0, 255}, {51, 102}, {1, 2}}));
+    EXPECT_EQ(with(std::vector<std::int8_t>{-128, -127, 127, 0, 1, -1}, "\"componentType\": 5120, " + normalized),
+              (Uvs{{-1, -1}, {1, 0}, {1 / 127.0f, -1 / 127.0f}}));
+    EXPECT_EQ(with(std::vector<std::int8_t>{-128, -127, 127, 0, 1, -1}, "\"componentType\": 5120, " + two),
+              (Uvs{{-128, -127}, {127, 0}, {1, -1}}));
+    EXPECT_EQ(with(std::vector<std::uint16_t>{0, 65535, 13107, 1, 2, 3}, "\"componentType\": 5123, " + normalized),
+              (Uvs{{0, 1}, {0.2f, 1 / 65535.0f}, {2 / 65535.0f, 3 / 65535.0f}}));
+    EXPECT_EQ(with(std::vector<std::int16_t>{-32768, 32767, 0, 1, 2, 3}, "\"componentType\": 5122, " + normalized),
+              (Uvs{{-1, 1}, {0, 1 / 32767.0f}, {2 / 32767.0f, 3 / 32767.0f}}));
+    EXPECT_EQ(with(std::vector<std::int16_t>{-32768, 32767, 0, 1, 2, 3}, "\"componentType\": 5122, " + two),
+              (Uvs{{-32768, 32767}, {0, 1}, {2, 3}}));
+    Sample wrong = file;
+    wrong.add<std::uint32_t>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5125, " + two);
+    EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: 32-bit integers are for indices only");
+    wrong = file;
+    wrong.add<double>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5130, " + two);
+    EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: component type 5130 is none of glTF's");
+}
+
+// KHR_mesh_quantization: padded to four bytes, and positions may be integers of any kind.
+TEST(GltfPrimitive, QuantizedPositions)
+{
+    Sample file = sample();
+    file.views[0].clear();
+    append<std::int8_t>(file.views[0], {9, 9, 9, 9, -127, 0, 127, 9, 1, 2, 3, 9, 4, 5, 6, 9});
+    file.viewMembers = {", \"byteStride\": 4"};
+    const std::string rest = R"("bufferView": 0, "byteOffset": 4, "componentType": 5120, "count": 3, "type": "VEC3")";
+    file.accessors[0] = "{" + rest + "}";
+    EXPECT_EQ(file.read().positions, (std::vector<Vec3>{{-127, 0, 127}, {1, 2, 3}, {4, 5, 6}}));
+    file.accessors[0] = "{" + rest + ", \"normalized\": true}";
+    EXPECT_EQ(file.read().positions[0], (Vec3{-1, 0, 1}));
+}
+
+TEST(GltfPrimitive, SparseAccessors)
+{
+    Sample file = sample();
+    file.views.push_back({0, 2});
+    file.views.emplace_back();
+    append<float>(file.views.back(), {7, 8, 9, 10});
+    const auto accessor = [](const std::string &base, const std::string &indices, int count) {
+        return "{" + base + R"("componentType": 5126, "count": 3, "type": "VEC2", "sparse": {"count": )" +
+               std::to_string(count) + R"(, "indices": {"bufferView": 2, "componentType": )" + indices +
+               R"(}, "values": {"bufferView": 3}}})";
+    };
+    using Uvs = std::vector<TexCoord>;
+    file.accessors[1] = accessor("\"bufferView\": 1, ", "5121", 2);
+    EXPECT_EQ(file.read().uvs, (Uvs{{7, 8}, {1, 0}, {9, 10}}));
+    file.accessors[1] = accessor("", "5121", 2);
+    EXPECT_EQ(file.read().uvs, (Uvs{{7, 8}, {0, 0}, {9, 10}}));
+    file.accessors[1] = accessor("\"bufferView\": 1, ", "5121, \"byteOffset\": 1", 1);
+    EXPECT_EQ(file.read().uvs, (Uvs{{0, 0}, {1, 0}, {7, 8}}));
+
+    const auto error = [&](const std::string &text) {
+        file.accessors[1] = text;
+        return file.error();
+    };
+    EXPECT_EQ(error(accessor("\"bufferView\": 1, ", "5121", 3)),
+              " TEXCOORD_0: accessor 1 (sparse) reaches outside of its buffer view");
+    EXPECT_EQ(error(accessor("\"bufferView\": 1, ", "5121", 4)),
+              " TEXCOORD_0: accessor 1 (sparse) replaces 4 of 3 elements");
+    EXPECT_EQ(error(accessor("\"bufferView\": 1, ", "5121", -1)),
+              " TEXCOORD_0: accessor 1 (sparse) replaces -1 of 3 elements");
+    EXPECT_EQ(error(accessor("\"bufferView\": 1, ", "5120", 2)),
+              " TEXCOORD_0: accessor 1 (sparse): indices are not unsigned integers");
+    EXPECT_EQ(error(accessor("\"bufferView\": 1, ", "5123", 2)),
+              " TEXCOORD_0: accessor 1 (sparse) reaches outside of its buffer view");
+    file.views[2] = {2, 0};
+    EXPECT_EQ(error(accessor("\"bufferView\": 1, ", "5121", 2)),
+              " TEXCOORD_0: accessor 1 (sparse): indices do not increase");
+    file.views[2] = {0, 3};
+    EXPECT_EQ(error(accessor("\"bufferView\": 1, ", "5121", 2)),
+              " TEXCOORD_0: accessor 1 (sparse) replaces element 3 of 3");
+}
+
+TEST(GltfPrimitive, WithoutBufferViewAllIsZero)
+{
+    Sample file = sample();
+    file.accessors[1] = R"({"componentType": 5126, "count": 3, "type": "VEC2"})";
+    EXPECT_EQ(file.read().uvs, (std::vector<TexCoord>{{0, 0}, {0, 0}, {0, 0}}));
+    file.accessors[1] = R"({"componentType": 5126, "count": 100000000000, "type": "VEC2"})";
+    EXPECT_EQ(file.error(), " TEXCOORD_0: accessor 1 has 100000000000 elements and no buffer view");
+}
+
+TEST(GltfPrimitive, Strides)
+{
+    Sample file = sample();
+    // Both attributes in one view, 20 bytes for each vertex.
+    file.views = {{}};
+    append<float>(file.views[0], {0, 0, 0, 10, 11, 1, 0, 0, 20, 21, 0, 1, 0, 30, 31});
+    file.viewMembers = {", \"byteStride\": 20"};
+    file.accessors = {R"({"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"})",
+                      R"({"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 3, "type": "VEC2"})"};
+    const Primitive primitive = file.read();
+    EXPECT_EQ(primitive.positions[2], (Vec3{0, 1, 0}));
+    EXPECT_EQ(primitive.uvs, (std::vector<TexCoord>{{10, 11}, {20, 21}, {30, 31}}));
+    file.accessors[1] = R"({"bufferView": 0, "byteOffset": 16, "componentType": 5126, "count": 3, "type": "VEC2"})";
+    EXPECT_EQ(file.error(), " TEXCOORD_0: accessor 1 reaches outside of its buffer view");
+    file.viewMembers = {", \"byteStride\": 8"};
+    EXPECT_EQ(file.error(), " POSITION: accessor 0 reaches outside of its buffer view");
+}
+
+// glTF 2.0, 3.7.2.1: p_i = {v_i, v_(i + 1 + i % 2), v_(i + 2 - i % 2)} for strips, {v_(i + 1), v_(i + 2), v_0} for
+// fans.
+TEST(GltfPrimitive, StripsAndFans)
+{
+    const auto trianglesOf = [](int mode, const std::vector<std::uint16_t> &corners) {
+        Sample file = sample();
+        file.primitive =
+            R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "mode": )" + std::to_string(mode) + "}";
+        file.add<std::uint16_t>(corners, R"("componentType": 5123, "type": "SCALAR", "count": )" +
+                                             std::to_string(corners.size()));
+        return file.read().indices;
+    };
+    using Indices = std::vector<std::uint32_t>;
+    EXPECT_EQ(trianglesOf(5, {0, 1, 2, 1, 0}), (Indices{0, 1, 2, 1, 1, 2, 2, 1, 0}));
+    EXPECT_EQ(trianglesOf(6, {0, 1, 2, 1, 0}), (Indices{1, 2, 0, 2, 1, 0, 1, 0, 0}));
+    EXPECT_EQ(trianglesOf(5, {0, 1}), Indices{});
+    EXPECT_EQ(trianglesOf(6, {0, 1}), Indices{});
+    EXPECT_EQ(trianglesOf(4, {2, 1, 0}), (Indices{2, 1, 0}));
+}
+
+TEST(GltfPrimitive, WithoutPositionsOtherAttributesTellTheVertices)
+{
+    Sample file = sample();
+    file.primitive = R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})";
+    const Primitive primitive = file.read(Positions::Leave);
+    EXPECT_EQ(primitive.uvs.size(), 3u);
+    EXPECT_EQ(primitive.indices, (std::vector<std::uint32_t>{0, 1, 2}));
+    EXPECT_EQ(file.error(), " has no positions");
+    EXPECT_THROW(static_cast<void>(file.read()), GltfUnsupported);
+    file.primitive = R"({"attributes": {}, "material": 0})";
+    EXPECT_EQ(file.error(Positions::Leave), " has no attributes");
+    // Huge counts do not ask for memory.
+    file.primitive = R"({"attributes": {"POSITION": 0}, "material": 0})";
+    file.accessors[0] = R"({"bufferView": 0, "componentType": 5126, "count": 3000000000, "type": "VEC3"})";
+    EXPECT_EQ(file.error(Positions::Leave), " POSITION: accessor 0 reaches outside of its buffer view");
+}
+
+TEST(GltfPrimitive, TheMaterialSaysWhichTextureCoordinates)
+{
+    Sample file = sample();
+    file.add<float>({5, 6, 7, 8, 9, 10}, R"("componentType": 5126, "count": 3, "type": "VEC2")");
+    file.primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1, "TEXCOORD_1": 2}, "material": 0})";
+    EXPECT_EQ(file.read().uvs[0], (TexCoord{0, 0}));
+    file.baseColorTexture = R"({"index": 0, "texCoord": 1})";
+    EXPECT_EQ(file.read().uvs[0], (TexCoord{5, 6}));
+    file.baseColorTexture = R"({"index": 0, "texCoord": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1,
+                                "offset": [1, 2], "rotation": 1.5707963267948966, "scale": [2, 4]}}})";
+    // Scaled, then turned to (v, -u), then moved.
+    const Primitive turned = file.read();
+    EXPECT_NEAR(turned.uvs[0].u, 1 + 24, 1e-5);
+    EXPECT_NEAR(turned.uvs[0].v, 2 - 10, 1e-5);
+    file.baseColorTexture = R"({"index": 0, "texCoord": 2})";
+    EXPECT_TRUE(file.read().uvs.empty());
+    file.baseColorTexture = R"({"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1e300}}})";
+    EXPECT_EQ(file.read().uvs[0], (TexCoord{0, 0}));
+}
+
+TEST(GltfPrimitive, Colors)
+{
+    const std::string three = R"("count": 3, "type": "VEC4")";
+    const auto with = [&](auto values, const std::string &accessor) {
+        Sample file = sample();
+        file.add(values, accessor);
+        file.primitive = R"({"attributes": {"POSITION": 0, "COLOR_0": 2}})";
+        return file;
+    };
+    const std::vector<std::uint8_t> bytes = {1, 2, 3, 255, 4, 5, 6, 51, 7, 8, 9, 0};
+    EXPECT_EQ(with(bytes, R"("componentType": 5121, "normalized": true, )" + three).read().alphas,
+              (std::vector<float>{1, 0.2f, 0}));
+    EXPECT_EQ(with(bytes, R"("componentType": 5121, )" + three).error(),
+              " COLOR_0: integers that are not normalized are no colours");
+    EXPECT_EQ(with(std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}, R"("componentType": 5126, )" + three)
+                  .read()
+                  .alphas,
+              std::vector<float>{});
+    EXPECT_EQ(with(std::vector<float>(9), R"("componentType": 5126, "count": 3, "type": "VEC3")").read().alphas,
+              std::vector<float>{});
+    EXPECT_EQ(with(std::vector<float>(8), R"("componentType": 5126, "count": 2, "type": "VEC4")").error(),
+              " has 2 colours for 3 vertices");
+}
+
+TEST(GltfPrimitive, MorphingOfWhatIsReadIsKnown)
+{
+    Sample file = sample();
+    const auto morphed = [&](const std::string &targets) {
+        file.primitive =
+            R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0, "targets": )" + targets + "}";
+        return file.read().morphed;
+    };
+    EXPECT_FALSE(morphed(R"([{"POSITION": 0, "NORMAL": 0, "TEXCOORD_1": 1}])"));
+    EXPECT_TRUE(morphed(R"([{"POSITION": 0}, {"TEXCOORD_0": 1}])"));
+}

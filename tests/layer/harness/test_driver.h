@@ -1,0 +1,33 @@
+// Functions of the test driver (layers/) for tests.
+#pragma once
+
+#include <cstdlib>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+#include <dlfcn.h>
+
+namespace vt
+{
+
+// By its name. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an
+// instance was made.
+template <class Function>
+Function testDriverFunction(const char *name)
+{
+    const std::string folders = std::getenv("VK_ADD_LAYER_PATH");
+    for (std::size_t begin = 0; begin != std::string::npos;) {
+        const std::size_t end = folders.find(':', begin);
+        const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_driver.so";
+        const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
+        if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD)) {
+            if (void *symbol = dlsym(library, name))
+                return reinterpret_cast<Function>(symbol);
+        }
+        begin = end == std::string::npos ? end : end + 1;
+    }
+    throw std::runtime_error("the test driver is not there");
+}
+
+} // namespace vt

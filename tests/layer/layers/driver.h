@@ -1,0 +1,111 @@
+// The test driver: a layer between Vellum and lavapipe that makes another driver of it. What such a driver may do
+// differently is a list of traits (traits.cpp), chosen when an instance is made by the environment variable
+// VELLUM_TEST_DRIVER: names, separated by commas. The code of a trait is a level: commands that it has its own versions
+// of, which call the next level's, and in the end lavapipe's.
+//
+// A trait that only claims something proves nothing: each checks what it is given by the rules that go with its claim,
+// and tells the debug messengers of what breaks them, or makes a driver on which it goes wrong.
+#pragma once
+
+#include <vulkan/vk_layer.h>
+
+#include "vellum/vulkan_opacity_micromap.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <mutex>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace driver
+{
+
+// From the application's side to lavapipe's.
+enum class Level { Spy, Failures, Deferral, Limits, Queues, Structures, Memory, Addresses, Replay, IndirectBuilds };
+
+struct Row {
+    // Without the KHR of the extension it came from.
+    const char *name;
+    PFN_vkVoidFunction function;
+    enum class Where { LavapipeHasIt, Always } where = Where::LavapipeHasIt;
+    bool (*when)() = nullptr; // asked when a function is looked up; null: always
+};
+#define DRIVER_FUNCTION(name) reinterpret_cast<PFN_vkVoidFunction>(name)
+
+struct LevelRows {
+    std::span<const Row> device;
+    std::span<const Row> instance; // of instances and physical devices; vkCreateDevice is one of these
+};
+// One of each level, in the file of its name.
+LevelRows spyRows();
+LevelRows failureRows();
+LevelRows limitRows();
+LevelRows queueRows();
+LevelRows structureRows();
+LevelRows memoryRows();
+LevelRows addressRows();
+LevelRows replayRows();
+LevelRows indirectBuildRows();
+
+struct Trait {
+    const char *name;
+    Level level;
+    const char *claim; // with what the specification says that allows it
+};
+std::span<const Trait> allTraits();
+
+// The dispatch key.
+template <class Handle>
+void *keyOf(Handle handle)
+{
+    return *reinterpret_cast<void **>(handle);
+}
+
+// Whether the device or instance has the trait.
+bool has(void *key, std::string_view trait);
+VkInstance instanceOf(void *key);
+
+// The next level's command; null where neither it nor lavapipe has one.
+PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name);
+template <class Function>
+Function next(Level level, void *key, const char *name)
+{
+    return reinterpret_cast<Function>(nextFunction(level, key, name));
+}
+// In a file with a constant kLevel, where the dispatchable object is `handle`.
+#define DRIVER_NEXT(function) driver::next<PFN_##function>(kLevel, driver::keyOf(handle), #function)
+
+// To all debug messengers.
+void tell(const std::string &text, const char *id = "DRIVER");
+
+template <class T = void>
+const T *inChain(const void *chain, VkStructureType type)
+{
+    const auto *structure = static_cast<const VkBaseInStructure *>(chain);
+    while (structure != nullptr && structure->sType != type)
+        structure = structure->pNext;
+    return static_cast<const T *>(static_cast<const void *>(structure));
+}
+// Of an output chain, or one that a test gave and this layer corrects.
+template <class T>
+T *inChainOut(const void *chain, VkStructureType type)
+{
+    return const_cast<T *>(inChain<T>(chain, type));
+}
+
+// What vkEnumerate* answers.
+template <class T>
+VkResult list(std::span<const T> all, std::uint32_t *count, T *out)
+{
+    const auto size = static_cast<std::uint32_t>(all.size());
+    if (out == nullptr) {
+        *count = size;
+        return VK_SUCCESS;
+    }
+    *count = std::min(*count, size);
+    std::copy_n(all.begin(), *count, out);
+    return *count < size ? VK_INCOMPLETE : VK_SUCCESS;
+}
+
+} // namespace driver

@@ -1,0 +1,189 @@
+// The traits of a driver that says no.
+//   - "failures": what a test asks for fails: the n-th command, counted from now, of those that may run out of memory,
+//   or
+//     all submissions from now on, as of a device that is lost (Lost Device). Tests find the functions in this library.
+//   - "uncompiled": a pipeline with VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT is not made.
+// After a failure there is nothing left of what should have been made.
+#include "layers/driver.h"
+
+#include <atomic>
+#include <cstddef>
+
+namespace
+{
+
+using namespace driver;
+constexpr Level kLevel = Level::Failures;
+
+std::atomic<std::uint64_t> calls = 0, failsAt = 0;
+std::atomic<bool> counting = false, lost = false;
+std::atomic<const char *> failed = "nothing";
+
+// Whether this one is to fail.
+bool fails(const char *command)
+{
+    if (!counting || ++calls != failsAt)
+        return false;
+    failed = command;
+    return true;
+}
+
+template <std::size_t n>
+struct Name {
+    constexpr Name(const char (&text)[n]) { std::copy_n(text, n, characters); } // NOLINT
+    char characters[n];
+};
+
+// A command of a device that may run out of memory.
+template <class Function>
+struct Fallible;
+template <class Object, class... Parameters>
+struct Fallible<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
+    template <Name name, VkResult error>
+    static VKAPI_ATTR VkResult VKAPI_CALL call(Object handle, Parameters... parameters)
+    {
+        return fails(name.characters) ? error
+                                      : next<VkResult(VKAPI_PTR *)(Object, Parameters...)>(
+                                            kLevel, keyOf(handle), name.characters)(handle, parameters...);
+    }
+};
+#define FALLIBLE(command)                                                                                              \
+    {                                                                                                                  \
+#command, DRIVER_FUNCTION((Fallible <PFN_##command>::call <Name(#command), VK_ERROR_OUT_OF_DEVICE_MEMORY>))    \
+    }
+
+// A command after which the device may be lost.
+template <class Function>
+struct Losing;
+template <class Object, class... Parameters>
+struct Losing<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
+    template <Name name>
+    static VKAPI_ATTR VkResult VKAPI_CALL call(Object handle, Parameters... parameters)
+    {
+        const auto command = next<VkResult(VKAPI_PTR *)(Object, Parameters...)>(kLevel, keyOf(handle), name.characters);
+        return lost                     ? VK_ERROR_DEVICE_LOST
+               : fails(name.characters) ? VK_ERROR_OUT_OF_DEVICE_MEMORY
+                                        : command(handle, parameters...);
+    }
+};
+#define LOSING(command)                                                                                                \
+    {                                                                                                                  \
+#command, DRIVER_FUNCTION((Losing <PFN_##command>::call <Name(#command)>))                                     \
+    }
+
+// --- pipelines ---
+
+constexpr VkPipelineCreateFlags kNoCompiling = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
+constexpr VkPipelineCreateFlags kEarlyReturn = VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT;
+
+VkFlags64 flagsOf(const void *chain, VkPipelineCreateFlags flags)
+{
+    struct Flags2 { // VkPipelineCreateFlags2CreateInfo
+        VkStructureType sType;
+        const void *pNext;
+        VkFlags64 flags;
+    };
+    const auto *flags2 = inChain<Flags2>(chain, static_cast<VkStructureType>(1000470005));
+    return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
+}
+
+// One after the other ("Multiple Pipeline Creation"); those that are not made are null.
+template <class Info, class Create>
+VkResult createEach(const char *command, void *key, std::uint32_t count, const Info *infos, VkPipeline *pipelines,
+                    Create create)
+{
+    VkResult worst = VK_SUCCESS;
+    std::fill_n(pipelines, count, VK_NULL_HANDLE);
+    for (std::uint32_t i = 0; i < count; ++i) {
+        const VkFlags64 flags = flagsOf(infos[i].pNext, infos[i].flags);
+        VkResult result = VK_SUCCESS;
+        if (fails(command))
+            result = VK_ERROR_OUT_OF_DEVICE_MEMORY;
+        else if (has(key, "uncompiled") && (flags & kNoCompiling) != 0)
+            result = VK_PIPELINE_COMPILE_REQUIRED;
+        else
+            result = create(infos[i], &pipelines[i]);
+        if (result < 0 || worst == VK_SUCCESS)
+            worst = result;
+        if (result != VK_SUCCESS && (flags & kEarlyReturn) != 0)
+            break;
+    }
+    return worst;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                      const VkComputePipelineCreateInfo *infos,
+                                                      const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    constexpr const char *kCommand = "vkCreateComputePipelines";
+    return createEach(kCommand, keyOf(handle), count, infos, pipelines, [&](const auto &info, VkPipeline *pipeline) {
+        return DRIVER_NEXT(vkCreateComputePipelines)(handle, cache, 1, &info, allocator, pipeline);
+    });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
+                                                         VkPipelineCache cache, std::uint32_t count,
+                                                         const VkRayTracingPipelineCreateInfoKHR *infos,
+                                                         const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    if (operation != VK_NULL_HANDLE && count > 1)
+        return DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, count, infos, allocator,
+                                                           pipelines);
+    constexpr const char *kCommand = "vkCreateRayTracingPipelinesKHR";
+    return createEach(kCommand, keyOf(handle), count, infos, pipelines, [&](const auto &info, VkPipeline *pipeline) {
+        return DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, 1, &info, allocator, pipeline);
+    });
+}
+
+} // namespace
+
+driver::LevelRows driver::failureRows()
+{
+    static const Row device[]{
+        FALLIBLE(vkCreateBuffer),
+        FALLIBLE(vkAllocateMemory),
+        FALLIBLE(vkBindBufferMemory),
+        FALLIBLE(vkMapMemory),
+        FALLIBLE(vkCreateShaderModule),
+        FALLIBLE(vkCreatePipelineLayout),
+        FALLIBLE(vkCreateAccelerationStructureKHR),
+        FALLIBLE(vkGetRayTracingShaderGroupHandlesKHR),
+        FALLIBLE(vkCreateQueryPool),
+        FALLIBLE(vkCreateCommandPool),
+        FALLIBLE(vkAllocateCommandBuffers),
+        FALLIBLE(vkBeginCommandBuffer),
+        FALLIBLE(vkEndCommandBuffer),
+        FALLIBLE(vkCreateFence),
+        LOSING(vkQueueSubmit),
+        LOSING(vkQueueSubmit2),
+        LOSING(vkQueueWaitIdle),
+        LOSING(vkDeviceWaitIdle),
+        LOSING(vkWaitForFences),
+        LOSING(vkGetFenceStatus),
+        LOSING(vkGetQueryPoolResults),
+        {"vkCreateComputePipelines", DRIVER_FUNCTION(createComputePipelines)},
+        {"vkCreateRayTracingPipelinesKHR", DRIVER_FUNCTION(createRayTracingPipelines)},
+    };
+    return {device, {}};
+}
+
+// For tests. The n-th command from now on fails; 0: none. Returns how many there were since the last time.
+extern "C" __attribute__((visibility("default"))) std::uint64_t vellumDriverFailAt(std::uint64_t n);
+extern "C" std::uint64_t vellumDriverFailAt(std::uint64_t n)
+{
+    counting = n != 0;
+    failsAt = n;
+    return calls.exchange(0);
+}
+// The command that failed last.
+extern "C" __attribute__((visibility("default"))) const char *vellumDriverFailed();
+extern "C" const char *vellumDriverFailed()
+{
+    return failed;
+}
+// Whether the device is lost.
+extern "C" __attribute__((visibility("default"))) void vellumDriverLose(int value);
+extern "C" void vellumDriverLose(int value)
+{
+    lost = value != 0;
+}

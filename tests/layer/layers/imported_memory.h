@@ -1,0 +1,50 @@
+// What levels share that put lavapipe's memory where they want it: lavapipe imports host memory, and its device
+// addresses are the host's.
+#pragma once
+
+#include "layers/driver.h"
+
+#include <cstring>
+#include <vector>
+
+namespace driver
+{
+
+constexpr const char *kImportExtension = VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME;
+constexpr VkDeviceSize kImportAlignment = 65536; // more than minImportedHostPointerAlignment
+
+constexpr VkDeviceSize importedBytes(VkDeviceSize bytes)
+{
+    return (bytes + kImportAlignment - 1) & ~(kImportAlignment - 1);
+}
+
+// Allocates memory with a device address on `data`, of importedBytes(info.allocationSize), by a device that was made
+// with kImportExtension.
+inline VkResult importMemory(Level level, VkDevice device, const VkMemoryAllocateInfo &info, void *data,
+                             const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+{
+    const VkImportMemoryHostPointerInfoEXT import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT, nullptr,
+                                                  VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT, data};
+    const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, &import,
+                                          VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+    const VkMemoryAllocateInfo below{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, importedBytes(info.allocationSize),
+                                     info.memoryTypeIndex};
+    return next<PFN_vkAllocateMemory>(level, keyOf(device), "vkAllocateMemory")(device, &below, allocator, memory);
+}
+
+// The next level's vkCreateDevice, with the extension.
+inline VkResult createDeviceWithImport(Level level, VkPhysicalDevice physical, const VkDeviceCreateInfo &info,
+                                       const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    VkDeviceCreateInfo below = info;
+    std::vector<const char *> names(info.ppEnabledExtensionNames,
+                                    info.ppEnabledExtensionNames + info.enabledExtensionCount);
+    const auto isImport = [](const char *name) { return std::strcmp(name, kImportExtension) == 0; };
+    if (std::none_of(names.begin(), names.end(), isImport))
+        names.push_back(kImportExtension);
+    below.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
+    below.ppEnabledExtensionNames = names.data();
+    return next<PFN_vkCreateDevice>(level, keyOf(physical), "vkCreateDevice")(physical, &below, allocator, device);
+}
+
+} // namespace driver

@@ -1,0 +1,110 @@
+// The trait "spy": devices, and all of its commands together. With the trait "displacement" the driver says that it has
+// micromaps, and displacement micromaps.
+// It also checks that stack sizes which the application sets have room for all shaders of the driver's pipeline. Where
+// VELLUM_TEST_SPY_MARKER is in the environment, it is a driver with VK_AMD_buffer_marker; where
+// VELLUM_TEST_SPY_BARRIERS is, it tells of every memory and buffer barrier.
+#include "layers/spy.h"
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+namespace spy
+{
+
+std::mutex mutex;
+
+namespace
+{
+
+// --- VK_NV_displacement_micromap ---
+
+constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
+
+struct OneMember { // VkPhysicalDeviceDisplacementMicromapFeaturesNV and ...PropertiesNV
+    VkStructureType sType;
+    void *pNext;
+    std::uint32_t value;
+};
+
+void answer(void *key, void *chain, VkStructureType type, std::uint32_t value)
+{
+    auto *structure = driver::inChainOut<OneMember>(chain, type);
+    if (structure != nullptr && driver::has(key, "displacement"))
+        structure->value = value;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+                                                   VkExtensionProperties *properties)
+{
+    const auto next = SPY_NEXT(vkEnumerateDeviceExtensionProperties);
+    if (layer != nullptr || !driver::has(keyOf(handle), "displacement"))
+        return next(handle, layer, count, properties);
+    std::uint32_t below = 0;
+    next(handle, nullptr, &below, nullptr);
+    std::vector<VkExtensionProperties> all(below);
+    next(handle, nullptr, &below, all.data());
+    for (const char *name : {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, kDisplacement}) {
+        std::strcpy(all.emplace_back().extensionName, name);
+        all.back().specVersion = 1;
+    }
+    return driver::list<VkExtensionProperties>(all, count, properties);
+}
+
+VKAPI_ATTR void VKAPI_CALL getFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
+{
+    SPY_NEXT(vkGetPhysicalDeviceFeatures2)(handle, features);
+    answer(keyOf(handle), features->pNext, static_cast<VkStructureType>(1000397000), VK_TRUE);
+}
+
+VKAPI_ATTR void VKAPI_CALL getProperties(VkPhysicalDevice handle, VkPhysicalDeviceProperties2 *properties)
+{
+    SPY_NEXT(vkGetPhysicalDeviceProperties2)(handle, properties);
+    answer(keyOf(handle), properties->pNext, static_cast<VkStructureType>(1000397001), 5);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount)) {
+        for (const char *ours :
+             {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
+              VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, kDisplacement}) {
+            if (std::strcmp(name, ours) == 0)
+                tell(std::string("vkCreateDevice: ") + ours);
+        }
+    }
+    if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
+        tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+    if (inChain(info->pNext, static_cast<VkStructureType>(1000623000)) != nullptr)
+        tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesKHR");
+    if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR) != nullptr)
+        tell("vkCreateDevice: VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR");
+    // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
+    if (inChain(info->pNext, static_cast<VkStructureType>(1000596000)) != nullptr)
+        tell("vkCreateDevice: features of pipelines with micromaps");
+    return SPY_NEXT(vkCreateDevice)(handle, info, allocator, device);
+}
+
+} // namespace
+} // namespace spy
+
+driver::LevelRows driver::spyRows()
+{
+    using namespace spy;
+    static const std::vector<Row> device = [] {
+        std::vector<Row> all;
+        for (const std::span<const Row> rows :
+             {synchronization(), structures(), memory(), pipelines(), pipelineCaches()})
+            all.insert(all.end(), rows.begin(), rows.end());
+        return all;
+    }();
+    static const Row instance[]{
+        {"vkCreateDevice", SPY_FUNCTION(createDevice)},
+        {"vkEnumerateDeviceExtensionProperties", SPY_FUNCTION(enumerateExtensions)},
+        {"vkGetPhysicalDeviceFeatures2", SPY_FUNCTION(getFeatures)},
+        {"vkGetPhysicalDeviceProperties2", SPY_FUNCTION(getProperties)},
+        {"vkGetPhysicalDeviceMemoryProperties", SPY_FUNCTION(getMemoryProperties)},
+    };
+    return {device, instance};
+}

@@ -1,0 +1,117 @@
+#!/usr/bin/env python3
+"""Checks that docs/layer.md says of every Vulkan extension that may matter to the layer what the layer does about it, and
+prints what is missing.
+
+Extensions matter that, by the registry (vk.xml), have to do with ray tracing, shaders, pipelines or their caches:
+- their name says so;
+- they depend on an extension for ray tracing;
+- a structure of theirs extends or has one of MATTERS, or a command of theirs takes one;
+- they bring SPIR-V extensions or capabilities, or flags for pipelines, shaders or acceleration structures.
+
+The page has each in backticks in the first column of a table below "## Vulkan extensions", once; the second column says what
+the layer does. Extensions that the registry at hand is too old to have may be there.
+
+usage: check_extensions.py [REGISTRY [ROOT]]
+"""
+import pathlib
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+
+REGISTRY = "/usr/share/vulkan/registry/vk.xml"
+PLACE = "docs/layer.md"
+MATTERS = {
+    "VkAccelerationStructureKHR", "VkMicromapEXT", "VkShaderModule", "VkShaderEXT", "VkPipelineCache",
+    "VkPipelineBinaryKHR", "VkRayTracingPipelineCreateInfoKHR", "VkPipelineShaderStageCreateInfo",
+    "VkShaderModuleCreateInfo", "VkPipelineCacheCreateInfo", "VkShaderCreateInfoEXT", "VkComputePipelineCreateInfo",
+    "VkGraphicsPipelineCreateInfo",
+}
+RAY_TRACING = re.compile(r"ray_tracing|ray_query|acceleration_structure|opacity_micromap")
+NAME = re.compile(RAY_TRACING.pattern + r"|shader|pipeline|micromap")
+FLAG = re.compile(r"VK_(PIPELINE_CREATE|SHADER_CREATE|SHADER_MODULE|BUILD_ACCELERATION|ACCELERATION_STRUCTURE_CREATE|"
+                  r"GEOMETRY)_")
+
+
+def text(element, path):
+    found = element.find(path)
+    return found.text if found is not None else None
+
+
+class Registry:
+    def __init__(self, path):
+        root = ElementTree.parse(path).getroot()
+        self.types = {t.get("name") or text(t, "name"): t for t in root.findall("types/type")}
+        self.commands = {c.get("name") or text(c, "proto/name"): c for c in root.findall("commands/command")}
+        self.extensions = {e.get("name"): e for e in root.findall("extensions/extension")
+                           if "vulkan" in (e.get("supported") or "").split(",")}
+        self.spirv = {enable.get("extension") for enable in root.findall("spirvextensions/spirvextension/enable") +
+                      root.findall("spirvcapabilities/spirvcapability/enable")}
+
+    def original(self, table, name):
+        while name in table and table[name].get("alias"):
+            name = table[name].get("alias")
+        return table.get(name)
+
+    def mentioned(self, required):
+        """Types that a type or a command of an extension extends, has or takes."""
+        name = required.get("name")
+        if required.tag == "command":
+            command = self.original(self.commands, name)
+            return {text(p, "type") for p in command.findall("param")} if command is not None else set()
+        structure = self.original(self.types, name)
+        if structure is None:
+            return set()
+        return set((structure.get("structextends") or "").split(",")) | {
+            text(member, "type") for member in structure.findall("member")}
+
+    def matters(self, extension):
+        name = extension.get("name")
+        if NAME.search(name) or RAY_TRACING.search(extension.get("depends") or extension.get("requires") or ""):
+            return True
+        if name in self.spirv:
+            return True
+        for required in extension.findall("require/*"):
+            if required.tag in ("type", "command") and self.mentioned(required) & MATTERS:
+                return True
+            if required.tag == "enum" and FLAG.match(required.get("name") or ""):
+                return True
+        return False
+
+
+def described(page):
+    """Extension: what the layer does, and how often it is there."""
+    rows, inside = {}, False
+    for line in page.splitlines():
+        if line.startswith("## "):
+            inside = line == "## Vulkan extensions"
+        elif inside and line.startswith("|"):
+            columns = [column.strip() for column in line.strip("|").split("|")]
+            for name in re.findall(r"`(VK_\w+)`", columns[0]):
+                rows.setdefault(name, []).append(columns[1] if len(columns) > 1 else "")
+    return rows
+
+
+def check(registry_path, root):
+    registry = Registry(registry_path)
+    rows = described((root / PLACE).read_text(encoding="utf-8"))
+    wanted = sorted(name for name, extension in registry.extensions.items() if registry.matters(extension))
+    complaints = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
+    complaints += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
+    complaints += [f"{PLACE}: nothing is said of {name}" for name, texts in rows.items() if not all(texts)]
+    return complaints, len(wanted)
+
+
+def main():
+    registry = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else REGISTRY)
+    root = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else pathlib.Path(__file__).parents[2])
+    if not registry.exists():
+        print(f"skipped: there is no {registry}")
+        return 77
+    complaints, count = check(registry, root)
+    print(*complaints, sep="\n")
+    print(f"{len(complaints)} complaints about {count} extensions")
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,86 @@
+#!/usr/bin/env python3
+"""Tests check_extensions.py on registries and pages that are made up."""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CHECK = pathlib.Path(__file__).resolve().with_name("check_extensions.py")
+
+REGISTRY = """<registry>
+<types>
+  <type category="struct" name="VkOneEXT" structextends="VkShaderModuleCreateInfo"><member><type>int</type></member></type>
+  <type category="struct" name="VkOneKHR" alias="VkOneEXT"/>
+  <type category="struct" name="VkOtherEXT"><member><type>int</type></member></type>
+</types>
+<commands>
+  <command><proto><type>void</type> <name>vkTwoEXT</name></proto><param><type>VkPipelineCache</type></param></command>
+</commands>
+<extensions>
+  <extension name="VK_EXT_structure" supported="vulkan"><require><type name="VkOneKHR"/></require></extension>
+  <extension name="VK_EXT_command" supported="vulkan,vulkansc"><require><command name="vkTwoEXT"/></require></extension>
+  <extension name="VK_EXT_flag" supported="vulkan"><require><enum name="VK_SHADER_CREATE_BIT"/></require></extension>
+  <extension name="VK_EXT_depends" supported="vulkan" depends="VK_KHR_ray_query"/>
+  <extension name="VK_EXT_language" supported="vulkan"/>
+  <extension name="VK_EXT_of_a_shader" supported="vulkan"/>
+  <extension name="VK_EXT_other" supported="vulkan"><require><type name="VkOtherEXT"/></require></extension>
+  <extension name="VK_EXT_never_a_shader" supported="disabled"/>
+</extensions>
+<spirvextensions>
+  <spirvextension name="SPV_EXT_language"><enable extension="VK_EXT_language"/></spirvextension>
+</spirvextensions>
+</registry>
+"""
+ROWS = {"VK_EXT_structure": "kept", "VK_EXT_command": "kept", "VK_EXT_flag": "kept", "VK_EXT_depends": "kept",
+        "VK_EXT_language": "kept", "VK_EXT_of_a_shader": "kept"}
+
+
+def run(rows, title="## Vulkan extensions"):
+    page = [f"# Page\n\n{title}\n", "| extension | what |", "|---|---|"]
+    page += [f"| `{name}` | {text} |" for name, text in rows]
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+        (root / "docs").mkdir()
+        (root / "docs" / "layer.md").write_text("\n".join(page) + "\n", encoding="utf-8")
+        (root / "vk.xml").write_text(REGISTRY, encoding="utf-8")
+        result = subprocess.run([sys.executable, str(CHECK), str(root / "vk.xml"), folder], stdout=subprocess.PIPE,
+                                text=True, check=False)
+    return result.returncode, result.stdout
+
+
+class CheckExtensions(unittest.TestCase):
+    def test_complete(self):
+        code, out = run(ROWS.items())
+        self.assertEqual((code, out.strip()), (0, "0 complaints about 6 extensions"))
+
+    def test_more_than_the_registry_has(self):
+        self.assertEqual(run([*ROWS.items(), ("VK_EXT_newer", "kept"), ("VK_EXT_other", "kept")])[0], 0)
+
+    def test_each_reason_is_missed(self):
+        for name in ROWS:
+            code, out = run([row for row in ROWS.items() if row[0] != name])
+            self.assertEqual(code, 1)
+            self.assertIn(f"nothing about {name}\n", out)
+
+    def test_empty_row(self):
+        code, out = run([*list(ROWS.items())[1:], ("VK_EXT_structure", "")])
+        self.assertEqual(code, 1)
+        self.assertIn("nothing is said of VK_EXT_structure", out)
+
+    def test_twice(self):
+        code, out = run([*ROWS.items(), ("VK_EXT_flag", "kept")])
+        self.assertEqual(code, 1)
+        self.assertIn("VK_EXT_flag is there 2 times", out)
+
+    def test_elsewhere(self):
+        self.assertEqual(run(ROWS.items(), title="## Something else")[0], 1)
+
+    def test_without_registry(self):
+        result = subprocess.run([sys.executable, str(CHECK), "/nowhere/vk.xml"], stdout=subprocess.PIPE, text=True,
+                                check=False)
+        self.assertEqual(result.returncode, 77)
+
+
+if __name__ == "__main__":
+    unittest.main()
