@@ -4,7 +4,7 @@
 //   BLAS tail   one geometry record (4 words) per geometry, one micromap name (4 words) per geometry, then triangle
 //               records; in a structure that was deserialized, then the data units of its unnamed micromaps
 //   TLAS tail   the application's instances (16 words each), as the build read them
-//   slot page   2^kSlotsPerPageLog2 instance records (8 words)
+//   slot page   2^kSlotsPerPageLog2 instance records (4 words)
 //   root        header (16 words), then kDirectoryPages page addresses (2 words each)
 #ifndef VELLUM_CORE_RECORDS_H
 #define VELLUM_CORE_RECORDS_H
@@ -129,10 +129,9 @@ VELLUM_CONST uint kMicromapNameWords = 4u;
 //         stands between this one and the triangle's; 0 where it has none. Of several geometries: kManyGeometries, and
 //         a mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
 // word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none
-// word 4, 5: of a BLAS with one geometry: address of the micromap's data units
-// word 6, 7: unused
-VELLUM_CONST uint kInstanceRecordWords = 8u;
-VELLUM_CONST uint kInstanceRecordLog2 = 5u; // bytes
+// What an update of the BLAS may change, such as where the data is, is not repeated: the TLAS need not be built again.
+VELLUM_CONST uint kInstanceRecordWords = 4u;
+VELLUM_CONST uint kInstanceRecordLog2 = 4u; // bytes
 VELLUM_CONST uint kManyGeometries = 0x80000000u;
 VELLUM_CONST uint kManyGeometriesMask = 0x7fffffffu;
 VELLUM_CONST uint kCustomIndexMask = 0x00ffffffu;

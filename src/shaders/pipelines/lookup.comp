@@ -33,7 +33,6 @@ layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer In
 {
     Eight words;
     Quads geometries;
-    Quads units;
 };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer InstanceWords { uint w[2]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometry
@@ -70,9 +69,11 @@ uvec2 vellumPlus(const in uvec2 address, const in uint low, const in uint high)
 // State of the micro-triangle at barycentrics uv.
 //   geometries  address of the BLAS's geometry records
 //   triangle    index of the triangle's record, from the same address on
-//   units       address of the micromap's data units
-uint vellumState(const in uvec2 geometries, const in uint triangle, const in uvec2 units, const in vec2 uv)
+//   geometry    address of the geometry's record
+uint vellumState(const in uvec2 geometries, const in uint triangle, const in uvec2 geometry, const in vec2 uv)
 {
+    // Not where it is needed: so it does not wait for the triangle's record.
+    const uvec2 units = uvec2(Geometry(geometry).units);
     const uvec2 record = uvec2(Pairs(vellumPlus(geometries, triangle << 3u, triangle >> 29u)).at);
     const uint kind = record.x & kKindMask;
     const bool far = kind == kKindFar;
@@ -106,17 +107,16 @@ uvec2 vellumResolveIndexed(const in uint slot, const in uint geometry, const in 
     const uvec2 record = vellumRecord(slot);
     const uvec2 words = uvec2(Instance(record).words);
     const uvec2 geometries = uvec2(Instance(record).geometries);
-    uvec2 units = uvec2(Instance(record).units);
+    uvec2 ofGeometry = geometries;
     uint word = words.y;
     if ((word & kManyGeometries) != 0u) {
-        const uvec2 address = vellumPlus(geometries, geometry << 4u, geometry >> 28u);
-        word &= Geometry(address).triangles;
-        units = uvec2(Geometry(address).units);
+        ofGeometry = vellumPlus(geometries, geometry << 4u, geometry >> 28u);
+        word &= Geometry(ofGeometry).triangles;
     }
     const uint triangles = word >> kGeometryTrianglesShift;
     uint state = (word & kGeometryRecordOpaque) != 0u ? kStateOpaque : kStateNone;
     if (triangles != 0u) {
-        state = vellumState(geometries, triangles + primitive, units, uv);
+        state = vellumState(geometries, triangles + primitive, ofGeometry, uv);
         if ((rayFlags & kRayForce2State) != 0u)
             state &= 1u;
     }

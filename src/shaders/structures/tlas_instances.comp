@@ -89,12 +89,8 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
     uint only = kManyGeometries;
     if (!recorded)
         only = 0u;
-    else if (found.geometries == 1u) {
-        Words geometry = Words(found.records);
-        only = geometry.w[0];
-        record.w[4] = geometry.w[2];
-        record.w[5] = geometry.w[3];
-    }
+    else if (found.geometries == 1u)
+        only = Words(found.records).w[0];
     record.w[1] = (only & kManyGeometries) != 0u ? kManyGeometries | mask : only & mask;
 }
 
