@@ -29,7 +29,9 @@ int runCommandLine(int argc, char **argv)
     app.footer("vellum render --help has examples.");
     std::map<std::string, std::function<int()>> commands;
     commands["bake"] = declareBakeCommand(app);
+    commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
+    commands["verify"] = declareVerifyCommand(app);
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &asked) { // --help and --version

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <fmt/format.h>
 
+#include "cli/base/numbers.h"
+#include "cli/base/output_file.h"
 #include "cli/base/paired_timing.h"
 #include "cli/base/progress.h"
 #include "cli/renderer/state_table.h"
@@ -16,17 +18,6 @@ namespace vellum::cli
 {
 namespace
 {
-
-// 1234567 -> 1,234,567
-std::string grouped(std::uint64_t number)
-{
-    std::string text = std::to_string(number);
-    for (std::size_t i = text.size(); i > 3;) {
-        i -= 3;
-        text.insert(i, 1, ',');
-    }
-    return text;
-}
 
 std::filesystem::path withSuffix(const std::filesystem::path &path, const char *suffix)
 {

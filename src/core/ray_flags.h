@@ -1,7 +1,8 @@
 // Ray flags on their way through a driver that knows no micromaps. C++ and GLSL; see shared.h.
 //
 // Opaque and CullNoOpaque would make the driver decide a hit without us, and it does not know
-// ForceOpacityMicromap2State: all three are hidden, and travel in bits 11..13, which drivers carry along unused.
+// ForceOpacityMicromap2State: all three are hidden, and travel in bits 11..13 where the driver carries them along
+// unused. docs/architecture.md has the other ways.
 #ifndef VELLUM_CORE_RAY_FLAGS_H
 #define VELLUM_CORE_RAY_FLAGS_H
 

@@ -1,6 +1,7 @@
 #include "gltf/document.h"
 
 #include "gltf/file/container.h"
+#include "gltf/file/model.h"
 #include "gltf/file/tinygltf.h"
 
 namespace vellum
@@ -11,7 +12,7 @@ Document::Document(const std::filesystem::path &path)
 {
     named([&] {
         Container container = readContainer(path);
-        parseModel(container, path.parent_path(), *m_model);
+        readModel(container, path.parent_path(), *m_model);
         m_bytes = std::move(container.bytes);
         m_jsonOffset = container.jsonOffset;
         m_jsonSize = container.jsonSize;
@@ -41,11 +42,20 @@ std::string Document::nameOf(PrimitivePlace place) const
     return name + " primitive " + std::to_string(place.primitive);
 }
 
-// Once: functions that read call each other.
-std::string Document::withPath(const std::string &message) const
+// The path once: functions that read call each other. In one line of a length that a person reads, whatever the names
+// are that the file has.
+std::string Document::withPath(std::string message) const
 {
+    constexpr std::size_t kMostBytes = 400;
     const std::string prefix = m_path.string() + ": ";
-    return message.starts_with(prefix) ? message : prefix + message;
+    if (message.starts_with(prefix))
+        return message;
+    if (message.size() > kMostBytes)
+        message = message.substr(0, kMostBytes / 2) + " ... " + message.substr(message.size() - kMostBytes / 2);
+    for (char &c : message)
+        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+            c = '?';
+    return prefix + message;
 }
 
 } // namespace vellum

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <new>
 #include <span>
 #include <string>
 #include <string_view>
@@ -34,7 +35,8 @@ public:
     Document &operator=(Document &&) noexcept;
 
     [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
-    // Images are left encoded: those with a URI in Image::image, the others in their buffer view.
+    // Images are left where they are and encoded: in the file that Image::uri names, else in Image::image where they
+    // were in a data URI, else in their buffer view. Extras, animations, cameras and most extensions are left out.
     [[nodiscard]] const tinygltf::Model &model() const { return *m_model; }
     // What is in the model's buffer views.
     [[nodiscard]] const BufferViews &bufferViews() const { return *m_bufferViews; }
@@ -60,11 +62,13 @@ public:
             throw GltfUnsupported(withPath(error.what()));
         } catch (const GltfError &error) {
             throw GltfError(withPath(error.what()));
+        } catch (const std::bad_alloc &) {
+            throw GltfError(withPath("there is not enough memory to read it"));
         }
     }
 
 private:
-    [[nodiscard]] std::string withPath(const std::string &message) const;
+    [[nodiscard]] std::string withPath(std::string message) const;
 
     std::filesystem::path m_path;
     std::vector<std::uint8_t> m_bytes;

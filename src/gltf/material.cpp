@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "gltf/data/image.h"
+#include "gltf/file/outside_file.h"
 #include "gltf/file/tinygltf.h"
 #include "gltf/primitive.h"
 
@@ -50,14 +51,33 @@ Wrap wrapOf(int mode)
     }
 }
 
+// The image that a renderer takes which reads what is read here: that of EXT_texture_webp; the texture's own, also in
+// place of what is not read here; else one of the latter, so that the error is about it.
+int imageOf(const tinygltf::Texture &texture, int index)
+{
+    const auto sourceOf = [&](const char *extension) {
+        const auto found = texture.extensions.find(extension);
+        const bool there = found != texture.extensions.end() && found->second.Get("source").IsInt();
+        return there ? found->second.Get("source").Get<int>() : -1;
+    };
+    if (const int webp = sourceOf("EXT_texture_webp"); webp >= 0)
+        return webp;
+    if (texture.source >= 0)
+        return texture.source;
+    for (const char *extension : {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"})
+        if (const int source = sourceOf(extension); source >= 0)
+            return source;
+    throw GltfUnsupported("texture " + std::to_string(index) + " has no image that is known here");
+}
+
 void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info, Material &material)
 {
     if (static_cast<std::size_t>(info.index) >= model.textures.size())
         throw GltfError("texture " + std::to_string(info.index) + " does not exist");
     const tinygltf::Texture &texture = model.textures[static_cast<std::size_t>(info.index)];
-    material.image = texture.source;
-    if (texture.source < 0 || static_cast<std::size_t>(texture.source) >= model.images.size())
-        throw GltfError("image " + std::to_string(texture.source) + " does not exist");
+    material.image = imageOf(texture, info.index);
+    if (static_cast<std::size_t>(material.image) >= model.images.size())
+        throw GltfError("image " + std::to_string(material.image) + " does not exist");
     readTransform(info, material);
     if (texture.sampler < 0)
         return;
@@ -67,6 +87,19 @@ void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info
     material.wrapU = wrapOf(sampler.wrapS);
     material.wrapV = wrapOf(sampler.wrapT);
     material.filter = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? Filter::Nearest : Filter::Bilinear;
+}
+
+Image readImageFile(const Document &document, const std::string &uri, const std::string &what)
+{
+    std::vector<std::uint8_t> encoded;
+    try {
+        encoded = readWholeFile(fileOfUri(document.path().parent_path(), uri));
+    } catch (const GltfUnsupported &error) {
+        throw GltfUnsupported(what + ": " + error.what());
+    } catch (const GltfError &error) {
+        throw GltfError(what + ": " + error.what());
+    }
+    return decodeImage(encoded, what);
 }
 
 } // namespace
@@ -105,11 +138,11 @@ Image readImage(const Document &document, int index)
         if (index < 0 || static_cast<std::size_t>(index) >= model.images.size())
             throw GltfError(what + " does not exist");
         const tinygltf::Image &image = model.images[static_cast<std::size_t>(index)];
+        if (!image.uri.empty())
+            return readImageFile(document, image.uri, what + " (" + image.uri + ")");
         std::span<const std::uint8_t> encoded(image.image);
         if (image.bufferView >= 0)
             encoded = document.bufferViews().bytes(image.bufferView, what);
-        if (encoded.empty())
-            throw GltfError(what + (image.uri.empty() ? " is empty" : " (" + image.uri + ") cannot be read"));
         return decodeImage(encoded, what);
     });
 }

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "gltf/data/accessor.h"
+#include "gltf/data/draco_mesh.h"
 #include "gltf/file/tinygltf.h"
 
 namespace vellum
@@ -29,6 +31,22 @@ std::vector<std::uint32_t> unfold(int mode, std::vector<std::uint32_t> corners)
     return indices;
 }
 
+// How the accessor of an attribute that Draco has compressed says its values become floats.
+DracoMesh::As dracoTypeOf(const tinygltf::Model &model, int accessor, const std::string &what)
+{
+    static_cast<void>(accessorCount(model, accessor, what)); // that it exists
+    const tinygltf::Accessor &source = model.accessors[static_cast<std::size_t>(accessor)];
+    if (!source.normalized)
+        return DracoMesh::As::IntegersOrFloats;
+    switch (source.componentType) {
+    case TINYGLTF_COMPONENT_TYPE_BYTE: return DracoMesh::As::Signed8;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return DracoMesh::As::Unsigned8;
+    case TINYGLTF_COMPONENT_TYPE_SHORT: return DracoMesh::As::Signed16;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return DracoMesh::As::Unsigned16;
+    default: return DracoMesh::As::IntegersOrFloats;
+    }
+}
+
 class PrimitiveReader
 {
 public:
@@ -43,7 +61,12 @@ public:
 private:
     [[nodiscard]] int attribute(const std::string &name) const;
     [[nodiscard]] std::string named(const std::string &part) const { return m_what + " " + part; }
+    void readDraco();
     [[nodiscard]] std::size_t countVertices() const;
+    [[nodiscard]] std::int64_t dracoAttribute(const std::string &name) const;
+    [[nodiscard]] std::vector<float> floatsOf(const std::string &name, std::uint32_t components) const;
+    [[nodiscard]] std::vector<float> alphasOf(const std::string &name) const;
+    [[nodiscard]] std::vector<std::uint32_t> readCorners() const;
     void readPositions();
     void readIndices();
     void readUvs(const Material &material);
@@ -54,9 +77,73 @@ private:
     const BufferViews &m_views;
     std::string m_what;
     const tinygltf::Primitive &m_source;
+    const tinygltf::Value *m_dracoAttributes = nullptr; // where it is compressed
+    std::optional<DracoMesh> m_draco;
     std::size_t m_vertices = 0;
     Primitive m_primitive;
 };
+
+// KHR_draco_mesh_compression: the indices and those attributes that the extension lists are in a buffer view of its
+// own.
+void PrimitiveReader::readDraco()
+{
+    const auto found = m_source.extensions.find("KHR_draco_mesh_compression");
+    if (found == m_source.extensions.end())
+        return;
+    const tinygltf::Value &extension = found->second;
+    const tinygltf::Value &view = extension.Get("bufferView");
+    m_dracoAttributes = &extension.Get("attributes");
+    if (!view.IsInt() || !m_dracoAttributes->IsObject())
+        throw GltfError(m_what + ": KHR_draco_mesh_compression has no buffer view, or no attributes");
+    if (m_source.mode != TINYGLTF_MODE_TRIANGLES)
+        throw GltfUnsupported(m_what + " is a strip or fan compressed by Draco");
+    m_draco.emplace(m_views.bytes(view.Get<int>(), m_what), m_what);
+}
+
+// -1 where the attribute is not compressed.
+std::int64_t PrimitiveReader::dracoAttribute(const std::string &name) const
+{
+    if (!m_draco || !m_dracoAttributes->Has(name))
+        return -1;
+    const tinygltf::Value &id = m_dracoAttributes->Get(name);
+    if (!id.IsInt() || id.Get<int>() < 0)
+        throw GltfError(named(name) + ": KHR_draco_mesh_compression has no integer for it");
+    return id.Get<int>();
+}
+
+std::vector<float> PrimitiveReader::floatsOf(const std::string &name, std::uint32_t components) const
+{
+    const int accessor = attribute(name);
+    const std::int64_t id = dracoAttribute(name);
+    if (id < 0)
+        return readFloats(m_views, accessor, components, named(name));
+    return m_draco->floats(id, components, dracoTypeOf(m_document.model(), accessor, named(name)), named(name));
+}
+
+std::vector<float> PrimitiveReader::alphasOf(const std::string &name) const
+{
+    const std::int64_t id = dracoAttribute(name);
+    if (id < 0)
+        return readAlphas(m_views, attribute(name), named(name));
+    if (m_draco->components(id, named(name)) == 3)
+        return {};
+    const std::vector<float> colors = floatsOf(name, 4);
+    std::vector<float> alphas;
+    for (std::size_t i = 3; i < colors.size(); i += 4)
+        alphas.push_back(colors[i]);
+    return alphas;
+}
+
+std::vector<std::uint32_t> PrimitiveReader::readCorners() const
+{
+    if (m_draco)
+        return m_draco->indices();
+    if (m_source.indices != -1)
+        return vellum::readIndices(m_views, m_source.indices, named("indices"));
+    std::vector<std::uint32_t> corners(m_vertices);
+    std::iota(corners.begin(), corners.end(), 0u);
+    return corners;
+}
 
 int PrimitiveReader::attribute(const std::string &name) const
 {
@@ -75,6 +162,8 @@ std::size_t PrimitiveReader::countVertices() const
 {
     if (m_source.attributes.empty())
         throw GltfError(m_what + " has no attributes");
+    if (m_draco)
+        return m_draco->vertexCount();
     auto teller = m_source.attributes.find("POSITION");
     if (teller == m_source.attributes.end())
         teller = m_source.attributes.begin();
@@ -86,10 +175,9 @@ std::size_t PrimitiveReader::countVertices() const
 
 void PrimitiveReader::readPositions()
 {
-    const int position = attribute("POSITION");
-    if (position < 0)
+    if (attribute("POSITION") < 0)
         throw GltfUnsupported(m_what + " has no positions");
-    const std::vector<float> values = readFloats(m_views, position, 3, named("POSITION"));
+    const std::vector<float> values = floatsOf("POSITION", 3);
     m_primitive.positions.reserve(m_vertices);
     for (std::size_t i = 0; i + 2 < values.size(); i += 3)
         m_primitive.positions.push_back({values[i], values[i + 1], values[i + 2]});
@@ -97,17 +185,11 @@ void PrimitiveReader::readPositions()
 
 void PrimitiveReader::readIndices()
 {
-    std::vector<std::uint32_t> corners;
-    if (m_source.indices != -1) {
-        corners = vellum::readIndices(m_views, m_source.indices, named("indices"));
-        for (const std::uint32_t index : corners)
-            if (index >= m_vertices)
-                throw GltfError(m_what + ": index " + std::to_string(index) + " of " + std::to_string(m_vertices) +
-                                " vertices");
-    } else {
-        corners.resize(m_vertices);
-        std::iota(corners.begin(), corners.end(), 0u);
-    }
+    std::vector<std::uint32_t> corners = readCorners();
+    for (const std::uint32_t index : corners)
+        if (index >= m_vertices)
+            throw GltfError(m_what + ": index " + std::to_string(index) + " of " + std::to_string(m_vertices) +
+                            " vertices");
     m_primitive.indices = unfold(m_source.mode, std::move(corners));
     if (m_primitive.indices.size() % 3 != 0)
         throw GltfError(m_what + " has " + std::to_string(m_primitive.indices.size()) + " indices, no multiple of 3");
@@ -116,10 +198,9 @@ void PrimitiveReader::readIndices()
 void PrimitiveReader::readUvs(const Material &material)
 {
     const std::string name = "TEXCOORD_" + std::to_string(material.uvSet);
-    const int accessor = attribute(name);
-    if (material.image < 0 || accessor < 0)
+    if (material.image < 0 || attribute(name) < 0)
         return;
-    const std::vector<float> uvs = readFloats(m_views, accessor, 2, named(name));
+    const std::vector<float> uvs = floatsOf(name, 2);
     if (uvs.size() != 2 * m_vertices)
         throw GltfError(m_what + " has " + std::to_string(uvs.size() / 2) + " texture coordinates for " +
                         std::to_string(m_vertices) + " vertices");
@@ -140,11 +221,10 @@ void PrimitiveReader::readUvs(const Material &material)
 
 void PrimitiveReader::readColors()
 {
-    const int colors = attribute("COLOR_0");
-    if (colors < 0)
+    if (attribute("COLOR_0") < 0)
         return;
     std::vector<float> &alphas = m_primitive.alphas;
-    alphas = readAlphas(m_views, colors, named("COLOR_0"));
+    alphas = alphasOf("COLOR_0");
     if (!alphas.empty() && alphas.size() != m_vertices)
         throw GltfError(m_what + " has " + std::to_string(alphas.size()) + " colours for " +
                         std::to_string(m_vertices) + " vertices");
@@ -156,6 +236,7 @@ void PrimitiveReader::readColors()
 Primitive PrimitiveReader::read(Positions positions)
 {
     m_primitive.material = m_source.material;
+    readDraco();
     m_vertices = countVertices();
     if (positions == Positions::Read)
         readPositions();

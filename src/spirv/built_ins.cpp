@@ -1,14 +1,13 @@
 #include "spirv/built_ins.h"
 
+#include <algorithm>
+
 #include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {
 namespace
 {
-
-constexpr const char *kCustomIndex = "vellumCustomIndex";
-constexpr const char *kRayFlags = "vellumApplicationFlags";
 
 // The last of a chain of copies longer than this is not looked for: the module is malformed.
 constexpr int kMaxCopies = 64;
@@ -52,8 +51,9 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
     out.put(spv::OpBitcast, {type, result, out.value(spv::OpFunctionCall, uint, {function, asUint})});
 }
 
-BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, bool indexIsKnown)
-    : module_(module), types_(types), linker_(linker), indexIsKnown_(indexIsKnown)
+BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix,
+                   std::optional<PipelineStage> stage)
+    : module_(module), types_(types), linker_(linker), prefix_(prefix), stage_(stage)
 {
     for (const Instruction in : module.section(Section::Decorations)) {
         if (in.opcode != spv::OpDecorate || module.word(in, 2) != spv::DecorationBuiltIn)
@@ -65,7 +65,19 @@ BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, bool indexIsKno
     }
 }
 
-const char *BuiltIns::restoring(Id pointer) const
+bool BuiltIns::lacksHiddenFlags() const
+{
+    if (!stage_ || stage_->executionModel != spv::ExecutionModelIntersectionKHR ||
+        stage_->hidden.way != HiddenFlags::Way::InPayload)
+        return false;
+    return std::ranges::any_of(module_.section(Section::EntryPoints), [&](Instruction in) {
+        const Words words = module_.words(in);
+        return in.opcode == spv::OpEntryPoint && module_.word(in, 1) == stage_->executionModel &&
+               std::any_of(words.begin() + 3, words.end(), [&](Id id) { return incomingFlags_.contains(id); });
+    });
+}
+
+BuiltIns::Restored BuiltIns::pointedTo(Id pointer) const
 {
     // An access chain without indices is a copy too.
     const auto isCopy = [](Instruction in) {
@@ -78,36 +90,12 @@ const char *BuiltIns::restoring(Id pointer) const
         in = module_.definition(pointer);
     }
     if (customIndex_.contains(pointer))
-        return kCustomIndex;
-    return incomingFlags_.contains(pointer) ? kRayFlags : nullptr;
+        return Restored::CustomIndex;
+    return incomingFlags_.contains(pointer) ? Restored::RayFlags : Restored::Nothing;
 }
 
-bool BuiltIns::replace(Instruction in, Code &out)
+void BuiltIns::readKnownIndex(Instruction in, Code &out)
 {
-    const char *function = nullptr;
-    switch (in.opcode) {
-    case spv::OpLoad: function = restoring(module_.word(in, 3)); break;
-    case spv::OpCopyMemory:
-        function = restoring(module_.word(in, 2));
-        if (function)
-            copy(in, function, out);
-        return function != nullptr;
-    case kOpHitObjectGetInstanceCustomIndexNV:
-    case kOpHitObjectGetInstanceCustomIndexEXT: function = kCustomIndex; break;
-    case kOpHitObjectGetRayFlagsEXT: function = kRayFlags; break;
-    default: break;
-    }
-    if (function)
-        restore(in, function, out);
-    return function != nullptr;
-}
-
-void BuiltIns::restore(Instruction in, const char *function, Code &out)
-{
-    if (!indexIsKnown_ || function != kCustomIndex) {
-        restoreResult(module_, types_, linker_.function(function), in, out);
-        return;
-    }
     const Id uint = types_.uint32();
     if (knownIndex_ == 0) {
         const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, uint});
@@ -125,13 +113,56 @@ void BuiltIns::restore(Instruction in, const char *function, Code &out)
         out.put(spv::OpBitcast, {type, result, out.value(spv::OpLoad, uint, {knownIndex_})});
 }
 
+void BuiltIns::restore(Instruction in, Restored what, Code &out)
+{
+    if (what == Restored::CustomIndex && stage_ && stage_->decides == Decides::TriangleHits) {
+        readKnownIndex(in, out);
+        return;
+    }
+    const HiddenFlags hidden = stage_ ? stage_->hidden : HiddenFlags{};
+    if (what == Restored::CustomIndex || hidden.way == HiddenFlags::Way::Carried) {
+        const Id function =
+            linker_.function(what == Restored::CustomIndex ? "vellumCustomIndex" : "vellumApplicationFlags");
+        restoreResult(module_, types_, function, in, out);
+        return;
+    }
+    Id bits = 0;
+    if (hidden.way == HiddenFlags::Way::InPayload && receivesPayload(stage_->executionModel))
+        bits = out.value(spv::OpLoad, types_.uint32(), {prefix_.keptFlags()});
+    else
+        bits = types_.uintConstant(hidden.constant);
+    const Id driver = module_.newId();
+    out.out.push_back(module_.with(in, 2, driver));
+    out.put(spv::OpBitwiseOr, {module_.word(in, 1), module_.word(in, 2), driver, bits}); // of either signedness
+}
+
+bool BuiltIns::replace(Instruction in, Code &out)
+{
+    Restored what = Restored::Nothing;
+    switch (in.opcode) {
+    case spv::OpLoad: what = pointedTo(module_.word(in, 3)); break;
+    case spv::OpCopyMemory:
+        what = pointedTo(module_.word(in, 2));
+        if (what != Restored::Nothing)
+            copy(in, what, out);
+        return what != Restored::Nothing;
+    case kOpHitObjectGetInstanceCustomIndexNV:
+    case kOpHitObjectGetInstanceCustomIndexEXT: what = Restored::CustomIndex; break;
+    case kOpHitObjectGetRayFlagsEXT: what = Restored::RayFlags; break;
+    default: break;
+    }
+    if (what != Restored::Nothing)
+        restore(in, what, out);
+    return what != Restored::Nothing;
+}
+
 // A copy from memory to memory becomes a load, which is restored, and a store.
-void BuiltIns::copy(Instruction in, const char *function, Code &out)
+void BuiltIns::copy(Instruction in, Restored what, Code &out)
 {
     const Id pointerType = module_.resultType(module_.definition(module_.word(in, 2)));
     const Id type = module_.word(module_.definition(pointerType), 3);
     const Id value = module_.newId();
-    restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), function, out);
+    restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), what, out);
     std::vector<std::uint32_t> store{module_.word(in, 1), value};
     // The first operands are the target's.
     for (std::uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)

@@ -1,10 +1,13 @@
 // What the driver returns is not always what the application is to see: restores it.
 #pragma once
 
+#include <optional>
 #include <set>
 
 #include "spirv/module/code.h"
 #include "spirv/module/link.h"
+#include "spirv/payload_prefix.h"
+#include "spirv/rewrite.h"
 
 namespace vellum::spirv
 {
@@ -15,29 +18,36 @@ Id restoreValue(Types &types, Id function, Id type, Id value, Code &out);
 // An instruction whose result, a 32-bit integer, goes through `function`, which takes and returns a uint.
 void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out);
 
-// Reads of built-in variables: InstanceCustomIndex, which is a slot, and IncomingRayFlags, which carry hidden bits.
-// Also the same of hit objects.
+// Reads of built-in variables: InstanceCustomIndex, which is a slot, and IncomingRayFlags, which lack hidden bits or
+// carry them elsewhere. Also the same of hit objects.
 class BuiltIns
 {
 public:
-    // `indexIsKnown`: code of ours knows the application's custom index before the application reads it, and keeps it
-    // in knownIndex().
-    BuiltIns(Module &module, Types &types, Linker &linker, bool indexIsKnown);
+    BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, std::optional<PipelineStage> stage);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
-    // A Private variable; 0 where nothing reads it.
+    // An intersection shader reads ray flags, and their hidden bits are where it cannot see them. After its entry point
+    // was selected.
+    [[nodiscard]] bool lacksHiddenFlags() const;
+
+    // A Private variable with the application's custom index, which the code in front of an any-hit shader of triangles
+    // finds when it looks the hit up; 0 where nothing reads it.
     [[nodiscard]] Id knownIndex() const { return knownIndex_; }
 
 private:
-    void restore(Instruction in, const char *function, Code &out);
-    // The library function that restores what `pointer` points to; null where there is nothing to restore.
-    const char *restoring(Id pointer) const;
-    void copy(Instruction in, const char *function, Code &out);
+    enum class Restored { Nothing, CustomIndex, RayFlags };
+    // What `pointer` points to.
+    [[nodiscard]] Restored pointedTo(Id pointer) const;
+    // An instruction whose result is restored.
+    void restore(Instruction in, Restored what, Code &out);
+    void readKnownIndex(Instruction in, Code &out);
+    void copy(Instruction in, Restored what, Code &out);
 
     Module &module_;
     Types &types_;
     Linker &linker_;
-    bool indexIsKnown_;
+    PayloadPrefix &prefix_;
+    std::optional<PipelineStage> stage_;
     Id knownIndex_ = 0;
     std::set<Id> customIndex_;
     std::set<Id> incomingFlags_;

@@ -49,7 +49,12 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
 {
     if (!selectEntryPoint(stage))
         return false;
-    if (stage.decides == Decides::Nothing)
+    hidden_ = stage.hidden;
+    Decides decides = stage.decides;
+    // The any-hit shader of the box, which sees the payload, will decide instead.
+    if (decides == Decides::BoxCulling && hidden_.way == HiddenFlags::Way::InPayload)
+        decides = Decides::Nothing;
+    if (decides == Decides::Nothing && prefix_.keptFlagsIfAsked() == 0)
         return true;
     const Id wrapper = module_.newId();
     for (Instruction &in : module_.section(Section::ExecutionModes)) {
@@ -63,7 +68,9 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     const Id none = types_.none();
     code_.put(spv::OpFunction, {none, wrapper, spv::FunctionControlMaskNone, types_.function(none, {})});
     code_.put(spv::OpLabel, {module_.newId()});
-    switch (stage.decides) {
+    keepFlags();
+    switch (decides) {
+    case Decides::Nothing: code_.value(spv::OpFunctionCall, none, {application_}); break;
     case Decides::TriangleHits: decideTriangle(); break;
     case Decides::BoxHits: decideBox(); break;
     default: cullBox(); break;
@@ -142,8 +149,45 @@ void EntryWrapper::callIf(Id condition)
 
 Id EntryWrapper::applicationFlags()
 {
+    const Id uint = types_.uint32();
     const Id flags = readBuiltIn(spv::BuiltInIncomingRayFlagsKHR);
-    return code_.value(spv::OpFunctionCall, types_.uint32(), {linker_.function("vellumApplicationFlags"), flags});
+    switch (hidden_.way) {
+    case HiddenFlags::Way::Carried:
+        return code_.value(spv::OpFunctionCall, uint, {linker_.function("vellumApplicationFlags"), flags});
+    case HiddenFlags::Way::Constant:
+        return hidden_.constant == 0
+                   ? flags
+                   : code_.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(hidden_.constant)});
+    default: return code_.value(spv::OpBitwiseOr, uint, {flags, code_.value(spv::OpLoad, uint, {incomingPrefix()})});
+    }
+}
+
+// An interface has at most one payload that comes in ("Ray Tracing Pipeline Interface").
+Id EntryWrapper::incomingPrefix()
+{
+    if (incomingPrefix_ != 0)
+        return incomingPrefix_;
+    for (const Instruction in : module_.section(Section::Globals)) {
+        const Id variable = module_.result(in);
+        if (in.opcode == spv::OpVariable && module_.word(in, 3) == spv::StorageClassIncomingRayPayloadKHR &&
+            (module_.version() < kVersion14 ? isUsed(variable) : inInterface(variable)))
+            return incomingPrefix_ = prefix_.pointer(variable, code_);
+    }
+    const Id variable = makeInput(spv::StorageClassIncomingRayPayloadKHR, prefix_.emptyPayload());
+    const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassIncomingRayPayloadKHR, types_.uint32()});
+    incomingPrefix_ = code_.value(spv::OpAccessChain, pointer, {variable, types_.uintConstant(0)});
+    return incomingPrefix_;
+}
+
+// For code of the application that reads them later.
+void EntryWrapper::keepFlags()
+{
+    const Id kept = prefix_.keptFlagsIfAsked();
+    if (kept == 0)
+        return;
+    if (module_.version() >= kVersion14)
+        entry_.push_back(kept);
+    code_.put(spv::OpStore, {kept, code_.value(spv::OpLoad, types_.uint32(), {incomingPrefix()})});
 }
 
 Id EntryWrapper::isSet(Id flags, std::uint32_t flag)

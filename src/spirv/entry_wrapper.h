@@ -1,11 +1,13 @@
 // Puts code of ours before the entry point of an any-hit or intersection shader: a function that decides what is ours
-// to decide, and else calls the application's.
+// to decide, and else calls the application's. Where ray flags travel in payloads, before those of closest-hit and miss
+// shaders that read them, too.
 #pragma once
 
 #include <string>
 
 #include "spirv/module/code.h"
 #include "spirv/module/link.h"
+#include "spirv/payload_prefix.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::spirv
@@ -16,8 +18,8 @@ class EntryWrapper
 public:
     // `knownIndex`: where the application finds its custom index once a hit of triangles is looked up; 0: it does not
     // look.
-    EntryWrapper(Module &module, Types &types, Linker &linker, Id knownIndex)
-        : module_(module), types_(types), linker_(linker), knownIndex_(knownIndex)
+    EntryWrapper(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, Id knownIndex)
+        : module_(module), types_(types), linker_(linker), prefix_(prefix), knownIndex_(knownIndex)
     {
     }
 
@@ -37,6 +39,9 @@ private:
 
     Id readBuiltIn(std::uint32_t builtIn);
     Id applicationFlags();
+    // Where the prefix of the payload that the shader was called with is.
+    Id incomingPrefix();
+    void keepFlags();
     Id isSet(Id flags, std::uint32_t flag);
     // The barycentrics of the hit: the first two scalars of its attributes.
     Id readBarycentrics();
@@ -53,10 +58,13 @@ private:
     Module &module_;
     Types &types_;
     Linker &linker_;
+    PayloadPrefix &prefix_;
     Id knownIndex_;
+    HiddenFlags hidden_;
     std::vector<std::uint32_t> entry_; // operands of OpEntryPoint
     std::size_t interface_ = 0;        // where in them the interface begins
     Id application_ = 0;               // the application's function
+    Id incomingPrefix_ = 0;            // once it was needed
     Code code_{module_};
     std::string error_;
 };

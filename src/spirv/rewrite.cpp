@@ -4,6 +4,7 @@
 #include "spirv/consumption.h"
 #include "spirv/entry_wrapper.h"
 #include "spirv/module/opcodes.h"
+#include "spirv/payload_prefix.h"
 #include "spirv/ray_query.h"
 #include "spirv/trace_ray.h"
 
@@ -73,7 +74,10 @@ bool declares(std::span<const std::uint32_t> words, Predicate predicate)
 
 RewriteResult failed(std::string error)
 {
-    return {.status = RewriteResult::Status::Failed, .words = {}, .error = std::move(error), .queriesForget = false};
+    RewriteResult result;
+    result.status = RewriteResult::Status::Failed;
+    result.error = std::move(error);
+    return result;
 }
 
 } // namespace
@@ -143,16 +147,19 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
         return failed(consumption.error());
 
     const bool inPipeline = options.pipelineStage.has_value();
-    BuiltIns builtIns(*module, types, linker, inPipeline && options.pipelineStage->decides == Decides::TriangleHits);
+    const HiddenFlags hidden = inPipeline ? options.pipelineStage->hidden : HiddenFlags{};
+    PayloadPrefix prefix(*module, types);
+    if (hidden.way == HiddenFlags::Way::InPayload && !prefix.widen())
+        return failed(prefix.error());
+    BuiltIns builtIns(*module, types, linker, prefix, options.pipelineStage);
     // Of a pipeline without micromaps only the ray flag that the driver does not know is hidden. It needs the
     // capability.
-    TraceRays traces(*module, types, linker, inPipeline ? TraceRays::Hides::Everything : TraceRays::Hides::UnknownFlag,
-                     options.pipelinesCarryFlagBits);
+    TraceRays traces(*module, types, linker, prefix, options);
     changed = replaceInstructions(*module, builtIns, inPipeline || force2State ? &traces : nullptr) || changed;
     if (!traces.error().empty())
         return failed(traces.error());
     if (inPipeline) {
-        EntryWrapper wrapper(*module, types, linker, builtIns.knownIndex());
+        EntryWrapper wrapper(*module, types, linker, prefix, builtIns.knownIndex());
         if (!wrapper.wrap(*options.pipelineStage))
             return failed(wrapper.error());
         changed = true;
@@ -160,6 +167,7 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     if (!linker.finish())
         return failed(linker.error());
     RewriteResult result;
+    result.lacksHiddenFlags = builtIns.lacksHiddenFlags();
     result.queriesForget = options.queriesConsume == QueriesConsume::WhereDeclared && !consumption.anyDeclared() &&
                            module->hasCapability(spv::CapabilityRayQueryKHR);
     if (changed) {

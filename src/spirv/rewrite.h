@@ -3,7 +3,8 @@
 // What the rewritten module relies on (the layer's side of it):
 //   - hits on geometry with a micromap reach the shader as non-opaque triangle candidates;
 //   - the driver's instanceCustomIndex is a slot of the root table (core/records.h), for every instance;
-//   - ray flag bits 11..13 come back unchanged from OpRayQueryGetRayFlagsKHR and in IncomingRayFlagsKHR;
+//   - ray flag bits 11..13 come back unchanged from OpRayQueryGetRayFlagsKHR and in IncomingRayFlagsKHR, where it says
+//     that they are carried;
 //   - instances without geometry records keep their flags; of the others, the instance record holds the true ones.
 //
 // What changes for the driver: the module needs physical storage buffer addresses (bufferDeviceAddress); opacity
@@ -43,21 +44,35 @@ enum class QueriesConsume {
     WhereDeclared // those of entry points with the execution mode OpacityMicromapIdKHR and a true operand
 };
 
+// How the ray flags that are hidden from the driver reach the shaders that a ray calls, in a pipeline that uses
+// micromaps. The same for all stages of all pipelines that work together.
+struct HiddenFlags {
+    enum class Way {
+        Carried,  // in bits 11..13 of the driver's ray flags
+        Constant, // all rays have the same
+        InPayload // before the application's payload (payload_prefix.h), which intersection shaders cannot see
+    };
+    Way way = Way::Carried;
+    std::uint32_t constant = 0;
+    auto operator<=>(const HiddenFlags &) const = default;
+};
+
 // A stage of a ray tracing pipeline that uses micromaps.
 struct PipelineStage {
     std::string_view entryPoint;
     std::uint32_t executionModel = 0; // SPIR-V's
     Decides decides = Decides::Nothing;
+    HiddenFlags hidden;
 };
 
 struct RewriteOptions {
     std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
     std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
-    // Whether the driver gives ray flag bits 11..13 back. Without them, a module whose ray queries do not all pass
-    // constant flags with the same hidden bits is Failed. Asked only where the answer matters.
+    // Whether the driver gives ray flag bits 11..13 back. Without them, flags that are not constant lie in variables
+    // beside the ray queries (query_flags.h). Asked only where the answer matters.
     std::function<bool()> queriesCarryFlagBits = [] { return true; };
-    // The same of traceRay. Without them, a stage that hides any flag is Failed.
+    // The same of traceRay, in pipelines that do not use micromaps.
     std::function<bool()> pipelinesCarryFlagBits = [] { return true; };
     // The result is good for this stage only: other entry points are gone.
     std::optional<PipelineStage> pipelineStage;
@@ -74,7 +89,18 @@ struct RewriteResult {
     std::string error;                // only when Failed
     // It has ray queries, and only declarations could let them consume micromaps, but no entry point declares anything.
     bool queriesForget = false;
+    // It is an intersection shader that reads the ray's flags and does not see those that are hidden.
+    bool lacksHiddenFlags = false;
 };
+
+// What is known of the hidden flags of all rays that a module traces in pipelines.
+struct TracedFlags {
+    bool traces = false;
+    std::optional<std::uint32_t> hidden; // nothing if they differ or are computed
+};
+
+// Nothing is known of what is no SPIR-V.
+TracedFlags tracedFlags(std::span<const std::uint32_t> words);
 
 // True if an entry point is a stage of ray tracing pipelines. False for what is no SPIR-V.
 bool hasRayTracingStages(std::span<const std::uint32_t> words);

@@ -1,5 +1,7 @@
 #include "spirv/trace_ray.h"
 
+#include <unordered_map>
+
 #include "core/ray_flags.h"
 #include "spirv/module/opcodes.h"
 
@@ -59,30 +61,96 @@ Id removeFlags(Types &types, Id flags, Id type, std::uint32_t removed, Code &out
     return out.value(spv::OpBitwiseAnd, uint, {asUint, types.uintConstant(~removed)});
 }
 
+Id TraceRays::idleFlags(Id flags, Code &out)
+{
+    const auto value = types_.valueOf(flags);
+    if (value && (*value & shared::kRayForce2State) == 0)
+        return flags;
+    if (options_.pipelinesCarryFlagBits())
+        return hideUnknownFlag(module_, types_, linker_, flags, out);
+    return removeFlags(types_, flags, module_.resultType(module_.definition(flags)), shared::kRayForce2State, out);
+}
+
+bool TraceRays::keepInPayload(Instruction in, Id flags, Code &out)
+{
+    Id payload = 0;
+    if (in.opcode == spv::OpTraceRayKHR)
+        payload = module_.word(in, 11);
+    else if (in.opcode == kOpTraceRayMotionNV)
+        payload = module_.word(in, 12);
+    const Id prefix = prefix_.pointer(payload, out);
+    if (prefix == 0) {
+        error_ = payload == 0 ? "it traces rays for hit objects, and the driver does not carry unused ray flag bits"
+                              : "it traces rays with a payload that is no variable";
+        return false;
+    }
+    const Id uint = types_.uint32();
+    const Id hidden = types_.uintConstant(shared::kHiddenRayFlags);
+    Id kept = 0;
+    if (const auto value = types_.valueOf(flags))
+        kept = types_.uintConstant(*value & shared::kHiddenRayFlags);
+    else
+        kept = out.value(spv::OpBitwiseAnd, uint, {flags, hidden}); // of either signedness
+    out.put(spv::OpStore, {prefix, kept});
+    return true;
+}
+
 bool TraceRays::replace(Instruction in, Code &out)
 {
     const std::uint32_t word = rayFlagsWord(in.opcode);
     if (word == 0)
         return false;
     const Id flags = module_.word(in, word);
-    if (hides_ == Hides::UnknownFlag) {
-        const Id hidden = hideUnknownFlag(module_, types_, linker_, flags, out);
-        if (hidden != flags)
-            out.out.push_back(module_.with(in, word, hidden));
-        return hidden != flags;
+    if (!options_.pipelineStage) {
+        const Id idle = idleFlags(flags, out);
+        if (idle != flags)
+            out.out.push_back(module_.with(in, word, idle));
+        return idle != flags;
     }
+    const auto way = options_.pipelineStage->hidden.way;
+    if (way == HiddenFlags::Way::InPayload && !keepInPayload(in, flags, out))
+        return false;
     const auto value = types_.valueOf(flags);
-    if (value && (*value & shared::kHiddenRayFlags) == 0)
+    if (value && (*value & shared::kHiddenRayFlags) == 0 && way != HiddenFlags::Way::InPayload)
         return false;
-    if (!carriesFlagBits_()) {
-        error_ =
-            "it traces rays with flags that have to be hidden from the driver, or are not constant, and the driver "
-            "does not carry unused flag bits";
-        return false;
-    }
-    const Id hidden = hideRayFlags(module_, types_, linker_, flags, out);
+    const Id hidden =
+        way == HiddenFlags::Way::Carried
+            ? hideRayFlags(module_, types_, linker_, flags, out)
+            : removeFlags(types_, flags, module_.resultType(module_.definition(flags)), shared::kHiddenRayFlags, out);
     out.out.push_back(module_.with(in, word, hidden));
     return true;
+}
+
+TracedFlags tracedFlags(std::span<const std::uint32_t> words)
+{
+    TracedFlags traced;
+    if (words.size() < 5 || words[0] != spv::MagicNumber)
+        return traced;
+    std::unordered_map<std::uint32_t, std::uint32_t> constants;
+    bool first = true;
+    for (std::size_t at = 5; at < words.size();) {
+        const std::uint32_t opcode = words[at] & 0xffff;
+        const std::uint32_t count = words[at] >> 16;
+        if (count == 0 || count > words.size() - at)
+            return {.traces = traced.traces, .hidden = {}};
+        if (opcode == spv::OpConstant && count == 4)
+            constants[words[at + 2]] = words[at + 3];
+        else if (opcode == spv::OpConstantNull && count == 3)
+            constants[words[at + 2]] = 0;
+        const std::uint32_t word = rayFlagsWord(opcode);
+        if (word != 0) {
+            const auto value = word < count ? constants.find(words[at + word]) : constants.end();
+            if (value == constants.end())
+                return {.traces = true, .hidden = {}};
+            const std::uint32_t hidden = value->second & shared::kHiddenRayFlags;
+            if (!first && traced.hidden != hidden)
+                return {.traces = true, .hidden = {}};
+            traced = {.traces = true, .hidden = hidden};
+            first = false;
+        }
+        at += count;
+    }
+    return traced;
 }
 
 } // namespace vellum::spirv

@@ -1,11 +1,12 @@
 // The ray flags of OpTraceRayKHR and its kin, on their way to the driver (core/ray_flags.h).
 #pragma once
 
-#include <functional>
 #include <string>
 
 #include "spirv/module/code.h"
 #include "spirv/module/link.h"
+#include "spirv/payload_prefix.h"
+#include "spirv/rewrite.h"
 
 namespace vellum::spirv
 {
@@ -14,7 +15,7 @@ namespace vellum::spirv
 Id hideRayFlags(Module &module, Types &types, Linker &linker, Id flags, Code &out);
 
 // The same where rays do not consume micromaps: only ForceOpacityMicromap2State is hidden, which the driver does not
-// know. It does nothing there, and comes back to the application if the driver carries flag bits.
+// know. It does nothing there, and comes back to the application.
 Id hideUnknownFlag(Module &module, Types &types, Linker &linker, Id flags, Code &out);
 
 // The flags without some. Constants stay constants; what is computed becomes a uint.
@@ -23,12 +24,8 @@ Id removeFlags(Types &types, Id flags, Id type, std::uint32_t removed, Code &out
 class TraceRays
 {
 public:
-    enum class Hides {
-        Everything, // in a pipeline that uses micromaps
-        UnknownFlag // in one that does not
-    };
-    TraceRays(Module &module, Types &types, Linker &linker, Hides hides, const std::function<bool()> &carriesFlagBits)
-        : module_(module), types_(types), linker_(linker), hides_(hides), carriesFlagBits_(carriesFlagBits)
+    TraceRays(Module &module, Types &types, Linker &linker, const PayloadPrefix &prefix, const RewriteOptions &options)
+        : module_(module), types_(types), linker_(linker), prefix_(prefix), options_(options)
     {
     }
     // Writes what replaces an instruction to `out`. False if it stays as it is.
@@ -37,11 +34,16 @@ public:
     [[nodiscard]] const std::string &error() const { return error_; }
 
 private:
+    // In a pipeline that does not use micromaps.
+    Id idleFlags(Id flags, Code &out);
+    // In one that does: `flags` by which way the hidden ones travel.
+    bool keepInPayload(Instruction in, Id flags, Code &out);
+
     Module &module_;
     Types &types_;
     Linker &linker_;
-    Hides hides_;
-    const std::function<bool()> &carriesFlagBits_;
+    const PayloadPrefix &prefix_;
+    const RewriteOptions &options_;
     std::string error_;
 };
 

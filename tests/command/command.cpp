@@ -1,13 +1,17 @@
 #include "command.h"
 
 #include <algorithm>
+#include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
 #include <sys/personality.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
+#include <thread>
 #include <unistd.h>
 
 #include "glb_file.h"
@@ -56,20 +60,60 @@ int Outcome::errorLines() const
     return static_cast<int>(ended) + (errors.empty() || errors.back() == '\n' ? 0 : 1);
 }
 
-Outcome runVellum(const std::vector<std::string> &arguments,
-                  const std::vector<std::pair<std::string, std::string>> &environment)
+namespace
+{
+
+// `inChild` is called in the child before it begins, `meanwhile` in the parent, with the child's id.
+template <typename InChild, typename Meanwhile>
+Outcome run(const std::vector<std::string> &arguments,
+            const std::vector<std::pair<std::string, std::string>> &environment, InChild &&inChild,
+            Meanwhile &&meanwhile)
 {
     const TemporaryFolder folder;
     std::fflush(nullptr); // else the child would write what is buffered once more
     const pid_t child = fork();
     if (child < 0)
         throw std::runtime_error("no process");
-    if (child == 0)
+    if (child == 0) {
+        inChild();
         execute(arguments, environment, folder / "output", folder / "errors");
+    }
+    meanwhile(child);
     int status = 0;
     if (waitpid(child, &status, 0) != child)
         throw std::runtime_error("the process was lost");
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, textOf(folder / "output"), textOf(folder / "errors")};
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, WIFSIGNALED(status) ? WTERMSIG(status) : 0,
+            textOf(folder / "output"), textOf(folder / "errors")};
+}
+
+} // namespace
+
+Outcome runVellum(const std::vector<std::string> &arguments,
+                  const std::vector<std::pair<std::string, std::string>> &environment)
+{
+    return run(
+        arguments, environment, [] {}, [](pid_t) {});
+}
+
+Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds)
+{
+    return run(
+        arguments, {}, [] {},
+        [&](pid_t child) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+            kill(child, signal);
+        });
+}
+
+Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes)
+{
+    return run(
+        arguments, {},
+        [&] {
+            const rlimit limit{bytes, bytes};
+            setrlimit(RLIMIT_FSIZE, &limit);
+        },
+        [](pid_t) {});
 }
 
 } // namespace vellum::test

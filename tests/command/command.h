@@ -10,6 +10,7 @@ namespace vellum::test
 
 struct Outcome {
     int exitCode = -1; // -1: ended by a signal
+    int signal = 0;    // that one
     std::string output;
     std::string errors;
 
@@ -20,5 +21,11 @@ struct Outcome {
 // Runs it with these arguments, and these variables added to the environment.
 Outcome runVellum(const std::vector<std::string> &arguments,
                   const std::vector<std::pair<std::string, std::string>> &environment = {});
+
+// Sends it a signal after some milliseconds.
+Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds);
+
+// No file that it writes may become larger than this.
+Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);
 
 } // namespace vellum::test

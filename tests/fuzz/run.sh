@@ -14,6 +14,7 @@ shift 3
 mkdir -p "$work/corpus" "$work/findings" "$build/seeds/$target"
 longest=2048
 [ "$target" != spirv_fuzz ] || longest=65536
+[ "$target" != gltf_fuzz ] || longest=8192
 UBSAN_OPTIONS=print_stacktrace=1 \
   exec "$build/bin/$target" -artifact_prefix="$work/findings/" -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=1024 \
   -max_len=$longest -len_control=0 "$@" "$work/corpus" "$build/seeds/$target"

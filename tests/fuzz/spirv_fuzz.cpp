@@ -30,6 +30,9 @@ void check(std::span<const std::uint32_t> words, const spirv::RewriteOptions &op
     else if (!traces)
         FUZZ_CHECK(result.status == Status::Unchanged);
 
+    const spirv::TracedFlags traced = spirv::tracedFlags(words);
+    FUZZ_CHECK(traced.traces || !traced.hidden);
+
     const spirv::RewriteResult again = spirv::rewrite(words, options);
     FUZZ_CHECK(again.status == result.status && again.words == result.words && again.error == result.error);
 

@@ -19,12 +19,13 @@ inline constexpr std::size_t kOptionsWord = 2;
 // Bits of the options.
 inline constexpr std::uint32_t kQueriesDoNotCarry = 1;
 inline constexpr std::uint32_t kPipelinesDoNotCarry = 2;
-inline constexpr std::uint32_t kInPipeline = 4;       // for a stage of a pipeline
-inline constexpr std::uint32_t kDecidesShift = 3;     // two bits, Decides
-inline constexpr std::uint32_t kEntryPointShift = 5;  // two bits, which one
-inline constexpr std::uint32_t kOtherStage = 0x80;    // whose entry point has another execution model
-inline constexpr std::uint32_t kNoEntryPoint = 0x100; // of a name that the module does not have
-inline constexpr std::uint32_t kAllOptions = 0x1ff;
+inline constexpr std::uint32_t kInPipeline = 4;        // for a stage of a pipeline
+inline constexpr std::uint32_t kDecidesShift = 3;      // two bits, Decides
+inline constexpr std::uint32_t kEntryPointShift = 5;   // two bits, which one
+inline constexpr std::uint32_t kOtherStage = 0x80;     // whose entry point has another execution model
+inline constexpr std::uint32_t kNoEntryPoint = 0x100;  // of a name that the module does not have
+inline constexpr std::uint32_t kConstantFlags = 0x200; // all rays have the same hidden flags
+inline constexpr std::uint32_t kAllOptions = 0x3ff;
 
 struct SpirvInput {
     spirv::RewriteOptions options;
@@ -63,7 +64,12 @@ inline void readOptions(std::span<const std::uint32_t> words, SpirvInput &input)
         input.entryPoint += "?";
     if ((bits & kOtherStage) != 0)
         ++model;
-    input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Decides>(bits >> kDecidesShift & 3)};
+    using Way = spirv::HiddenFlags::Way;
+    const spirv::HiddenFlags hidden = (bits & kConstantFlags) != 0         ? spirv::HiddenFlags{Way::Constant, 0x481}
+                                      : (bits & kPipelinesDoNotCarry) != 0 ? spirv::HiddenFlags{Way::InPayload, 0}
+                                                                           : spirv::HiddenFlags{};
+    input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Decides>(bits >> kDecidesShift & 3),
+                                   hidden};
 }
 
 } // namespace vellum::fuzz

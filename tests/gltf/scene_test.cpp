@@ -118,7 +118,7 @@ TEST(Gltf, SaysWhatIsWrong)
               "mesh 0 primitive 0 has the masked material \"leaf\" but no texture coordinates (TEXCOORD_0)");
     EXPECT_EQ(errorOf({{"\"baseColorTexture\": {\"index\": 0}", "\"baseColorTexture\": {\"index\": 3}"}}),
               "texture 3 does not exist");
-    EXPECT_EQ(errorOf({{"\"source\": 0, ", ""}}), "image -1 does not exist");
+    EXPECT_EQ(errorOf({{"\"source\": 0, ", ""}}), "texture 0 has no image that is known here");
     EXPECT_EQ(errorOf({{"\"source\": 0", "\"source\": 9"}}), "image 9 does not exist");
     EXPECT_EQ(errorOf({{"\"sampler\": 0", "\"sampler\": 9"}}), "sampler 9 does not exist");
     EXPECT_EQ(errorOf({{"\"material\": 0", "\"material\": 7"}}), "material 7 does not exist");
@@ -145,12 +145,12 @@ TEST(Gltf, ChecksAccessors)
               "mesh 0 primitive 0 TEXCOORD_0: accessor 1 has the wrong type");
     EXPECT_EQ(errorOf({{"\"count\": 4, \"type\": \"VEC2\"", "\"count\": 3, \"type\": \"VEC2\""}}),
               "mesh 0 primitive 0 has 3 texture coordinates for 4 vertices");
-    EXPECT_EQ(errorOf({{"\"byteOffset\": 12, ", "\"byteOffset\": 18446744073709551615, "}}),
+    EXPECT_EQ(errorOf({{"\"byteOffset\": 12, ", "\"byteOffset\": 9223372036854775807, "}}),
               "mesh 0 primitive 1 POSITION: accessor 3 reaches outside of its buffer view");
     EXPECT_EQ(errorOf({{"\"byteOffset\": 48, \"byteLength\": 32", "\"byteOffset\": 480000, \"byteLength\": 32"}}),
               "mesh 0 primitive 0 TEXCOORD_0: buffer view 1 reaches outside of its buffer");
     EXPECT_EQ(errorOf({{"{\"buffer\": 0, \"byteLength\": 48}", "{\"buffer\": 5, \"byteLength\": 48}"}}),
-              "mesh 0 primitive 0 POSITION: buffer 5 does not exist");
+              "mesh 0 primitive 0 POSITION: buffer view 0: buffer 5 does not exist");
     EXPECT_NE(errorOf({{"\"count\": 4, \"type\": \"VEC3\"", "\"count\": 18446744073709551615, \"type\": \"VEC3\""}}),
               "none");
 }
@@ -162,7 +162,7 @@ TEST(Gltf, ChecksImages)
     EXPECT_EQ(errorOf({{"\"image/png\", \"bufferView\": 3", "\"image/png\", \"bufferView\": 0"}}).substr(0, 26),
               "image 0 cannot be decoded:");
     EXPECT_EQ(errorOf({{"\"mimeType\": \"image/png\", \"bufferView\": 3", "\"uri\": \"nowhere.png\""}}),
-              "image 0 (nowhere.png) cannot be read");
+              "image 0 (nowhere.png): no such file");
 }
 
 TEST(Gltf, NestingIsLimited)

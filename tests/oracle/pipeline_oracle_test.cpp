@@ -92,10 +92,12 @@ private:
     {
         for (const vt::BoxVisit &visit : result_.visits) {
             const Hit *hit = find(visit, true);
+            if (hit == nullptr && visit.reported != 3 && vt::intersectionMayRunCulled(ray_.flags))
+                continue;
             if (hit == nullptr || !groupOf(*hit))
                 return describe("an intersection shader ran for a box that is not met", visit);
-            if (visit.flags != ray_.flags || visit.record != 100 + recordOf(*hit) || visit.tMin < ray_.tMin ||
-                visit.tMin > ray_.tMin)
+            if (!vt::intersectionMaySee(visit.flags, ray_.flags) || visit.record != 100 + recordOf(*hit) ||
+                visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
                 return describe("what the intersection shader reads", visit);
             if (visit.reported == 3) {
                 if (!accepts(*hit))

@@ -116,16 +116,98 @@ TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 1u);
 }
 
-TEST(PipelineStages, NeedCarriedBitsOnlyToHideFlags)
+// Where the driver gives unused bits back, or not, or where nothing has to travel.
+std::string rewriteHiding(const Stage &stage, spirv::HiddenFlags hidden, const char *variant = "v15")
 {
-    spirv::RewriteOptions options = optionsOf(kTrace);
-    options.pipelinesCarryFlagBits = [] { return false; };
-    const auto result = spirv::rewrite(loadShader("trace.rgen", "v15"), options);
-    EXPECT_EQ(result.status, Status::Failed);
-    EXPECT_NE(result.error.find("flag bits"), std::string::npos) << result.error;
-    options = optionsOf(kTriangles);
-    options.pipelinesCarryFlagBits = [] { return false; };
-    EXPECT_EQ(spirv::rewrite(loadShader("any_hit.rahit", "v15"), options).status, Status::Rewritten);
+    spirv::RewriteOptions options = optionsOf(stage);
+    options.pipelineStage->hidden = hidden;
+    const auto result = spirv::rewrite(loadShader(stage.shader, variant), options);
+    EXPECT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
+    EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
+    const std::string text = disassemble(result.words);
+    EXPECT_EQ(count(text, "vellumDriverFlags") + count(text, "vellumApplicationFlags"), 0u) << stage.shader;
+    return text;
+}
+
+constexpr spirv::HiddenFlags kInPayload{spirv::HiddenFlags::Way::InPayload, 0};
+
+TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
+{
+    for (const char *variant : {"v15", "v14", "v16"}) {
+        for (const Stage &stage : {kTriangles, kBoxes, kEmpty, kCulling, kTrace,
+                                   Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Decides::BoxHits},
+                                   Stage{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Decides::Nothing},
+                                   Stage{"forward.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
+                                   Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
+                                   Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}}) {
+            rewriteHiding(stage, kInPayload, variant);
+            for (const std::uint32_t constant : {0u, 0x81u})
+                rewriteHiding(stage, {spirv::HiddenFlags::Way::Constant, constant}, variant);
+        }
+    }
+}
+
+// Each ray has its flags in the payload before it is traced; a shader reads those of its own ray before the payload is
+// handed on.
+TEST(PipelineStages, FlagsTravelInPayloads)
+{
+    const std::string traced = rewriteHiding(kTrace, kInPayload);
+    EXPECT_EQ(count(traced, "OpConstant %uint 1153"), 1u); // the three flags, of which those known at run time keep
+    EXPECT_EQ(count(traced, "OpStore %"), count(disassemble(loadShader("trace.rgen", "v15")), "OpStore %") + 4);
+    EXPECT_EQ(count(traced, "OpTraceRayKHR %"), 4u);
+    EXPECT_EQ(count(traced, "OpConstant %uint 2052"), 0u); // nothing is sent to the driver
+    const std::string hit = rewriteHiding(kTriangles, kInPayload);
+    EXPECT_EQ(count(hit, "OpVariable %_ptr_IncomingRayPayload"), 1u); // the application's
+    EXPECT_EQ(count(rewriteHiding(kEmpty, kInPayload), "OpVariable %_ptr_IncomingRayPayload"), 1u);
+    // What is in the payload when it comes in is kept, and is what the application reads before and after.
+    const std::string forward =
+        rewriteHiding({"forward.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing}, kInPayload);
+    EXPECT_EQ(count(forward, "OpVariable %_ptr_Private_uint Private"), 1u);
+    EXPECT_EQ(count(forward, "OpFunctionCall %void %main"), 1u);
+    EXPECT_EQ(count(forward, "OpBitwiseOr %uint"), 2u);
+    // A shader that reads no flags needs nothing before it.
+    EXPECT_EQ(
+        count(rewriteHiding({"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}, kInPayload), "%vellumEntry"),
+        0u);
+}
+
+TEST(PipelineStages, IntersectionShadersSeeNoPayload)
+{
+    spirv::RewriteOptions options = optionsOf(kCulling);
+    const std::vector<std::uint32_t> words = loadShader("box.rint", "v15");
+    EXPECT_FALSE(spirv::rewrite(words, options).lacksHiddenFlags);
+    options.pipelineStage->hidden = kInPayload;
+    const auto result = spirv::rewrite(words, options);
+    EXPECT_TRUE(result.lacksHiddenFlags);
+    EXPECT_EQ(count(disassemble(result.words), "vellumCullsBox"), 0u);
+    options.pipelineStage->hidden = {spirv::HiddenFlags::Way::Constant, 0x80};
+    const auto constant = spirv::rewrite(words, options);
+    EXPECT_FALSE(constant.lacksHiddenFlags);
+    EXPECT_EQ(count(disassemble(constant.words), "OpFunctionCall %bool %vellumCullsBox"), 1u);
+}
+
+TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
+{
+    const auto traced = spirv::tracedFlags(loadShader("trace.rgen", "v15"));
+    EXPECT_TRUE(traced.traces);
+    EXPECT_FALSE(traced.hidden);
+    EXPECT_FALSE(spirv::tracedFlags(loadShader("hit.rchit", "v15")).traces);
+    const auto constant = spirv::tracedFlags(loadShader("constant_trace.rgen", "v15"));
+    EXPECT_TRUE(constant.traces);
+    EXPECT_EQ(constant.hidden, 0x81u);
+    // Cut off anywhere, it is no longer known, or as far as it goes.
+    const std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
+    for (std::size_t size = 0; size < words.size(); ++size) {
+        const auto cut = spirv::tracedFlags(std::span(words).first(size));
+        EXPECT_EQ(cut.hidden.value_or(0x81u), 0x81u);
+    }
+    const std::string text =
+        rewriteHiding({"constant_trace.rgen", spv::ExecutionModelRayGenerationKHR, Decides::Nothing},
+                      {spirv::HiddenFlags::Way::Constant, 0x81});
+    EXPECT_EQ(count(text, "OpTraceRayKHR %"), 2u);
+    EXPECT_EQ(count(text, "%uint_4 %uint_255"), 1u);
+    EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u);
 }
 
 TEST(PipelineStages, ThatCannotBeRewrittenSayWhy)

@@ -16,6 +16,8 @@ SOUND = {
     "src/shaders/structures/copy.comp": '#include "ground/words.h"\n',
     "src/gltf/reader.cpp": '#include "bake/bake.h"\n',
     "src/bake/bake.h": '#include "core/states.h"\n',
+    "src/bake/texture/texture.h": "",
+    "src/verify/verify.h": '#include "bake/texture/texture.h"\n',
     "src/layer/ground/report.h": '#include "shaders/copy.h"\n#include "layer/ground/written_by_the_build.h"\n',
     "src/layer/memory/memory.h": '#include "layer/ground/report.h"\n#include "core/states.h"\n',
     "src/layer/door/device.h": '#include "layer/memory/memory.h"\n',
@@ -53,6 +55,10 @@ class CheckIncludes(unittest.TestCase):
 
     def test_command_and_layer(self):
         self.expect_complaint({"src/cli/up.h": '#include "layer/ground/report.h"\n'}, "does not use src/layer")
+
+    def test_part_of_a_part(self):
+        self.expect_complaint({"src/verify/near.h": '#include "bake/bake.h"\n'},
+                              "src/verify uses nothing of src/bake but texture/texture.h")
 
     def test_up_between_rooms(self):
         self.expect_complaint({"src/layer/ground/up.h": '#include "layer/memory/memory.h"\n'},

@@ -36,6 +36,19 @@ protected:
         std::filesystem::path(testing::TempDir()) / ("vellum_settings_" + std::to_string(getpid()) + ".txt");
 };
 
+TEST_F(SettingsTest, CarriedRayFlagsAreOnUnlessTurnedOff)
+{
+    EXPECT_TRUE(readSettings(nullptr).carriedRayFlags);
+    write("vellum_opacity_micromap.carried_ray_flags = false");
+    EXPECT_FALSE(readSettings(nullptr).carriedRayFlags);
+    setenv("VELLUM_CARRIED_RAY_FLAGS", "on", 1);
+    EXPECT_TRUE(readSettings(nullptr).carriedRayFlags);
+    write("");
+    setenv("VELLUM_CARRIED_RAY_FLAGS", "off", 1);
+    EXPECT_FALSE(readSettings(nullptr).carriedRayFlags);
+    unsetenv("VELLUM_CARRIED_RAY_FLAGS");
+}
+
 TEST_F(SettingsTest, StrictInAllThreePlaces)
 {
     EXPECT_FALSE(readSettings(nullptr).strict);

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cstring>
 #include <png.h>
-#include <unistd.h>
 
 #include "cli/base/error.h"
+#include "cli/base/output_file.h"
 #include "cli/picture/palette.h"
 
 namespace vellum::cli
@@ -23,7 +23,9 @@ std::vector<std::uint8_t> toRgb(const std::vector<std::uint32_t> &pixels)
     return rgb;
 }
 
-std::vector<std::uint8_t> encode(const Picture &picture, Colors colors)
+} // namespace
+
+std::vector<std::uint8_t> encodePng(const Picture &picture, Colors colors)
 {
     png_image image{};
     image.version = PNG_IMAGE_VERSION;
@@ -38,6 +40,10 @@ std::vector<std::uint8_t> encode(const Picture &picture, Colors colors)
         image.colormap_entries = static_cast<png_uint_32>(palette.colors.size());
         map = toRgb(palette.colors);
         bytesOfPixels = std::move(palette.indices);
+    } else if (colors == Colors::WithAlpha) {
+        image.format = PNG_FORMAT_RGBA;
+        bytesOfPixels.resize(4 * picture.pixels.size());
+        std::memcpy(bytesOfPixels.data(), picture.pixels.data(), bytesOfPixels.size());
     } else {
         bytesOfPixels = toRgb(picture.pixels);
     }
@@ -49,54 +55,9 @@ std::vector<std::uint8_t> encode(const Picture &picture, Colors colors)
     return file;
 }
 
-// Deletes an unfinished file.
-struct Unfinished {
-    std::string path;
-    int descriptor = -1;
-    ~Unfinished()
-    {
-        if (descriptor >= 0)
-            close(descriptor);
-        if (!path.empty())
-            unlink(path.c_str());
-    }
-};
-
-} // namespace
-
-void checkWritable(const std::filesystem::path &path)
-{
-    const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
-    std::error_code error;
-    if (!std::filesystem::is_directory(folder, error))
-        throw Error(path.string() + " cannot be written: " + folder.string() + " is not a directory");
-    if (std::filesystem::is_directory(path, error))
-        throw Error(path.string() + " cannot be written: it is a directory");
-    if (access(folder.c_str(), W_OK) != 0)
-        throw Error(path.string() + " cannot be written: " + std::strerror(errno));
-}
-
 void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors)
 {
-    const std::vector<std::uint8_t> file = encode(picture, colors);
-    Unfinished unfinished;
-    std::string name = path.string() + ".XXXXXX";
-    unfinished.descriptor = mkstemp(name.data());
-    const auto fail = [&] { return Error(path.string() + " cannot be written: " + std::strerror(errno)); };
-    if (unfinished.descriptor < 0)
-        throw fail();
-    unfinished.path = name;
-    for (std::size_t done = 0; done < file.size();) {
-        const ssize_t count = write(unfinished.descriptor, file.data() + done, file.size() - done);
-        if (count < 0)
-            throw fail();
-        done += static_cast<std::size_t>(count);
-    }
-    // mkstemp's files are private; a picture is like any other file.
-    std::filesystem::permissions(name, std::filesystem::perms(0644));
-    if (std::rename(name.c_str(), path.c_str()) != 0)
-        throw fail();
-    unfinished.path.clear();
+    writeWhole(path, encodePng(picture, colors));
 }
 
 Picture sideBySide(const Picture &left, const Picture &right)

@@ -14,12 +14,16 @@ struct Picture {
     std::vector<std::uint32_t> pixels; // RGBA, red in the lowest byte, top row first
 };
 
-// Throws Error where a picture could not be written to `path` later: so that nobody waits for one in vain.
-void checkWritable(const std::filesystem::path &path);
+enum class Colors {
+    All,
+    Few,       // at most 256, for a small file
+    WithAlpha, // the others are opaque, whatever the pixels say
+};
 
-enum class Colors { All, Few }; // Few: at most 256, for a small file
+// The bytes of a PNG file. Throws Error.
+std::vector<std::uint8_t> encodePng(const Picture &picture, Colors colors = Colors::All);
 
-// Writes beside `path` and renames: whatever happens, `path` is never half of a picture. Throws Error.
+// Whole or not at all (base/output_file.h). Throws Error.
 void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors = Colors::All);
 
 // Both pictures must have the same height.

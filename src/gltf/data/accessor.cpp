@@ -109,8 +109,9 @@ AccessorReader::AccessorReader(const BufferViews &views, int index, std::uint32_
         throw GltfError(m_name + " has the wrong type");
     const std::size_t packed = componentBytes(m_source.componentType, m_name) * m_components;
     if (m_source.bufferView >= 0) {
-        m_elements = elementsIn(views.bytes(m_source.bufferView, m_what), m_source.byteOffset, m_source.count,
-                                strideOf(m_source.bufferView, packed), packed, m_name);
+        const auto bytes = views.bytes(m_source.bufferView, m_what); // first: then there is such a view
+        m_elements = elementsIn(bytes, m_source.byteOffset, m_source.count, strideOf(m_source.bufferView, packed),
+                                packed, m_name);
     } else {
         if (m_source.count > kMostZeros)
             throw GltfError(m_name + " has " + std::to_string(m_source.count) + " elements and no buffer view");

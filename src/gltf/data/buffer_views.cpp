@@ -1,22 +1,75 @@
 #include "gltf/data/buffer_views.h"
 
+#include "gltf/data/decompress.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
+namespace
+{
+
+// A few bytes could ask for gigabytes: what a file is decompressed to is bounded by its own size. Meshopt's streams of
+// version 0 take at least a 64th of their data.
+constexpr std::uint64_t kMostExpansion = 64;
+constexpr std::uint64_t kAlwaysAllowed = std::uint64_t{64} << 20;
+
+} // namespace
+
+std::span<const std::uint8_t> BufferViews::stored(int buffer, std::size_t offset, std::size_t length,
+                                                  const std::string &name) const
+{
+    if (buffer < 0 || static_cast<std::size_t>(buffer) >= m_model.buffers.size())
+        throw GltfError(name + ": buffer " + std::to_string(buffer) + " does not exist");
+    const std::vector<unsigned char> &data = m_model.buffers[static_cast<std::size_t>(buffer)].data;
+    if (offset > data.size() || length > data.size() - offset)
+        throw GltfError(name + " reaches outside of its buffer");
+    return {data.data() + offset, length};
+}
+
+void BufferViews::account(std::size_t bytes) const
+{
+    if (!m_allowance) {
+        m_allowance = kAlwaysAllowed;
+        for (const tinygltf::Buffer &buffer : m_model.buffers)
+            *m_allowance += kMostExpansion * buffer.data.size();
+    }
+    if (bytes > *m_allowance)
+        throw GltfError("is decompressed to many times the bytes of the file");
+    *m_allowance -= bytes;
+}
+
+std::span<const std::uint8_t> BufferViews::decompressed(int index, const std::string &name) const
+{
+    const std::lock_guard lock(m_mutex);
+    if (const auto known = m_decompressed.find(index); known != m_decompressed.end())
+        return known->second;
+    const tinygltf::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(index)];
+    try {
+        const CompressedView view = readCompressedView(parent);
+        const auto encoded = stored(view.buffer, view.byteOffset, view.byteLength, "has a compression that");
+        account(view.bytes());
+        return m_decompressed.emplace(index, decompressView(view, encoded)).first->second;
+    } catch (const GltfUnsupported &error) {
+        // There may be uncompressed data for such a case.
+        if (parent.buffer >= 0 && static_cast<std::size_t>(parent.buffer) < m_model.buffers.size() &&
+            !m_model.buffers[static_cast<std::size_t>(parent.buffer)].data.empty())
+            return stored(parent.buffer, parent.byteOffset, parent.byteLength, name);
+        throw GltfUnsupported(name + " " + error.what());
+    } catch (const GltfError &error) {
+        throw GltfError(name + " " + error.what());
+    }
+}
 
 std::span<const std::uint8_t> BufferViews::bytes(int view, const std::string &what) const
 {
+    const std::string name = what + ": buffer view " + std::to_string(view);
     if (view < 0 || static_cast<std::size_t>(view) >= m_model.bufferViews.size())
-        throw GltfError(what + ": buffer view " + std::to_string(view) + " does not exist");
+        throw GltfError(name + " does not exist");
     const tinygltf::BufferView &range = m_model.bufferViews[static_cast<std::size_t>(view)];
-    if (range.buffer < 0 || static_cast<std::size_t>(range.buffer) >= m_model.buffers.size())
-        throw GltfError(what + ": buffer " + std::to_string(range.buffer) + " does not exist");
-    const std::vector<unsigned char> &data = m_model.buffers[static_cast<std::size_t>(range.buffer)].data;
-    if (range.byteOffset > data.size() || range.byteLength > data.size() - range.byteOffset)
-        throw GltfError(what + ": buffer view " + std::to_string(view) + " reaches outside of its buffer");
-    return {data.data() + range.byteOffset, range.byteLength};
+    if (isCompressed(range))
+        return decompressed(view, name);
+    return stored(range.buffer, range.byteOffset, range.byteLength, name);
 }
 
 } // namespace vellum

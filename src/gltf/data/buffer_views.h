@@ -1,9 +1,13 @@
-// The bytes of a file's buffer views.
+// The bytes of a file's buffer views, compressed ones included.
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <mutex>
+#include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace tinygltf
 {
@@ -21,11 +25,21 @@ public:
 
     [[nodiscard]] const tinygltf::Model &model() const { return m_model; }
 
-    // Throws GltfError, which begins with `what`, where the view does not exist or reaches outside of its buffer.
+    // What EXT_meshopt_compression or KHR_meshopt_compression has in it is decompressed at the first call, and kept.
+    // Throws GltfError, which begins with `what`, where the view does not exist, reaches outside of its buffer or
+    // cannot be decompressed.
     [[nodiscard]] std::span<const std::uint8_t> bytes(int view, const std::string &what) const;
 
 private:
+    [[nodiscard]] std::span<const std::uint8_t> stored(int buffer, std::size_t offset, std::size_t length,
+                                                       const std::string &name) const;
+    [[nodiscard]] std::span<const std::uint8_t> decompressed(int view, const std::string &name) const;
+    void account(std::size_t bytes) const;
+
     const tinygltf::Model &m_model;
+    mutable std::mutex m_mutex;
+    mutable std::map<int, std::vector<std::uint8_t>> m_decompressed;
+    mutable std::optional<std::uint64_t> m_allowance; // of bytes to decompress to
 };
 
 } // namespace vellum

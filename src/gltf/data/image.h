@@ -1,4 +1,4 @@
-// PNG and JPEG decoding.
+// Decoding of images: PNG, JPEG and WebP.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +16,9 @@ struct Image {
     std::vector<std::uint8_t> rgba; // 4 * width * height bytes, as stored (colour is sRGB)
 };
 
-// Decodes to RGBA. Throws GltfError, its message beginning with `what`, for anything but a whole PNG or JPEG of at most
-// 16,384 texels in each direction.
+// Decodes to RGBA; of values of 16 bits the upper 8 are taken. Throws GltfError, its message beginning with `what`, for
+// anything but a whole image of at most 16,384 texels in each direction and not far more of them than its bytes can be
+// worth, and GltfUnsupported for KTX2, AVIF, DDS and those kinds of JPEG that nothing here decodes.
 Image decodeImage(std::span<const std::uint8_t> encoded, const std::string &what);
 
 } // namespace vellum

@@ -1,11 +1,10 @@
 #include "gltf/file/container.h"
 
 #include <cstring>
-#include <fstream>
 #include <tuple>
 
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/tinygltf.h"
+#include "gltf/file/outside_file.h"
 
 namespace vellum
 {
@@ -17,23 +16,6 @@ constexpr std::size_t kChunkHeaderBytes = 8;
 constexpr std::uint32_t kGlbMagic = 0x46546c67;
 constexpr std::uint32_t kJsonChunk = 0x4e4f534a;
 
-std::vector<std::uint8_t> readFile(const std::filesystem::path &path)
-{
-    std::error_code error;
-    const auto status = std::filesystem::status(path, error);
-    if (!std::filesystem::exists(status))
-        throw GltfError("no such file");
-    if (!std::filesystem::is_regular_file(status))
-        throw GltfError("not a file");
-    std::ifstream file(path, std::ios::binary);
-    std::vector<std::uint8_t> bytes(std::istreambuf_iterator<char>(file), {});
-    if (!file.good() && !file.eof())
-        throw GltfError("cannot be read");
-    if (bytes.size() > 0x7fffffff)
-        throw GltfError("larger than 2 GiB");
-    return bytes;
-}
-
 std::uint32_t wordAt(const std::vector<std::uint8_t> &bytes, std::size_t offset)
 {
     std::uint32_t word = 0;
@@ -41,7 +23,7 @@ std::uint32_t wordAt(const std::vector<std::uint8_t> &bytes, std::size_t offset)
     return word;
 }
 
-// tinygltf 2.7 lets a binary chunk end 8 bytes after the file and reads them, so the chunks are checked first.
+// Checks that all chunks lie in the file.
 // Returns where the JSON text is.
 std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &bytes)
 {
@@ -67,13 +49,18 @@ std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &by
     return {kHeaderBytes + kChunkHeaderBytes, wordAt(bytes, kHeaderBytes)};
 }
 
-// tinygltf walks the JSON tree recursively: thousands of levels would overflow the stack.
-void checkNesting(const char *text, std::size_t length)
+// Parsers walk JSON recursively, where thousands of levels would overflow the stack, and an empty list of 2 bytes takes
+// dozens in memory.
+void checkStructure(std::string_view text)
 {
-    constexpr int kMaxDepth = 128;
+    constexpr int kMostDepth = 128;
+    constexpr std::size_t kMostLists = std::size_t{4} << 20;
+    constexpr std::size_t kMostCommas = std::size_t{8} << 20;
     int depth = 0;
+    std::size_t lists = 0; // objects, too
+    std::size_t commas = 0;
     bool quoted = false;
-    for (std::size_t i = 0; i < length; ++i) {
+    for (std::size_t i = 0; i < text.size(); ++i) {
         const char c = text[i];
         if (quoted) {
             if (c == '\\')
@@ -82,42 +69,28 @@ void checkNesting(const char *text, std::size_t length)
                 quoted = false;
             continue;
         }
-        if (c == '"')
+        if (c == '"') {
             quoted = true;
-        else if (c == '{' || c == '[')
+        } else if (c == '{' || c == '[') {
             ++depth;
-        else if (c == '}' || c == ']')
+            ++lists;
+        } else if (c == '}' || c == ']') {
             --depth;
-        if (depth > kMaxDepth)
+        } else if (c == ',') {
+            ++commas;
+        }
+        if (depth > kMostDepth)
             throw GltfError("the JSON is nested too deeply");
     }
-}
-
-// Called for every image. Those in buffer views are decoded later, when their bounds have been checked; tinygltf
-// hands them over unchecked.
-bool keepEncoded(tinygltf::Image *image, const int, std::string *, std::string *, int, int, const unsigned char *bytes,
-                 int size, void *)
-{
-    if (image->bufferView < 0 && size > 0)
-        image->image.assign(bytes, bytes + size);
-    image->as_is = true;
-    return true;
-}
-
-// The first line of tinygltf's messages, which have several and end in one or two line feeds.
-std::string firstLine(const std::string &message)
-{
-    const std::size_t begin = message.find_first_not_of(" \t\r\n");
-    if (begin == std::string::npos)
-        return "not a valid glTF file";
-    return message.substr(begin, message.find_first_of("\r\n", begin) - begin);
+    if (lists > kMostLists || commas > kMostCommas)
+        throw GltfError("there are too many objects in it");
 }
 
 } // namespace
 
 Container readContainer(const std::filesystem::path &path)
 {
-    Container container{.bytes = readFile(path)};
+    Container container{.bytes = readWholeFile(path)};
     const std::vector<std::uint8_t> &bytes = container.bytes;
     if (bytes.empty())
         throw GltfError("the file is empty");
@@ -131,25 +104,8 @@ Container readContainer(const std::filesystem::path &path)
             throw GltfError("neither a GLB nor a glTF file");
         container.jsonSize = bytes.size();
     }
-    checkNesting(text + container.jsonOffset, container.jsonSize);
+    checkStructure(container.json());
     return container;
-}
-
-void parseModel(const Container &container, const std::filesystem::path &folder, tinygltf::Model &model)
-{
-    tinygltf::TinyGLTF loader;
-    loader.SetImageLoader(keepEncoded, nullptr);
-    const auto size = static_cast<unsigned>(container.bytes.size());
-    const std::string base = folder.empty() ? "." : folder.string();
-    std::string error;
-    std::string warning;
-    const bool loaded =
-        container.binary
-            ? loader.LoadBinaryFromMemory(&model, &error, &warning, container.bytes.data(), size, base)
-            : loader.LoadASCIIFromString(&model, &error, &warning,
-                                         reinterpret_cast<const char *>(container.bytes.data()), size, base);
-    if (!loaded)
-        throw GltfError(firstLine(error));
 }
 
 } // namespace vellum

@@ -1,14 +1,10 @@
-// From a file to its bytes and to tinygltf's model, with the checks that tinygltf leaves out.
+// From a file to its bytes, and to the JSON in them.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <string_view>
 #include <vector>
-
-namespace tinygltf
-{
-class Model;
-}
 
 namespace vellum
 {
@@ -20,14 +16,15 @@ struct Container {
     // The JSON text.
     std::size_t jsonOffset = 0;
     std::size_t jsonSize = 0;
+
+    [[nodiscard]] std::string_view json() const
+    {
+        return {reinterpret_cast<const char *>(bytes.data()) + jsonOffset, jsonSize};
+    }
 };
 
-// Reads a file and finds the JSON text in it. Throws GltfError, for chunks that contradict themselves and JSON that is
-// nested too deeply for tinygltf, too.
+// Reads a file and finds the JSON text in it. Throws GltfError, for chunks that contradict themselves and JSON that no
+// parser should see, too.
 Container readContainer(const std::filesystem::path &path);
-
-// Fills `model`. Files that it names are looked for in `folder`. Images are left encoded: those with a URI in
-// Image::image, the others in their buffer view. Throws GltfError.
-void parseModel(const Container &container, const std::filesystem::path &folder, tinygltf::Model &model);
 
 } // namespace vellum

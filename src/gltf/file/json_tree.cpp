@@ -1,5 +1,6 @@
 #include "gltf/file/json_tree.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <rapidjson/error/en.h>
@@ -143,6 +144,21 @@ std::vector<std::pair<JsonValue, JsonValue>> JsonValue::members() const
     for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
         members.push_back({JsonValue(*m_tree, i), JsonValue(*m_tree, i + 1)});
     return members;
+}
+
+void JsonTree::checkNames() const
+{
+    std::vector<std::string> names;
+    for (std::uint32_t object = 0; object < m_nodes.size(); ++object) {
+        if (m_nodes[object].kind != Kind::Object || m_nodes[object].next <= object + 3)
+            continue;
+        names.clear();
+        for (std::uint32_t i = object + 1; i < m_nodes[object].next; i = m_nodes[i + 1].next)
+            names.push_back(JsonValue(*this, i).string().value_or(""));
+        std::sort(names.begin(), names.end());
+        if (const auto twice = std::adjacent_find(names.begin(), names.end()); twice != names.end())
+            throw GltfError("the JSON has an object with two members \"" + *twice + "\"");
+    }
 }
 
 std::optional<std::int64_t> JsonValue::integer() const

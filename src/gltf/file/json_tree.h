@@ -24,6 +24,9 @@ public:
     [[nodiscard]] std::string_view text() const { return m_text; }
     [[nodiscard]] JsonValue root() const;
 
+    // Throws GltfError where an object has two members of one name (glTF 2.0, 2.6, "JSON Encoding").
+    void checkNames() const;
+
 private:
     friend class JsonValue;
     friend struct JsonEvents;

@@ -51,20 +51,27 @@ std::string encodedUri(std::string_view name)
     return uri;
 }
 
+std::string percentDecoded(std::string_view text)
+{
+    std::string decoded;
+    decoded.reserve(text.size());
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const int high = text[i] == '%' && i + 2 < text.size() ? hexDigit(text[i + 1]) : -1;
+        const int low = high >= 0 ? hexDigit(text[i + 2]) : -1;
+        decoded += low >= 0 ? static_cast<char>(16 * high + low) : text[i];
+        if (low >= 0)
+            i += 2;
+    }
+    return decoded;
+}
+
 std::optional<std::filesystem::path> decodedUri(std::string_view uri)
 {
     // RFC 3986: a scheme ends at the first colon, in front of any slash.
     const std::size_t colon = uri.find_first_of(":/");
     if (uri.empty() || (colon != std::string_view::npos && uri[colon] == ':'))
         return std::nullopt;
-    std::string path;
-    for (std::size_t i = 0; i < uri.size(); ++i) {
-        const int high = uri[i] == '%' && i + 2 < uri.size() ? hexDigit(uri[i + 1]) : -1;
-        const int low = high >= 0 ? hexDigit(uri[i + 2]) : -1;
-        path += low >= 0 ? static_cast<char>(16 * high + low) : uri[i];
-        if (low >= 0)
-            i += 2;
-    }
+    const std::string path = percentDecoded(uri);
     if (path.find('\0') != std::string::npos)
         return std::nullopt;
     return path;

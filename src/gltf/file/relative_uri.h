@@ -14,6 +14,10 @@ namespace vellum
 // percent-encoded.
 std::string encodedUri(std::string_view name);
 
+// Percent-encoding resolved. A percent sign that is not followed by two digits is itself: not every program encodes the
+// names that it writes.
+std::string percentDecoded(std::string_view text);
+
 // The path that a URI means, percent-encoding resolved; nothing for data URIs and those with a scheme.
 std::optional<std::filesystem::path> decodedUri(std::string_view uri);
 

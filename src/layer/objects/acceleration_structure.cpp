@@ -73,10 +73,16 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
+    if (structure.hasReference)
+        return place.cell;
+    const VkDeviceAddress reference = device.driver.structureAddress(handle);
     if (!place.cell.address) {
-        place.reference = device.driver.structureAddress(handle);
-        place.cell = device.root.acquireCell(place.reference);
+        place.reference = reference;
+        place.cell = device.root.acquireCell(reference);
+    } else if (reference != place.reference && device.root.addReference(reference, place.reference)) {
+        place.otherReferences.push_back(reference);
     }
+    structure.hasReference = place.cell.address != 0;
     return place.cell;
 }
 

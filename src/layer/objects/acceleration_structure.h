@@ -28,6 +28,7 @@ struct AccelerationStructure {
     // pointer to this structure; the driver knows nothing of it.
     Micromap micromap;
 
+    bool hasReference = false;             // its address leads to the cell of its place, whose mutex guards this
     StructurePlaces::Key key;              // of its place
     std::shared_ptr<StructurePlace> place; // never null
 

@@ -192,7 +192,7 @@ CellPlace RootTable::acquireCell(VkDeviceAddress key, CellPool &pool)
     const uint32_t index = pool.acquire(context_);
     if (index == CellPool::kNone)
         return {};
-    cells_[key] = {index, 1, &pool};
+    cells_[key] = {index, 1, &pool, nullptr};
     insertBucket(key, pool.place(index).address);
     return pool.place(index);
 }
@@ -217,8 +217,25 @@ void RootTable::releaseCell(VkDeviceAddress key)
     if (it == cells_.end() || --it->second.users > 0)
         return;
     removeBucket(key);
-    it->second.pool->release(it->second.index);
+    if (!it->second.keys || --*it->second.keys == 0)
+        it->second.pool->release(it->second.index);
     cells_.erase(it);
+}
+
+bool RootTable::addReference(VkDeviceAddress reference, VkDeviceAddress known)
+{
+    std::lock_guard lock(mutex_);
+    if (!cells_.contains(known) || cells_.contains(reference) ||
+        ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable()))
+        return false;
+    Cell &cell = cells_.at(known);
+    if (!cell.keys)
+        cell.keys = std::make_shared<uint32_t>(1);
+    ++*cell.keys;
+    const Cell other{cell.index, 1, cell.pool, cell.keys};
+    cells_[reference] = other;
+    insertBucket(reference, other.pool->place(other.index).address);
+    return true;
 }
 
 uint32_t RootTable::takeNotices()

@@ -61,6 +61,9 @@ public:
     // is 0 where there is no memory.
     CellPlace acquireCell(VkDeviceAddress reference);
     void releaseCell(VkDeviceAddress reference);
+    // Another reference that leads to the cell of a known one; paired with a releaseCell. False where it leads to a cell
+    // already, or there is no memory.
+    bool addReference(VkDeviceAddress reference, VkDeviceAddress known);
     // Says that there is a micromap of so many bytes at an address; returns the key to release its cell by, 0 where
     // there is no memory.
     VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
@@ -74,6 +77,7 @@ private:
         uint32_t index = 0;
         uint32_t users = 0;
         CellPool *pool = nullptr;
+        std::shared_ptr<uint32_t> keys; // that lead to this cell; null: there is only one
     };
     CellPlace acquireCell(VkDeviceAddress key, CellPool &pool);
     void freeSlots(uint32_t first, uint32_t count);

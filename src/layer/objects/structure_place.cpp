@@ -5,6 +5,8 @@ namespace vellum::layer
 
 StructurePlace::~StructurePlace()
 {
+    for (const VkDeviceAddress other : otherReferences)
+        root.releaseCell(other);
     if (cell.address)
         root.releaseCell(reference);
 }
@@ -31,8 +33,7 @@ VkDeviceSize StructurePlaces::bytesToNext(const Key &key) const
 {
     std::lock_guard lock(mutex_);
     const auto next = places_.upper_bound(key);
-    return next == places_.end() || next->first.first != key.first ? ~VkDeviceSize{0}
-                                                                   : next->first.second - key.second;
+    return next == places_.end() || next->first.first != key.first ? ~VkDeviceSize{0} : next->first.second - key.second;
 }
 
 } // namespace vellum::layer

@@ -27,6 +27,9 @@ struct StructurePlace {
     RootTable &root;
     std::mutex mutex;              // guards what is below
     VkDeviceAddress reference = 0; // once acquired: this place is a user of that cell
+    // Of handles of other types. Only the address of a GENERIC one must be that of the buffer
+    // (vkGetAccelerationStructureDeviceAddressKHR), so handles at one place may have several. They lead to the same cell.
+    std::vector<VkDeviceAddress> otherReferences;
     CellPlace cell;
     // Of what was recorded last; GENERIC: nothing was, or data of which only the device knows what it holds.
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;

@@ -10,20 +10,20 @@ using spirv::Decides;
 
 AnyHitModules::~AnyHitModules()
 {
-    for (const VkShaderModule module : modules_) {
+    for (const auto &[key, module] : modules_) {
         if (module)
             context_.next->DestroyShaderModule(context_.device, module, nullptr);
     }
 }
 
-VkShaderModule AnyHitModules::get(Decides decides, const spirv::RewriteOptions &options)
+VkShaderModule AnyHitModules::get(Decides decides, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options)
 {
     std::lock_guard lock(mutex_);
-    VkShaderModule &module = modules_[decides == Decides::BoxHits ? 1 : 0];
+    VkShaderModule &module = modules_[{decides, hidden}];
     if (module)
         return module;
     spirv::RewriteOptions forStage = options;
-    forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, decides};
+    forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, decides, hidden};
     const spirv::RewriteResult result = spirv::rewrite(any_hit, forStage);
     VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     info.codeSize = result.words.size() * 4;

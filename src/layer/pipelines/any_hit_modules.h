@@ -1,7 +1,7 @@
 // The layer's own any-hit shaders, for hit groups that have none.
 #pragma once
 
-#include <array>
+#include <map>
 #include <mutex>
 
 #include "layer/memory/gpu_memory.h"
@@ -17,12 +17,12 @@ public:
     void create(const GpuContext &context) { context_ = context; }
     ~AnyHitModules();
     // VK_NULL_HANDLE where the driver could not make it.
-    VkShaderModule get(spirv::Decides decides, const spirv::RewriteOptions &options);
+    VkShaderModule get(spirv::Decides decides, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options);
 
 private:
     GpuContext context_;
     std::mutex mutex_;
-    std::array<VkShaderModule, 2> modules_{}; // for triangles, for boxes
+    std::map<std::pair<spirv::Decides, spirv::HiddenFlags>, VkShaderModule> modules_;
 };
 
 } // namespace vellum::layer

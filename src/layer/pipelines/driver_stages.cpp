@@ -60,6 +60,11 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every hit "
             "on "
             "their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
+    if (result.lacksHiddenFlags)
+        device.driver.report().warning(
+            "VELLUM-intersection-ray-flags",
+            "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
+            "ForceOpacityMicromap2State, which travel in ray payloads, since the driver drops unused ray flag bits");
     if (result.status == spirv::RewriteResult::Status::Unchanged)
         return true;
     storage = std::move(result.words);

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -172,6 +173,7 @@ private:
     struct Stages {
         std::vector<VkPipelineShaderStageCreateInfo> infos;
         std::map<StageKey, uint32_t> index;
+        spirv::HiddenFlags hidden;
     };
 
     VkResult addMicromapPipeline(VkRayTracingPipelineCreateInfoKHR &info)
@@ -184,9 +186,9 @@ private:
             (flags & (VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) == 0;
         if (!hideFlags(info))
             return VK_ERROR_INITIALIZATION_FAILED;
-        widenHitAttributes(info);
-
         Stages stages;
+        stages.hidden = hiddenFlags(info);
+        widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
             return result;
         std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups(info.pGroups, info.pGroups + info.groupCount);
@@ -255,14 +257,47 @@ private:
         return true;
     }
 
-    // Our any-hit shaders read the barycentrics, also where none of the application's does.
-    void widenHitAttributes(VkRayTracingPipelineCreateInfoKHR &info)
+    // The code of a stage; nothing where only the driver has it.
+    std::span<const uint32_t> codeOf(const VkPipelineShaderStageCreateInfo &stage) const
+    {
+        if (const auto original = device_.rayTracingModules.get(stage.module))
+            return *original;
+        const auto *inlined =
+            findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+        return inlined ? std::span(inlined->pCode, inlined->codeSize / 4) : std::span<const uint32_t>();
+    }
+
+    // How ray flags that are hidden from the driver reach the shaders of a ray. Most pipelines pass constant flags that
+    // agree on the hidden ones. What libraries trace that a pipeline will be made of or linked with, nobody knows here.
+    spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        using Way = spirv::HiddenFlags::Way;
+        const bool complete = (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
+                              (!info.pLibraryInfo || info.pLibraryInfo->libraryCount == 0);
+        std::set<std::optional<uint32_t>> hidden;
+        for (uint32_t i = 0; complete && i < info.stageCount; ++i) {
+            if (const spirv::TracedFlags traced = spirv::tracedFlags(codeOf(info.pStages[i])); traced.traces)
+                hidden.insert(traced.hidden);
+        }
+        if (complete && hidden.empty())
+            return {Way::Constant, 0};
+        if (hidden.size() == 1 && *hidden.begin())
+            return {Way::Constant, **hidden.begin()};
+        return {device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload, 0};
+    }
+
+    // Our any-hit shaders read the barycentrics, also where none of the application's does, and payloads may have a
+    // prefix.
+    void widenInterface(VkRayTracingPipelineCreateInfoKHR &info, const spirv::HiddenFlags &hidden)
     {
         constexpr uint32_t kBarycentricsBytes = 8;
-        if (!info.pLibraryInterface || info.pLibraryInterface->maxPipelineRayHitAttributeSize >= kBarycentricsBytes)
+        constexpr uint32_t kPrefixBytes = 8; // aligned for what comes after
+        if (!info.pLibraryInterface)
             return;
         VkRayTracingPipelineInterfaceCreateInfoKHR &own = interfaces_.emplace_back(*info.pLibraryInterface);
-        own.maxPipelineRayHitAttributeSize = kBarycentricsBytes;
+        own.maxPipelineRayHitAttributeSize = std::max(own.maxPipelineRayHitAttributeSize, kBarycentricsBytes);
+        if (hidden.way == spirv::HiddenFlags::Way::InPayload)
+            own.maxPipelineRayPayloadSize += std::min(kPrefixBytes, UINT32_MAX - own.maxPipelineRayPayloadSize);
         info.pLibraryInterface = &own;
     }
 
@@ -293,7 +328,8 @@ private:
                 if (!first)
                     stages.infos.push_back(info.pStages[i]);
                 first = false;
-                if (const VkResult result = rewriteStage(stages.infos[at], decides); result != VK_SUCCESS)
+                if (const VkResult result = rewriteStage(stages.infos[at], decides, stages.hidden);
+                    result != VK_SUCCESS)
                     return result;
                 stages.index[{i, decides}] = at;
             }
@@ -301,9 +337,9 @@ private:
         return VK_SUCCESS;
     }
 
-    VkResult rewriteStage(VkPipelineShaderStageCreateInfo &stage, Decides decides)
+    VkResult rewriteStage(VkPipelineShaderStageCreateInfo &stage, Decides decides, const spirv::HiddenFlags &hidden)
     {
-        const spirv::PipelineStage target{stage.pName, executionModelOf(stage.stage), decides};
+        const spirv::PipelineStage target{stage.pName, executionModelOf(stage.stage), decides, hidden};
         const auto original = device_.rayTracingModules.get(stage.module);
         if (!original) {
             bool inlined = false;
@@ -313,8 +349,8 @@ private:
             // ready to be told so.
             return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
         }
-        const auto [known, isNew] =
-            rewritten_.try_emplace({stage.module, stage.stage, decides, std::string(stage.pName)}, VK_NULL_HANDLE);
+        const auto [known, isNew] = rewritten_.try_emplace(
+            {stage.module, stage.stage, decides, hidden, std::string(stage.pName)}, VK_NULL_HANDLE);
         if (isNew) {
             const uint32_t *code = original->data();
             size_t bytes = original->size() * 4;
@@ -358,7 +394,7 @@ private:
         const auto [known, isNew] = stages.index.try_emplace({VK_SHADER_UNUSED_KHR, decides}, VK_SHADER_UNUSED_KHR);
         if (!isNew)
             return known->second;
-        const VkShaderModule module = device_.anyHitModules.get(decides, rewriteOptions(device_));
+        const VkShaderModule module = device_.anyHitModules.get(decides, stages.hidden, rewriteOptions(device_));
         if (!module) {
             device_.driver.report().error("VELLUM-any-hit-shader",
                                           "the driver could not make a shader module of the layer's");
@@ -405,7 +441,9 @@ private:
     std::deque<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groupArrays_;
     std::deque<VkRayTracingPipelineInterfaceCreateInfoKHR> interfaces_;
     std::deque<Feedback> feedback_;
-    std::map<std::tuple<VkShaderModule, VkShaderStageFlagBits, Decides, std::string>, VkShaderModule> rewritten_;
+    std::map<std::tuple<VkShaderModule, VkShaderStageFlagBits, Decides, spirv::HiddenFlags, std::string>,
+             VkShaderModule>
+        rewritten_;
     std::vector<VkShaderModule> modules_;
 };
 

@@ -56,7 +56,8 @@ struct Copy {
         else if (!target)
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter",
                    "dst is not an acceleration structure of this device");
-        else if (device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
+        else if (source->place == target->place ||
+                 device.driver.structureAddress(info.src) == device.driver.structureAddress(info.dst))
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
         else if (!compacts() && target->size < cloneBytes())
             refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",

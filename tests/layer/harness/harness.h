@@ -52,6 +52,15 @@ inline bool strictTests()
     return value && std::strcmp(value, "1") == 0;
 }
 
+// False: the layer takes the driver for one that drops unused ray flag bits, by its own environment variable
+// VELLUM_CARRIED_RAY_FLAGS. Then intersection shaders may not see the ray flags that are hidden from the driver, nor
+// can they be skipped by one of those (docs/limits.md).
+inline bool carriedRayFlags()
+{
+    const char *value = std::getenv("VELLUM_CARRIED_RAY_FLAGS");
+    return !value || std::strcmp(value, "off") != 0;
+}
+
 struct Options {
     bool vellum = true;
     bool validation = true;

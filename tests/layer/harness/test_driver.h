@@ -11,6 +11,13 @@
 namespace vt
 {
 
+// Whether all tests of this process run with that trait.
+inline bool chosenTrait(const std::string &name)
+{
+    const char *chosen = std::getenv("VELLUM_TEST_TRAITS");
+    return chosen != nullptr && (std::string(",") + chosen + ',').find(',' + name + ',') != std::string::npos;
+}
+
 // By its name. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an
 // instance was made.
 template <class Function>

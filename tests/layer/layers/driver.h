@@ -22,7 +22,7 @@ namespace driver
 {
 
 // From the application's side to lavapipe's.
-enum class Level { Spy, Failures, Deferral, Limits, Queues, Structures, Memory, Addresses, Replay, IndirectBuilds };
+enum class Level { Deferral, Spy, Failures, Limits, Queues, Structures, Memory, Addresses, Replay, IndirectBuilds };
 
 struct Row {
     // Without the KHR of the extension it came from.
@@ -40,6 +40,7 @@ struct LevelRows {
 // One of each level, in the file of its name.
 LevelRows spyRows();
 LevelRows failureRows();
+LevelRows deferralRows();
 LevelRows limitRows();
 LevelRows queueRows();
 LevelRows structureRows();

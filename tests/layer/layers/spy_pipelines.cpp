@@ -2,7 +2,6 @@
 #include "layers/spy.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <map>
 
 namespace spy
@@ -110,19 +109,6 @@ struct StackNeed {
 std::map<VkPipeline, StackNeed> stackNeeds;
 std::map<VkCommandBuffer, VkPipeline> boundPipelines; // ray tracing
 
-// Creations that were put off: what the caller gave, and is bound to keep alive until the operation completes.
-struct Deferral {
-    VkDevice device;
-    VkPipelineCache cache;
-    std::uint32_t count;
-    const VkRayTracingPipelineCreateInfoKHR *infos;
-    const VkAllocationCallbacks *allocator;
-    VkPipeline *pipelines;
-    VkResult result = VK_NOT_READY;
-    bool joined = false;
-};
-std::map<VkDeferredOperationKHR, Deferral> deferrals;
-
 StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &info, VkPipeline pipeline)
 {
     const auto sizeOf = SPY_NEXT(vkGetRayTracingShaderGroupStackSizeKHR);
@@ -162,21 +148,6 @@ void expectPipeline(const VkRayTracingPipelineCreateInfoKHR &info)
     expectPromises("vkCreateRayTracingPipelinesKHR", flags);
 }
 
-VkResult createPipelinesNow(VkDevice handle, VkDeferredOperationKHR operation, const Deferral &call)
-{
-    const VkResult result = SPY_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, call.cache, call.count,
-                                                                     call.infos, call.allocator, call.pipelines);
-    if (result != VK_SUCCESS && result != VK_OPERATION_NOT_DEFERRED_KHR)
-        return result;
-    for (std::uint32_t i = 0; i < call.count; ++i) {
-        lookInCache(call.cache, call.infos[i], call.pipelines[i]);
-        const StackNeed need = stackNeed(handle, call.infos[i], call.pipelines[i]);
-        std::lock_guard lock(mutex);
-        stackNeeds[call.pipelines[i]] = need;
-    }
-    return result;
-}
-
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
                                                          VkPipelineCache cache, std::uint32_t count,
                                                          const VkRayTracingPipelineCreateInfoKHR *infos,
@@ -184,54 +155,17 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDefe
 {
     for (std::uint32_t i = 0; i < count; ++i)
         expectPipeline(infos[i]);
-    const Deferral call{handle, cache, count, infos, allocator, pipelines};
-    if (operation == VK_NULL_HANDLE || std::getenv("VELLUM_TEST_SPY_DEFER") == nullptr)
-        return createPipelinesNow(handle, operation, call);
-    std::lock_guard lock(mutex);
-    deferrals[operation] = call;
-    return VK_OPERATION_DEFERRED_KHR;
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL deferredOperationJoin(VkDevice handle, VkDeferredOperationKHR operation)
-{
-    Deferral call{};
-    {
+    const VkResult result =
+        SPY_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, count, infos, allocator, pipelines);
+    if (result != VK_SUCCESS && result != VK_OPERATION_NOT_DEFERRED_KHR)
+        return result;
+    for (std::uint32_t i = 0; i < count; ++i) {
+        lookInCache(cache, infos[i], pipelines[i]);
+        const StackNeed need = stackNeed(handle, infos[i], pipelines[i]);
         std::lock_guard lock(mutex);
-        const auto found = deferrals.find(operation);
-        if (found != deferrals.end()) {
-            call = found->second;
-            found->second.joined = true;
-        }
+        stackNeeds[pipelines[i]] = need;
     }
-    if (call.device == VK_NULL_HANDLE)
-        return SPY_NEXT(vkDeferredOperationJoinKHR)(handle, operation);
-    if (call.joined) // one thread is all that the work is good for
-        return call.result == VK_NOT_READY ? VK_THREAD_DONE_KHR : VK_SUCCESS;
-    const VkResult result = createPipelinesNow(handle, VK_NULL_HANDLE, call);
-    std::lock_guard lock(mutex);
-    deferrals[operation].result = result;
-    return VK_SUCCESS;
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL getDeferredOperationResult(VkDevice handle, VkDeferredOperationKHR operation)
-{
-    {
-        std::lock_guard lock(mutex);
-        const auto found = deferrals.find(operation);
-        if (found != deferrals.end())
-            return found->second.result;
-    }
-    return SPY_NEXT(vkGetDeferredOperationResultKHR)(handle, operation);
-}
-
-VKAPI_ATTR void VKAPI_CALL destroyDeferredOperation(VkDevice handle, VkDeferredOperationKHR operation,
-                                                    const VkAllocationCallbacks *allocator)
-{
-    {
-        std::lock_guard lock(mutex);
-        deferrals.erase(operation);
-    }
-    SPY_NEXT(vkDestroyDeferredOperationKHR)(handle, operation, allocator);
+    return result;
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBindPipeline(VkCommandBuffer handle, VkPipelineBindPoint point, VkPipeline pipeline)
@@ -266,9 +200,6 @@ std::span<const Row> pipelines()
         {"vkCreateGraphicsPipelines", SPY_FUNCTION(createGraphicsPipelines)},
         {"vkCreateShadersEXT", SPY_FUNCTION(createShaders)},
         {"vkCreateRayTracingPipelinesKHR", SPY_FUNCTION(createRayTracingPipelines)},
-        {"vkDeferredOperationJoinKHR", SPY_FUNCTION(deferredOperationJoin)},
-        {"vkGetDeferredOperationResultKHR", SPY_FUNCTION(getDeferredOperationResult)},
-        {"vkDestroyDeferredOperationKHR", SPY_FUNCTION(destroyDeferredOperation)},
         {"vkCmdBindPipeline", SPY_FUNCTION(cmdBindPipeline)},
         {"vkCmdSetRayTracingPipelineStackSizeKHR", SPY_FUNCTION(cmdSetStackSize)},
     };

@@ -14,6 +14,9 @@ std::span<const Trait> allTraits()
         {"failures", Level::Failures, "what a test asks for runs out of memory, or the device is lost (Lost Device)"},
         {"uncompiled", Level::Failures,
          "pipelines that are made only if nothing has to be compiled are not made (VK_PIPELINE_COMPILE_REQUIRED)"},
+        {"deferred", Level::Deferral,
+         "pipelines whose creation may be deferred are made by the threads that join, a piece each (Deferred Host "
+         "Operations)"},
         {"alignments", Level::Limits,
          "the largest alignments (Required Limits): scratch memory 256, group handles 32, group tables 64, strides of "
          "at most 4096, non-coherent atoms 256"},

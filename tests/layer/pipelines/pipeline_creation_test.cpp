@@ -1,6 +1,5 @@
 // How ray tracing pipelines are made: deferred, several at once, what may be destroyed when, stack sizes.
 #include <algorithm>
-#include <cstdlib>
 #include <thread>
 
 #include "pipelines/pipeline_scene.h"
@@ -14,25 +13,34 @@ class PipelineCreation : public PipelineSceneTest
 {
 protected:
     explicit PipelineCreation(const Options &options = {}) : PipelineSceneTest(options) {}
-    void TearDown() override
-    {
-        unsetenv("VELLUM_TEST_SPY_DEFER");
-        PipelineSceneTest::TearDown();
-    }
-
     struct DeferredCase {
-        bool driverDefers = true;
         std::uint32_t joiners = 1;
         bool destroyUnjoined = false;
     };
+
+    // By that many threads. One of them, at least, finds the operation complete.
+    void join(VkDeferredOperationKHR operation, std::uint32_t joiners)
+    {
+        std::vector<std::thread> threads;
+        std::vector<VkResult> joined(joiners, VK_ERROR_UNKNOWN);
+        const auto joinOne = [&](std::size_t i) {
+            joined[i] = gpu().vk().DeferredOperationJoinKHR(gpu().device(), operation);
+        };
+        for (std::size_t i = 1; i < joiners; ++i)
+            threads.emplace_back(joinOne, i);
+        joinOne(0);
+        for (std::thread &thread : threads)
+            thread.join();
+        for (const VkResult result : joined)
+            EXPECT_TRUE(result == VK_SUCCESS || result == VK_THREAD_DONE_KHR || result == VK_THREAD_IDLE_KHR) << result;
+        EXPECT_NE(std::count(joined.begin(), joined.end(), VK_SUCCESS), 0);
+    }
 
     // Makes the setup's pipeline by a deferred operation. Everything that the application passed is overwritten and
     // freed when the operation is complete, and not before.
     MadePipeline makeDeferred(const PipelineSetup &setup, const DeferredCase &how)
     {
         const Commands &vk = gpu().vk();
-        if (how.driverDefers)
-            setenv("VELLUM_TEST_SPY_DEFER", "1", 1);
         VkDeferredOperationKHR operation = VK_NULL_HANDLE;
         VT_CHECK(vk.CreateDeferredOperationKHR(gpu().device(), nullptr, &operation));
         auto info = std::make_unique<PipelineInfo>(gpu(), setup);
@@ -40,29 +48,16 @@ protected:
         const VkResult started = vk.CreateRayTracingPipelinesKHR(gpu().device(), operation, VK_NULL_HANDLE, 1,
                                                                  &info->get(), nullptr, pipeline.get());
         // Lavapipe (Mesa 25.0.7) says VK_SUCCESS where it does not defer.
-        if (how.driverDefers)
+        if (gpu().options().traits == "deferred") {
             EXPECT_EQ(started, VK_OPERATION_DEFERRED_KHR);
-        else
-            EXPECT_TRUE(started == VK_OPERATION_NOT_DEFERRED_KHR || started == VK_SUCCESS) << started;
+        }
         if (started == VK_OPERATION_DEFERRED_KHR) {
             EXPECT_EQ(vk.GetDeferredOperationResultKHR(gpu().device(), operation), VK_NOT_READY);
-            std::vector<std::thread> threads;
-            std::vector<VkResult> joined(how.joiners, VK_ERROR_UNKNOWN);
             // Spoil the memory that was free when the call returned, so that what is read from there is noticed.
             std::vector<std::vector<std::uint8_t>> noise;
             for (std::size_t size = 16; size < 65536; size = size * 3 / 2)
                 noise.emplace_back(size, std::uint8_t{0xdb});
-            const auto join = [&](std::size_t i) {
-                joined[i] = vk.DeferredOperationJoinKHR(gpu().device(), operation);
-            };
-            for (std::size_t i = 1; i < how.joiners; ++i)
-                threads.emplace_back(join, i);
-            join(0);
-            for (std::thread &thread : threads)
-                thread.join();
-            for (const VkResult result : joined)
-                EXPECT_TRUE(result == VK_SUCCESS || result == VK_THREAD_DONE_KHR || result == VK_THREAD_IDLE_KHR)
-                    << result;
+            join(operation, how.joiners);
         }
         // "VK_OPERATION_NOT_DEFERRED_KHR: ... the command has completed": as good as VK_SUCCESS.
         EXPECT_EQ(vk.GetDeferredOperationResultKHR(gpu().device(), operation), VK_SUCCESS);
@@ -96,7 +91,15 @@ protected:
 class PipelineCreationDeferred : public PipelineCreation
 {
 protected:
-    PipelineCreationDeferred() : PipelineCreation({.oldValidation = false}) {}
+    explicit PipelineCreationDeferred(const char *traits = "deferred")
+        : PipelineCreation({.oldValidation = false, .traits = traits})
+    {
+    }
+};
+class PipelineCreationNotDeferred : public PipelineCreationDeferred
+{
+protected:
+    PipelineCreationNotDeferred() : PipelineCreationDeferred("") {}
 };
 
 TEST_F(PipelineCreationDeferred, ByTheDriver)
@@ -109,16 +112,18 @@ TEST_F(PipelineCreationDeferred, JoinedByThreads)
     expectDeferred({.joiners = 3});
 }
 
-TEST_F(PipelineCreationDeferred, NotByTheDriver)
+TEST_F(PipelineCreationNotDeferred, ByTheDriver)
 {
-    expectDeferred({.driverDefers = false});
+    expectDeferred({});
 }
 
 // Inline modules are memory of the application's too.
 class PipelineCreationDeferredInline : public PipelineCreation
 {
 protected:
-    PipelineCreationDeferredInline() : PipelineCreation({.oldValidation = false, .newer = true}) {}
+    PipelineCreationDeferredInline() : PipelineCreation({.oldValidation = false, .traits = "deferred", .newer = true})
+    {
+    }
 };
 
 TEST_F(PipelineCreationDeferredInline, ByTheDriver)
@@ -155,14 +160,13 @@ TEST_F(PipelineCreationDeferred, SeveralInOneCall)
                 const Commands &vk = gpu().vk();
                 std::array<VkPipeline, 3> pipelines{};
                 VkDeferredOperationKHR operation = VK_NULL_HANDLE;
-                if (deferred) {
-                    setenv("VELLUM_TEST_SPY_DEFER", "1", 1);
+                if (deferred)
                     VT_CHECK(vk.CreateDeferredOperationKHR(gpu().device(), nullptr, &operation));
-                }
                 const VkResult result = vk.CreateRayTracingPipelinesKHR(gpu().device(), operation, VK_NULL_HANDLE, 3,
                                                                         list.data(), nullptr, pipelines.data());
                 if (result == VK_OPERATION_DEFERRED_KHR) {
-                    EXPECT_EQ(vk.DeferredOperationJoinKHR(gpu().device(), operation), VK_SUCCESS);
+                    join(operation, 3); // each makes one
+                    EXPECT_EQ(vk.GetDeferredOperationResultKHR(gpu().device(), operation), VK_SUCCESS);
                 } else {
                     EXPECT_TRUE(result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR) << result;
                 }
@@ -187,6 +191,73 @@ TEST_F(PipelineCreationDeferred, SeveralInOneCall)
                 plain.expect(without, flags);
         }
     }
+}
+
+// A driver that would have to compile: of several pipelines, those that may only be made without are not, and the
+// others are ("Multiple Pipeline Creation"), with what the layer needs to know of them; deferred or not.
+class PipelineCreationUncompiled : public PipelineCreation
+{
+protected:
+    explicit PipelineCreationUncompiled(const char *traits = "uncompiled")
+        : PipelineCreation({.oldValidation = false, .traits = traits})
+    {
+    }
+
+    void expectHalfMade(bool deferred)
+    {
+        const Commands &vk = gpu().vk();
+        for (const bool early : {false, true}) {
+            const auto make = [&](Gpu &, const PipelineSetup &from) {
+                std::array<std::unique_ptr<PipelineInfo>, 3> infos;
+                std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
+                for (std::uint32_t i = 0; i < 3; ++i) {
+                    PipelineSetup setup = from;
+                    if (i == 1)
+                        setup.flags |= VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT |
+                                       (early ? VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT : 0);
+                    infos[i] = std::make_unique<PipelineInfo>(gpu(), setup);
+                    list[i] = infos[i]->get();
+                }
+                std::array<VkPipeline, 3> pipelines{};
+                VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+                if (deferred)
+                    VT_CHECK(vk.CreateDeferredOperationKHR(gpu().device(), nullptr, &operation));
+                VkResult result = vk.CreateRayTracingPipelinesKHR(gpu().device(), operation, VK_NULL_HANDLE, 3,
+                                                                  list.data(), nullptr, pipelines.data());
+                if (result == VK_OPERATION_DEFERRED_KHR) {
+                    join(operation, 2);
+                    result = vk.GetDeferredOperationResultKHR(gpu().device(), operation);
+                }
+                EXPECT_EQ(result, VK_PIPELINE_COMPILE_REQUIRED);
+                if (deferred)
+                    vk.DestroyDeferredOperationKHR(gpu().device(), operation, nullptr);
+                EXPECT_NE(pipelines[0], VkPipeline{});
+                EXPECT_EQ(pipelines[1], VkPipeline{});
+                EXPECT_EQ(pipelines[2] != VkPipeline{}, !early || deferred); // deferred, each is made by itself
+                vkDestroyPipeline(gpu().device(), pipelines[2], nullptr);
+                return MadePipeline{RayPipeline(gpu(), pipelines[0]), {}};
+            };
+            PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true}}, .make = make});
+            for (const std::uint32_t flags : opacityRayFlags())
+                scene_->expect(tracer, flags, {.triangleAnyHit = false});
+        }
+    }
+};
+
+TEST_F(PipelineCreationUncompiled, SomeOfSeveral)
+{
+    expectHalfMade(false);
+}
+
+class PipelineCreationUncompiledDeferred : public PipelineCreationUncompiled
+{
+protected:
+    PipelineCreationUncompiledDeferred() : PipelineCreationUncompiled("uncompiled,deferred") {}
+};
+
+TEST_F(PipelineCreationUncompiledDeferred, SomeOfSeveral)
+{
+    expectHalfMade(true);
 }
 
 // A deferred operation that nobody used, and one whose call failed.

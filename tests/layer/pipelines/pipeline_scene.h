@@ -26,6 +26,7 @@ public:
         // False: what the miss shader reads is not looked at. Bare lavapipe (Mesa 25.0.7) gives some miss shaders
         // garbage for IncomingRayFlags where the pipeline has no hit group.
         bool missFlags = true;
+        bool constantFlags = false; // of all rays of the pipeline: intersection shaders see them, whatever the driver
         std::uint32_t firstRecord = 0; // what the trace adds to the scene's record indices
         std::uint32_t firstData = 100; // data of the table's record 0
     };
@@ -208,7 +209,8 @@ private:
         if (p.box ? (flags & kRaySkipBoxes) != 0 || view.skipBoxes
                   : (flags & (kRaySkipTriangles | kRayCullFront)) != 0 || view.skipTriangles)
             met = false;
-        if (r.visitCount > 0 && !(p.box && met))
+        const bool culled = p.box && outcome == Outcome::Culled && (flags & kRaySkipBoxes) == 0 && !view.skipBoxes;
+        if (r.visitCount > 0 && !(p.box && met) && !(culled && !view.constantFlags && intersectionMayRunCulled(flags)))
             return "an intersection shader ran";
         if (p.box && met && r.visitCount == 0)
             return "no intersection shader ran";
@@ -232,7 +234,8 @@ private:
         for (const BoxVisit &visit : r.visits) {
             if (!named(visit))
                 return "the intersection shader's identity";
-            if (visit.flags != flags || visit.record != record || visit.tMin != 0)
+            if (!(view.constantFlags ? visit.flags == flags : intersectionMaySee(visit.flags, flags)) ||
+                visit.record != record || visit.tMin != 0)
                 return "what the intersection shader reads: flags " + std::to_string(visit.flags);
             const bool returns = hit && !(view.terminates && asked);
             if (visit.reported != (rays_[i].generate > 0 ? returns ? 3u : 1u : 0u))

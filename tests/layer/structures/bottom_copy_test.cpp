@@ -4,6 +4,8 @@
 
 #include <set>
 
+#include "harness/test_driver.h"
+
 namespace
 {
 
@@ -190,8 +192,10 @@ TEST_F(BottomCopiesExt, SerializedDataCarriesTheMicromaps)
     const auto third = made(kBottom, first->size());
     copy(gpu(), *second, *third);
     const Serialized again = serialize(gpu(), *second);
-    EXPECT_EQ(again.total(), data.total());
-    EXPECT_EQ(again.deserializedSize(), data.deserializedSize());
+    if (!chosenTrait("structures")) { // it does not know what deserialized structures hold
+        EXPECT_EQ(again.total(), data.total());
+        EXPECT_EQ(again.deserializedSize(), data.deserializedSize());
+    }
     auto fourth = deserialized(gpu(), again, kBottom);
     first.reset();
     std::memset(memory.bytes(), 0x77, static_cast<std::size_t>(memory.size()));

@@ -1,0 +1,13 @@
+// Numbers as people read them.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace vellum::cli
+{
+
+// 1234567 -> 1,234,567
+std::string grouped(std::uint64_t number);
+
+} // namespace vellum::cli

@@ -1,0 +1,17 @@
+// Files that are written whole or not at all.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+
+namespace vellum::cli
+{
+
+// Throws Error where a file could not be written to `path` later: so that nobody waits for one in vain.
+void checkWritable(const std::filesystem::path &path);
+
+// Writes beside `path` and renames: whatever happens, `path` is never half of a file. Throws Error.
+void writeWhole(const std::filesystem::path &path, std::span<const std::uint8_t> bytes);
+
+} // namespace vellum::cli

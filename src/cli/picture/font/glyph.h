@@ -1,0 +1,18 @@
+// A drawn character in the header that make_font writes.
+#pragma once
+
+#include <cstdint>
+
+namespace vellum::cli
+{
+
+struct Glyph {
+    std::uint32_t first; // into the font's coverage, which has width * height bytes from there
+    std::int16_t left;   // from the pen to the left edge
+    std::int16_t top;    // from the baseline down to the top edge
+    std::uint16_t width;
+    std::uint16_t height;
+    std::int16_t advance; // of the pen, in 64ths of a pixel
+};
+
+} // namespace vellum::cli

@@ -1,0 +1,116 @@
+#include "gltf/data/decompress.h"
+
+#include <meshoptimizer.h>
+
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/tinygltf.h"
+
+namespace vellum
+{
+namespace
+{
+
+constexpr const char *kSpellings[] = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
+
+const tinygltf::Value *extensionOf(const tinygltf::BufferView &view)
+{
+    for (const char *spelling : kSpellings)
+        if (const auto found = view.extensions.find(spelling); found != view.extensions.end())
+            return &found->second;
+    return nullptr;
+}
+
+std::size_t sizeOf(const tinygltf::Value &extension, const char *name, int otherwise)
+{
+    const tinygltf::Value &value = extension.Get(name);
+    const int number = value.IsInt() ? value.Get<int>() : otherwise;
+    if (number < 0)
+        throw GltfError(std::string("has a compression without \"") + name + "\"");
+    return static_cast<std::size_t>(number);
+}
+
+std::string stringOf(const tinygltf::Value &extension, const char *name, const char *otherwise)
+{
+    const tinygltf::Value &value = extension.Get(name);
+    return value.IsString() ? value.Get<std::string>() : otherwise;
+}
+
+// "For the extension object to be valid, the following must hold".
+void check(const CompressedView &view, const tinygltf::BufferView &parent)
+{
+    const bool attributes = view.mode == "ATTRIBUTES";
+    const std::string stride = "a stride of " + std::to_string(view.byteStride);
+    if (!attributes && view.mode != "TRIANGLES" && view.mode != "INDICES")
+        throw GltfUnsupported("has a compression with the unknown mode \"" + view.mode + "\"");
+    if (attributes ? view.byteStride == 0 || view.byteStride % 4 != 0 || view.byteStride > 256
+                   : view.byteStride != 2 && view.byteStride != 4)
+        throw GltfError("has a compression with " + stride);
+    if (view.mode == "TRIANGLES" && view.count % 3 != 0)
+        throw GltfError("has a compression with " + std::to_string(view.count) + " indices, no multiple of 3");
+    if (view.filter == "OCTAHEDRAL" ? view.byteStride != 4 && view.byteStride != 8
+                                    : view.filter == "QUATERNION" && view.byteStride != 8)
+        throw GltfError("has a compression with the filter " + view.filter + " for " + stride);
+    const bool filtered = view.filter != "NONE";
+    if (filtered && view.filter != "OCTAHEDRAL" && view.filter != "QUATERNION" && view.filter != "EXPONENTIAL")
+        throw GltfUnsupported("has a compression with the unknown filter \"" + view.filter + "\"");
+    if (filtered && !attributes)
+        throw GltfError("has a compression with a filter for indices");
+    if (view.bytes() != parent.byteLength)
+        throw GltfError("is decompressed to " + std::to_string(view.bytes()) + " bytes and has " +
+                        std::to_string(parent.byteLength));
+}
+
+// The stream begins with its kind and, in the lower half of the byte, its version.
+bool isNewer(const CompressedView &view, std::span<const std::uint8_t> encoded)
+{
+    const int newest = view.mode == "ATTRIBUTES" ? 0xa0 : view.mode == "TRIANGLES" ? 0xe1 : 0xd1;
+    return !encoded.empty() && (encoded[0] & 0xf0) == (newest & 0xf0) && encoded[0] > newest;
+}
+
+} // namespace
+
+bool isCompressed(const tinygltf::BufferView &view)
+{
+    return extensionOf(view) != nullptr;
+}
+
+CompressedView readCompressedView(const tinygltf::BufferView &parent)
+{
+    const tinygltf::Value &extension = *extensionOf(parent);
+    CompressedView view;
+    view.buffer = static_cast<int>(sizeOf(extension, "buffer", -1));
+    view.byteOffset = sizeOf(extension, "byteOffset", 0);
+    view.byteLength = sizeOf(extension, "byteLength", -1);
+    view.byteStride = sizeOf(extension, "byteStride", -1);
+    view.count = sizeOf(extension, "count", -1);
+    view.mode = stringOf(extension, "mode", "");
+    view.filter = stringOf(extension, "filter", "NONE");
+    check(view, parent);
+    return view;
+}
+
+std::vector<std::uint8_t> decompressView(const CompressedView &view, std::span<const std::uint8_t> encoded)
+{
+    std::vector<std::uint8_t> decoded(view.bytes());
+    int error = 0;
+    if (view.mode == "ATTRIBUTES")
+        error = meshopt_decodeVertexBuffer(decoded.data(), view.count, view.byteStride, encoded.data(), encoded.size());
+    else if (view.mode == "TRIANGLES")
+        error = meshopt_decodeIndexBuffer(decoded.data(), view.count, view.byteStride, encoded.data(), encoded.size());
+    else
+        error =
+            meshopt_decodeIndexSequence(decoded.data(), view.count, view.byteStride, encoded.data(), encoded.size());
+    if (error != 0 && isNewer(view, encoded))
+        throw GltfUnsupported("is compressed in a newer way than the library here can read");
+    if (error != 0)
+        throw GltfError("cannot be decompressed");
+    if (view.filter == "OCTAHEDRAL")
+        meshopt_decodeFilterOct(decoded.data(), view.count, view.byteStride);
+    else if (view.filter == "QUATERNION")
+        meshopt_decodeFilterQuat(decoded.data(), view.count, view.byteStride);
+    else if (view.filter == "EXPONENTIAL")
+        meshopt_decodeFilterExp(decoded.data(), view.count, view.byteStride);
+    return decoded;
+}
+
+} // namespace vellum

@@ -1,0 +1,41 @@
+// Compressed geometry, by the libraries of those who made the compressions.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace tinygltf
+{
+struct BufferView;
+}
+
+namespace vellum
+{
+
+// What an extension of a buffer view says of its data.
+struct CompressedView {
+    int buffer = -1;
+    std::size_t byteOffset = 0;
+    std::size_t byteLength = 0;
+    std::size_t byteStride = 0;
+    std::size_t count = 0;
+    std::string mode;
+    std::string filter;
+
+    // The bytes that it is decompressed to.
+    [[nodiscard]] std::size_t bytes() const { return byteStride * count; }
+};
+
+// Whether EXT_meshopt_compression or KHR_meshopt_compression is in a buffer view.
+bool isCompressed(const tinygltf::BufferView &view);
+
+// Reads and checks what the extension says. Throws GltfError, and GltfUnsupported for a mode or filter that is unknown.
+// Neither of them names the view. bytes() does not overflow.
+CompressedView readCompressedView(const tinygltf::BufferView &view);
+
+// Throws GltfError where `encoded` does not decode to `view`.
+std::vector<std::uint8_t> decompressView(const CompressedView &view, std::span<const std::uint8_t> encoded);
+
+} // namespace vellum

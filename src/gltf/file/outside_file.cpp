@@ -1,0 +1,107 @@
+#include "gltf/file/outside_file.h"
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/relative_uri.h"
+
+namespace vellum
+{
+namespace
+{
+
+constexpr std::uintmax_t kMostBytes = 0x7fffffff;
+
+constexpr std::uint8_t kNoDigit = 64;
+
+constexpr std::array<std::uint8_t, 256> base64Digits()
+{
+    std::array<std::uint8_t, 256> digits{};
+    digits.fill(kNoDigit);
+    constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    for (std::size_t i = 0; i < kAlphabet.size(); ++i)
+        digits[static_cast<unsigned char>(kAlphabet[i])] = static_cast<std::uint8_t>(i);
+    return digits;
+}
+
+std::vector<std::uint8_t> base64Decoded(std::string_view text)
+{
+    static constexpr std::array<std::uint8_t, 256> kDigits = base64Digits();
+    while (text.ends_with('='))
+        text.remove_suffix(1);
+    std::vector<std::uint8_t> bytes;
+    bytes.reserve(text.size() / 4 * 3 + 2);
+    std::uint32_t bits = 0;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const std::uint8_t digit = kDigits[static_cast<unsigned char>(text[i])];
+        if (digit == kNoDigit)
+            throw GltfError("character " + std::to_string(i) + " of its base64 text is none of base64's");
+        bits = bits << 6 | digit;
+        if (i % 4 != 0)
+            bytes.push_back(static_cast<std::uint8_t>(bits >> (6 - 2 * (i % 4))));
+    }
+    if (text.size() % 4 == 1)
+        throw GltfError("its base64 text is cut off");
+    return bytes;
+}
+
+} // namespace
+
+std::vector<std::uint8_t> readWholeFile(const std::filesystem::path &path)
+{
+    std::error_code error;
+    const auto status = std::filesystem::status(path, error);
+    if (!std::filesystem::exists(status))
+        throw GltfError("no such file");
+    if (!std::filesystem::is_regular_file(status))
+        throw GltfError("not a file");
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    if (error)
+        throw GltfError("cannot be read");
+    if (size > kMostBytes)
+        throw GltfError("larger than 2 GiB");
+    std::ifstream file(path, std::ios::binary);
+    std::vector<std::uint8_t> bytes(size);
+    file.read(reinterpret_cast<char *>(bytes.data()), static_cast<std::streamsize>(size));
+    if (!file || static_cast<std::uintmax_t>(file.gcount()) != size)
+        throw GltfError("cannot be read");
+    return bytes;
+}
+
+std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string_view uri)
+{
+    if (uri.empty())
+        throw GltfError("the URI is empty");
+    const auto path = decodedUri(uri);
+    if (!path || path->is_absolute())
+        throw GltfUnsupported("the URI is not a relative path");
+    if (std::find(path->begin(), path->end(), "..") != path->end())
+        throw GltfUnsupported("the URI leads out of the file's folder");
+    return folder / *path;
+}
+
+bool isDataUri(std::string_view uri)
+{
+    return uri.starts_with("data:");
+}
+
+DataUri readDataUri(std::string_view uri)
+{
+    const std::size_t comma = uri.find(',');
+    if (comma == std::string_view::npos)
+        throw GltfError("the data URI has no comma");
+    const std::string_view header = uri.substr(5, comma - 5);
+    const std::string_view text = uri.substr(comma + 1);
+    DataUri data{.mimeType = std::string(header.substr(0, header.find(';'))), .bytes = {}};
+    if (header.ends_with(";base64")) {
+        data.bytes = base64Decoded(text);
+    } else {
+        const std::string decoded = percentDecoded(text);
+        data.bytes.assign(decoded.begin(), decoded.end());
+    }
+    return data;
+}
+
+} // namespace vellum

@@ -1,0 +1,44 @@
+// The same questions in exact arithmetic, for what double precision leaves open: values that equal the cutoff, outlines
+// that run along an edge. Fractions of integers of any size; slow, and seldom needed.
+#pragma once
+
+#include <gmpxx.h>
+
+#include <array>
+#include <cstdint>
+
+#include "verify/texels.h"
+#include "verify/triangle.h"
+
+namespace vellum::verify
+{
+
+// Which outcomes the alpha test has.
+struct Outcomes {
+    bool opaque = false;
+    bool transparent = false;
+};
+
+class ExactPart
+{
+public:
+    // A micro-triangle: corners of the lattice with 2^level steps along the edges of `triangle`, whose coordinates are
+    // finite.
+    ExactPart(const AlphaTexture &texture, const TriangleCorners &triangle, const MicroCorners &corners,
+              std::uint32_t level);
+
+    // The outcomes in what the closed micro-triangle and a cell of the filter have in common; both where a texel of the
+    // cell is not finite. For Filter::Nearest the cell is the texel itself, without its right and lower side; else the
+    // closed square from the centre of that texel to the next. A value times `scale` is opaque from `cutoff` on.
+    [[nodiscard]] Outcomes outcomesIn(const Texels &texels, std::int64_t x, std::int64_t y, double scale,
+                                      double cutoff) const;
+
+private:
+    struct Corner {
+        mpq_class x;
+        mpq_class y;
+    };
+    std::array<Corner, 3> m_corners;
+};
+
+} // namespace vellum::verify

@@ -1,0 +1,70 @@
+// Convex polygons in double precision, and how they are cut.
+#pragma once
+
+#include <array>
+#include <cmath>
+
+namespace vellum::verify
+{
+
+struct Point {
+    double x = 0;
+    double y = 0;
+};
+
+inline Point middle(const Point &a, const Point &b)
+{
+    return {(a.x + b.x) / 2, (a.y + b.y) / 2};
+}
+
+// Corners in order. One without area, down to a point, is as good as any.
+class Polygon
+{
+public:
+    // A heptagon that is cut four times. Rounding may have bent it: each cut makes at most half as many corners more.
+    static constexpr unsigned kMost = 36;
+
+    void add(const Point &p) { m_corners[m_count++] = p; }
+    [[nodiscard]] unsigned count() const { return m_count; }
+    [[nodiscard]] const Point &operator[](unsigned i) const { return m_corners[i]; }
+
+    // Leaves what is on one side of a line along an axis, the line included: coordinate * sign <= bound * sign.
+    void cut(double Point::*axis, double bound, double sign)
+    {
+        Polygon rest;
+        for (unsigned i = 0; i < m_count; ++i) {
+            const Point &from = m_corners[i];
+            const Point &to = m_corners[i + 1 < m_count ? i + 1 : 0];
+            const double over = (from.*axis - bound) * sign;
+            const double overNext = (to.*axis - bound) * sign;
+            if (over <= 0)
+                rest.add(from);
+            if ((over < 0 && overNext > 0) || (over > 0 && overNext < 0)) {
+                const double t = over / (over - overNext);
+                Point crossing{from.x + t * (to.x - from.x), from.y + t * (to.y - from.y)};
+                crossing.*axis = bound;
+                rest.add(crossing);
+            }
+        }
+        *this = rest;
+    }
+
+    // What lies in a box.
+    void cut(double left, double right, double top, double bottom)
+    {
+        cut(&Point::x, left, -1);
+        cut(&Point::x, right, 1);
+        cut(&Point::y, top, -1);
+        cut(&Point::y, bottom, 1);
+    }
+
+private:
+    std::array<Point, kMost> m_corners;
+    unsigned m_count = 0;
+};
+
+// All points that are in a box of twice the margins around a point of the triangle: their Minkowski sum. A corner is
+// off by no more than 2^-47 of the largest coordinate.
+Polygon widened(const std::array<Point, 3> &triangle, double marginX, double marginY);
+
+} // namespace vellum::verify

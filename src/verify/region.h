@@ -1,0 +1,117 @@
+// Which outcomes the alpha test has over a micro-triangle, found by division: bounds of all texels that a box around it
+// reads settle most, a part that they leave open is divided in four, and the smallest parts are looked at cell by cell.
+// Nothing is decided by rounding: what double precision hides is decided in fractions, or stays open.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "verify/patch.h"
+#include "verify/texels.h"
+#include "verify/triangle.h"
+
+namespace vellum::verify
+{
+
+// What a GPU may do differently from the mathematics; as in docs/baking.md.
+struct Tolerances {
+    double value = 2.0 / 255.0;              // of the filtered value
+    double subtexel = 1.0 / 16.0;            // of the sample's place, in texels
+    double barycentric = 1e-5;               // of the hit's place, in barycentrics
+    double interpolation = 16.0 / (1 << 24); // of a texture coordinate, relative to the triangle's largest
+};
+
+enum class Answer : std::uint8_t { No, Yes, Open };
+
+// Whether there is a place whose value is below the upper threshold ("not opaque"), and one whose value is not below
+// the lower one ("not transparent"). Without tolerances both thresholds are the cutoff.
+struct Verdict {
+    Answer notOpaque = Answer::No;
+    Answer notTransparent = Answer::No;
+    Witness belowOpaque; // where Yes
+    Witness aboveTransparent;
+};
+
+enum class Ask : std::uint8_t { NotOpaque = 1, NotTransparent = 2, Both = 3 };
+
+// A triangle over its texture. Corners are in texels.
+class Region
+{
+public:
+    Region(const Texels &texels, const TriangleCorners &triangle, const Tolerances &tolerances, double cutoff);
+
+    // Coordinates are finite, and so near that there are numbers for what lies between texels. Nothing below may be
+    // called otherwise.
+    [[nodiscard]] bool measurable() const { return m_measurable; }
+    // The baker leaves triangles unknown that are further away than single precision tells texels apart.
+    [[nodiscard]] bool far() const { return m_far; }
+
+    // A part of the triangle: its corners, and the factor of the value there.
+    struct Part {
+        std::array<Point, 3> corners;
+        std::array<double, 3> factors;
+    };
+    [[nodiscard]] Part part(const MicroCorners &corners, std::uint32_t level) const;
+    // Bounds for the values at a part, margins included.
+    [[nodiscard]] Range bounds(const Part &part) const;
+    [[nodiscard]] double high() const { return m_high; }
+    [[nodiscard]] double low() const { return m_low; }
+
+    // Over a micro-triangle, with margins. May say Open; where all tolerances are 0 and the factor is the same all over
+    // the triangle, only when work() is used up.
+    [[nodiscard]] Verdict operator()(const MicroCorners &corners, std::uint32_t level, Ask ask);
+    // The value in double precision.
+    [[nodiscard]] Witness valueAt(const Part &part) const;
+
+    // How many more parts may be looked at. Huge slivers over a texture of noise would take hours.
+    std::uint64_t work = 0;
+
+private:
+    // A cell that rounding hides.
+    struct OpenCell {
+        std::int64_t x, y;
+        Witness least, most;
+    };
+    struct Search {
+        bool wantsOpaque;
+        bool wantsTransparent;
+        Verdict verdict;
+        std::vector<OpenCell> cells;
+    };
+
+    [[nodiscard]] TexelBox boxOf(const Part &part) const;
+    [[nodiscard]] Range factorsOf(const Part &part) const;
+    // Whether values in a range could answer what is still asked.
+    [[nodiscard]] bool matters(const Search &search, const Range &values) const;
+    void found(Search &search, const Witness &least, const Witness &most, double slack) const;
+    void leaveOpen(Search &search, const Range &values) const;
+    void visit(Search &search, const Part &part, unsigned depth, unsigned small);
+    void divide(Search &search, const Part &part, unsigned depth, unsigned small);
+    void sample(Search &search, const Point &at, double factor) const;
+    [[nodiscard]] Range lookAtCells(Search &search, const Part &part, const TexelBox &box, const Range &factors);
+    [[nodiscard]] Range bilinear(Search &search, Polygon polygon, std::int64_t x, std::int64_t y,
+                                 const Range &factors) const;
+    [[nodiscard]] Range nearest(Search &search, const Polygon &polygon, std::int64_t x, std::int64_t y,
+                                const Range &factors) const;
+    void leaveCell(Search &search, const OpenCell &cell, const Range &values) const;
+    void decideExactly(Search &search, const MicroCorners &corners, std::uint32_t level);
+
+    const Texels &m_texels;
+    TriangleCorners m_triangle;
+    double m_cutoff;
+    double m_low;
+    double m_high;
+    bool m_measurable = true;
+    bool m_far = false;
+    bool m_exact; // no tolerances
+    bool m_even;  // the factor is the same all over
+    std::array<Point, 3> m_corners;
+    double m_marginX = 0;
+    double m_marginY = 0;
+    double m_slack = 0;      // no coordinate is off by more
+    double m_valueSlack = 0; // nor a filtered value, before it is multiplied
+    double m_factorMargin = 0;
+};
+
+} // namespace vellum::verify

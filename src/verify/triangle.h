@@ -1,0 +1,25 @@
+// What verification is given of a triangle, and the lattice of its micro-triangles' corners.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace vellum::verify
+{
+
+// Of a triangle's vertices 0, 1, 2.
+struct TriangleCorners {
+    std::array<float, 3> u{};
+    std::array<float, 3> v{};
+    std::array<float, 3> alpha{1, 1, 1}; // what the texture's value is multiplied with, interpolated
+    bool operator==(const TriangleCorners &) const = default;
+};
+
+// Vertex 0 is (0, 0), vertex 1 is (2^level, 0) and vertex 2 is (0, 2^level).
+struct LatticePoint {
+    std::int32_t i = 0;
+    std::int32_t j = 0;
+};
+using MicroCorners = std::array<LatticePoint, 3>;
+
+} // namespace vellum::verify

@@ -1,0 +1,192 @@
+#include "verify/verify.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <exception>
+#include <mutex>
+#include <numeric>
+#include <stdexcept>
+#include <thread>
+
+#include "verify/walk.h"
+
+namespace vellum::verify
+{
+namespace
+{
+
+// Triangles with the same coordinates and the same index have the same findings.
+struct Groups {
+    std::vector<std::uint32_t> first; // of each group, a triangle
+    std::vector<std::uint32_t> of;    // for each triangle, its group
+};
+
+Groups groupsOf(std::span<const TriangleCorners> triangles, const Micromap &micromap)
+{
+    static_assert(sizeof(TriangleCorners) == 9 * sizeof(float)); // no padding
+    const auto compare = [&](std::uint32_t a, std::uint32_t b) {
+        if (micromap.indices[a] != micromap.indices[b])
+            return micromap.indices[a] < micromap.indices[b] ? -1 : 1;
+        return std::memcmp(&triangles[a], &triangles[b], sizeof(TriangleCorners));
+    };
+    std::vector<std::uint32_t> order(triangles.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+        const int difference = compare(a, b);
+        return difference != 0 ? difference < 0 : a < b;
+    });
+    Groups groups;
+    groups.of.resize(triangles.size());
+    for (std::size_t i = 0; i < order.size(); ++i) {
+        if (i == 0 || compare(order[i - 1], order[i]) != 0)
+            groups.first.push_back(order[i]);
+        groups.of[order[i]] = static_cast<std::uint32_t>(groups.first.size() - 1);
+    }
+    return groups;
+}
+
+Claims claimsOf(const Micromap &micromap, std::uint32_t triangle)
+{
+    const std::int32_t index = micromap.indices[triangle];
+    if (const auto special = specialState(index))
+        return {nullptr, *special, 0, Format::FourState};
+    const MicromapTriangle &t = micromap.triangles[static_cast<std::uint32_t>(index) + micromap.baseTriangle];
+    return {micromap.data.data() + t.dataOffset, State::Opaque, t.subdivisionLevel, t.format};
+}
+
+// Calls function(i) for each i below `count` on several threads. The first exception ends the work and is thrown on.
+template <typename Function>
+void forAll(std::size_t count, unsigned threads, Function &&function)
+{
+    std::atomic<std::size_t> next{0};
+    std::mutex failing;
+    std::exception_ptr failure;
+    const auto work = [&] {
+        try {
+            for (std::size_t i = next++; i < count; i = next++)
+                function(i);
+        } catch (...) {
+            const std::lock_guard lock(failing);
+            if (!failure)
+                failure = std::current_exception();
+            next = count;
+        }
+    };
+    {
+        std::vector<std::jthread> others;
+        try {
+            for (std::size_t i = 1; i < threads && i < count; ++i)
+                others.emplace_back(work);
+        } catch (const std::exception &) {
+            // Those that there are do the work.
+        }
+        work();
+    }
+    if (failure)
+        std::rethrow_exception(failure);
+}
+
+class Telling
+{
+public:
+    Telling(const Options &options, std::size_t total) : m_options(options), m_total(total) {}
+    void done()
+    {
+        if (!m_options.progress)
+            return;
+        const std::lock_guard lock(m_mutex);
+        if (++m_done < m_next && m_done < m_total)
+            return;
+        m_next = m_done + m_total / 256;
+        m_options.progress(m_done, m_total);
+    }
+
+private:
+    const Options &m_options;
+    std::size_t m_total;
+    std::mutex m_mutex;
+    std::size_t m_done = 0;
+    std::size_t m_next = 0;
+};
+
+// Goes through the triangles with findings once more, until there are enough.
+std::vector<Finding> list(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
+                          const Options &options, const Groups &groups, const std::vector<Counts> &counts)
+{
+    std::vector<Finding> findings;
+    std::array<std::size_t, kKinds> listed{};
+    for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+        const Counts &its = counts[groups.of[t]];
+        bool wanted = false;
+        for (std::size_t kind = 0; kind < kKinds; ++kind)
+            wanted = wanted || (its.findings[kind] > 0 && listed[kind] < options.maxFindings);
+        if (!wanted)
+            continue;
+        std::vector<Finding> here;
+        TriangleWalk(texels, triangles[t], claimsOf(micromap, t), options, &here)();
+        for (Finding &finding : here) {
+            if (listed[static_cast<std::size_t>(finding.kind)]++ >= options.maxFindings)
+                continue;
+            finding.triangle = t;
+            findings.push_back(finding);
+        }
+    }
+    return findings;
+}
+
+} // namespace
+
+Counts &Counts::operator+=(const Counts &other)
+{
+    opaque += other.opaque;
+    transparent += other.transparent;
+    unknown += other.unknown;
+    for (std::size_t i = 0; i < kKinds; ++i)
+        findings[i] += other.findings[i];
+    open += other.open;
+    twoStateTrue += other.twoStateTrue;
+    twoStateMixed += other.twoStateMixed;
+    twoStateReversed += other.twoStateReversed;
+    return *this;
+}
+
+std::uint64_t Counts::microTriangles() const
+{
+    return opaque + transparent + unknown + twoStateTrue + twoStateMixed + twoStateReversed;
+}
+
+Result verify(const AlphaTexture &texture, std::span<const TriangleCorners> triangles, const Micromap &micromap,
+              const Options &options)
+{
+    return verify(Texels(texture), triangles, micromap, options);
+}
+
+Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
+              const Options &options)
+{
+    if (const auto offence = micromap.validate())
+        throw std::invalid_argument(*offence);
+    if (micromap.indices.size() != triangles.size())
+        throw std::invalid_argument("a micromap with " + std::to_string(micromap.indices.size()) + " indices for " +
+                                    std::to_string(triangles.size()) + " triangles");
+
+    const Groups groups = groupsOf(triangles, micromap);
+    std::vector<Counts> counts(groups.first.size());
+    Telling telling(options, counts.size());
+    const unsigned threads = options.threads == 0 ? std::max(1u, std::thread::hardware_concurrency()) : options.threads;
+    forAll(counts.size(), threads, [&](std::size_t i) {
+        const std::uint32_t t = groups.first[i];
+        counts[i] = TriangleWalk(texels, triangles[t], claimsOf(micromap, t), options, nullptr)();
+        telling.done();
+    });
+
+    Result result;
+    result.distinct = counts.size();
+    for (const std::uint32_t group : groups.of)
+        result.counts += counts[group];
+    result.findings = list(texels, triangles, micromap, options, groups, counts);
+    return result;
+}
+
+} // namespace vellum::verify

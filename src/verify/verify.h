@@ -1,0 +1,93 @@
+// Verification: whether what a micromap says of its triangles is true of their texture, by a method that has nothing in
+// common with the baker's (docs/verifying.md).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "bake/texture/texture.h"
+#include "core/micromap.h"
+#include "verify/region.h"
+#include "verify/texels.h"
+#include "verify/triangle.h"
+
+namespace vellum::verify
+{
+
+struct Options {
+    // A value is opaque where it is at least this.
+    double cutoff = 0.5;
+    // For margins, and for what is needlessly unknown; the baker's defaults. A claim is wrong without any.
+    Tolerances tolerances;
+    // Claims of 2-state data count as those of 4-state data: as wrong unless they hold all over the micro-triangle.
+    // Otherwise they are taken for the approximation that they usually are, and only counted.
+    bool strictTwoState = false;
+    // Most findings of each kind that are listed; all are counted.
+    std::size_t maxFindings = 20;
+    // 0 takes one for each processor. The result does not depend on it.
+    unsigned threads = 0;
+    // Called now and then, by one thread at a time, with triangles done and in all.
+    std::function<void(std::size_t done, std::size_t total)> progress;
+};
+
+enum class Kind : std::uint8_t {
+    Wrong,          // it says opaque or transparent, and is not so everywhere
+    OutsideMargins, // the claim is true, but not of what GPUs may do around it
+    Needless,       // unknown, though it is opaque or transparent with all margins
+};
+inline constexpr std::size_t kKinds = 3;
+
+struct Finding {
+    Kind kind = Kind::Wrong;
+    std::uint32_t triangle = 0;
+    // The micro-triangle, and the level that it is of. A special index is one micro-triangle of level 0.
+    std::uint32_t microTriangle = 0;
+    std::uint32_t level = 0;
+    bool special = false;
+    State state = State::Opaque; // what the micromap says
+    // A place that contradicts it, or for Kind::Needless the middle, and the value there. Not a number where texture
+    // coordinates or texels are not.
+    double u = 0;
+    double v = 0;
+    double value = 0;
+};
+
+// Of micro-triangles, with a special index counting as one.
+struct Counts {
+    std::uint64_t opaque = 0; // by what the micromap says, 2-state data left out
+    std::uint64_t transparent = 0;
+    std::uint64_t unknown = 0;
+    std::array<std::uint64_t, kKinds> findings{}; // by Kind
+    // Claims that could be neither proven nor refuted with a bounded amount of work, or because the factor changes
+    // within the triangle and the value comes as near to the cutoff as the bounds are apart.
+    std::uint64_t open = 0;
+    // 2-state data: what is so all over the micro-triangle; what stands for both outcomes; what is the other state all
+    // over it.
+    std::uint64_t twoStateTrue = 0;
+    std::uint64_t twoStateMixed = 0;
+    std::uint64_t twoStateReversed = 0;
+
+    Counts &operator+=(const Counts &other);
+    [[nodiscard]] std::uint64_t microTriangles() const;
+    [[nodiscard]] std::uint64_t of(Kind kind) const { return findings[static_cast<std::size_t>(kind)]; }
+};
+
+struct Result {
+    Counts counts;
+    std::vector<Finding> findings; // the first of each kind, by triangle and micro-triangle
+    std::size_t distinct = 0;      // triangles that differ in coordinates or index
+};
+
+// `micromap` must be valid and have an index for each triangle, the texture a value for each texel and at least one
+// texel; throws std::invalid_argument where that is not so.
+Result verify(const AlphaTexture &texture, std::span<const TriangleCorners> triangles, const Micromap &micromap,
+              const Options &options);
+// The same for a texture that was looked at before, which is most of the time where triangles are few.
+Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
+              const Options &options);
+
+} // namespace vellum::verify

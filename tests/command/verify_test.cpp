@@ -1,0 +1,179 @@
+// `vellum verify`: its exit codes, and what it prints.
+#include <gtest/gtest.h>
+
+#include "card_file.h"
+#include "command.h"
+#include "gltf/file/json_tree.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+struct VerifyCommand : testing::Test {
+    CardFile card = baked({});
+    TemporaryFolder folder;
+
+    static CardFile baked(BakeOptions options)
+    {
+        CardFile card;
+        if (!options.level)
+            options.level = 3;
+        card.bake(options);
+        return card;
+    }
+    Outcome verify(const CardFile &file, std::vector<std::string> arguments = {})
+    {
+        writeFile(folder / "card.glb", file.bytes());
+        arguments.insert(arguments.begin(), {"verify", folder / "card.glb"});
+        return runVellum(arguments);
+    }
+    // Gives the first micro-triangle of a state another one.
+    static std::uint32_t change(CardFile &file, State from, State to)
+    {
+        const MicromapTriangle &t = file.micromap.triangles.at(static_cast<std::size_t>(file.micromap.indices.at(0)));
+        std::uint8_t *data = file.micromap.data.data() + t.dataOffset;
+        std::uint32_t micro = 0;
+        while (readState(data, micro, t.format) != from)
+            ++micro;
+        writeState(data, micro, t.format, to);
+        return micro;
+    }
+};
+
+bool has(const std::string &text, const std::string &part)
+{
+    return text.find(part) != std::string::npos;
+}
+
+} // namespace
+
+TEST_F(VerifyCommand, IsContentWithWhatTheBakerMakes)
+{
+    for (const std::vector<std::string> &arguments : {std::vector<std::string>{}, {"--strict"}}) {
+        const Outcome outcome = verify(card, arguments);
+        EXPECT_EQ(outcome.exitCode, 0) << outcome.output;
+        EXPECT_EQ(outcome.errors, "");
+        EXPECT_TRUE(has(outcome.output, "structure all right")) << outcome.output;
+        EXPECT_TRUE(has(outcome.output, "mesh 0 \"leaves\" primitive 0")) << outcome.output;
+        EXPECT_FALSE(has(outcome.output, "wrong:")) << outcome.output;
+    }
+}
+
+TEST_F(VerifyCommand, SaysWhatIsWrongAndWhere)
+{
+    const std::uint32_t micro = change(card, State::Opaque, State::Transparent);
+    const Outcome outcome = verify(card);
+    EXPECT_EQ(outcome.exitCode, 3);
+    EXPECT_TRUE(has(outcome.output, "wrong: mesh 0 \"leaves\" primitive 0, triangle 0, micro-triangle " +
+                                        std::to_string(micro) + " of level 3: transparent, alpha "))
+        << outcome.output;
+    EXPECT_TRUE(has(outcome.output, "cutoff 0.5")) << outcome.output;
+}
+
+TEST_F(VerifyCommand, ListsAsManyAsAskedFor)
+{
+    card.cards = 3;
+    change(card, State::Opaque, State::Transparent);
+    change(card, State::Opaque, State::Transparent);
+    const auto lines = [](const std::string &text) {
+        std::size_t count = 0;
+        for (std::size_t at = text.find("wrong: "); at != std::string::npos; at = text.find("wrong: ", at + 1))
+            ++count;
+        return count;
+    };
+    EXPECT_EQ(lines(verify(card).output), 6u);
+    const Outcome one = verify(card, {"--max", "1"});
+    EXPECT_EQ(lines(one.output), 3u);
+    EXPECT_TRUE(has(one.output, "and 3 more")) << one.output;
+    EXPECT_EQ(lines(verify(card, {"--max", "0"}).output), 0u);
+}
+
+TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
+{
+    // Baked without tolerances: true, but not with them.
+    const CardFile bold = baked(BakeOptions{}.exactly());
+    EXPECT_EQ(verify(bold).exitCode, 0);
+    EXPECT_TRUE(has(verify(bold).output, "outside the margins:"));
+    EXPECT_EQ(verify(bold, {"--strict"}).exitCode, 4);
+    EXPECT_EQ(verify(bold, {"--strict", "--exact"}).exitCode, 0);
+    // And the other way round, needlessly unknown.
+    EXPECT_EQ(verify(card, {"--exact"}).exitCode, 0);
+    EXPECT_TRUE(has(verify(card, {"--exact"}).output, "needlessly unknown:"));
+    EXPECT_EQ(verify(card, {"--strict", "--exact"}).exitCode, 5);
+    EXPECT_EQ(verify(bold, {"--strict", "--value-tolerance", "0", "--subtexel-tolerance", "0",
+                            "--barycentric-tolerance", "0", "--interpolation-tolerance", "0"})
+                  .exitCode,
+              0);
+    CardFile plain = card;
+    plain.extension = false;
+    EXPECT_EQ(verify(plain).exitCode, 0);
+    EXPECT_TRUE(has(verify(plain).output, "no micromaps"));
+    EXPECT_EQ(verify(plain, {"--strict"}).exitCode, 6);
+}
+
+TEST_F(VerifyCommand, TellsABrokenStructure)
+{
+    card.usageCounts = "[9]";
+    const Outcome outcome = verify(card);
+    EXPECT_EQ(outcome.exitCode, 2);
+    EXPECT_TRUE(has(outcome.output, "structure: micromaps[0]: ")) << outcome.output;
+}
+
+TEST_F(VerifyCommand, TwoStateDataIsAnApproximation)
+{
+    BakeOptions options;
+    options.format = Format::TwoState;
+    const CardFile two = baked(options);
+    const Outcome loose = verify(two);
+    EXPECT_EQ(loose.exitCode, 0);
+    EXPECT_TRUE(has(loose.output, "an approximation: 128 micro-triangles")) << loose.output;
+    EXPECT_EQ(verify(two, {"--strict-2-state"}).exitCode, 3);
+}
+
+TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
+{
+    const Outcome none = runVellum({"verify", folder / "none.glb"});
+    EXPECT_EQ(none.exitCode, 1);
+    EXPECT_EQ(none.errorLines(), 1);
+    EXPECT_TRUE(has(none.errors, "none.glb")) << none.errors;
+    // The others are looked at all the same, and the worst is told.
+    change(card, State::Opaque, State::Transparent);
+    const Outcome both = verify(card, {folder / "none.glb"});
+    EXPECT_EQ(both.exitCode, 1);
+    EXPECT_TRUE(has(both.output, "wrong: ")) << both.output;
+    EXPECT_EQ(verify(card, {"--value-tolerance", "nan"}).exitCode, 1);
+    EXPECT_EQ(verify(card, {"--subtexel-tolerance", "-1"}).exitCode, 1);
+}
+
+TEST_F(VerifyCommand, PrintsJsonForMachines)
+{
+    const std::uint32_t micro = change(card, State::Opaque, State::Transparent);
+    const Outcome outcome = verify(card, {"--json", folder / "none \"quoted\".glb"});
+    EXPECT_EQ(outcome.exitCode, 1);
+    const JsonTree tree(outcome.output);
+    const std::vector<JsonValue> files = tree.root()["files"].children();
+    ASSERT_EQ(files.size(), 2u);
+    EXPECT_EQ(files[0]["code"].integer(), 3);
+    EXPECT_EQ(files[0]["extension"].string(), "EXT_mesh_opacity_micromap");
+    EXPECT_EQ(files[0]["wrong"].integer(), 1);
+    EXPECT_EQ(files[0]["microTriangles"].integer(), 128);
+    EXPECT_EQ(files[0]["level4State"].integer(), 3);
+    const std::vector<JsonValue> primitives = files[0]["primitives"].children();
+    ASSERT_EQ(primitives.size(), 1u);
+    EXPECT_EQ(primitives[0]["name"].string(), "mesh 0 \"leaves\" primitive 0");
+    const std::vector<JsonValue> findings = primitives[0]["findings"].children();
+    ASSERT_EQ(findings.size(), 1u);
+    EXPECT_EQ(findings[0]["kind"].string(), "wrong");
+    EXPECT_EQ(findings[0]["microTriangle"].integer(), micro);
+    EXPECT_EQ(findings[0]["state"].string(), "transparent");
+    EXPECT_EQ(findings[0]["uv"].children().size(), 2u);
+    EXPECT_EQ(files[1]["code"].integer(), 1);
+    EXPECT_EQ(files[1]["file"].string(), (folder / "none \"quoted\".glb").string());
+    EXPECT_TRUE(files[1]["error"].exists());
+    card.usageCounts = "[9]";
+    const std::string text = verify(card, {"--json"}).output;
+    const JsonTree broken(text);
+    EXPECT_EQ(broken.root()["files"].children().at(0)["code"].integer(), 2);
+}

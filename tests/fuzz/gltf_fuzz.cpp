@@ -1,0 +1,140 @@
+// Fuzz target of the glTF reader: whatever is in a file, reading it ends soon and takes no more memory than its bytes
+// can be worth, and what is wrong is told as one GltfError.
+//
+// The first byte says what the rest is: a whole file, the JSON of a file whose binary chunk is always the same, an
+// image, a mesh of Draco's, or a stream of meshopt's.
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "check.h"
+#include "gltf/data/decompress.h"
+#include "gltf/data/draco_mesh.h"
+#include "gltf/data/image.h"
+#include "gltf/file/gltf_error.h"
+#include "read_everything.h"
+
+using namespace vellum;
+
+namespace
+{
+
+using Bytes = std::vector<std::uint8_t>;
+using Input = std::span<const std::uint8_t>;
+
+// A file that is not on any disk.
+class MemoryFile
+{
+public:
+    explicit MemoryFile(Input bytes) : m_file(memfd_create("gltf", 0))
+    {
+        FUZZ_CHECK(m_file >= 0 && write(m_file, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()));
+    }
+    ~MemoryFile() { close(m_file); }
+    MemoryFile(const MemoryFile &) = delete;
+    MemoryFile &operator=(const MemoryFile &) = delete;
+    [[nodiscard]] std::filesystem::path path() const { return "/proc/self/fd/" + std::to_string(m_file); }
+
+private:
+    int m_file;
+};
+
+void appendWord(Bytes &bytes, std::size_t word)
+{
+    for (unsigned i = 0; i < 4; ++i)
+        bytes.push_back(static_cast<std::uint8_t>(word >> 8 * i));
+}
+
+Bytes glbOf(Input json)
+{
+    constexpr std::size_t kBinaryBytes = 1024;
+    const std::size_t padded = (json.size() + 3) / 4 * 4;
+    Bytes file;
+    appendWord(file, 0x46546c67);
+    appendWord(file, 2);
+    appendWord(file, 28 + padded + kBinaryBytes);
+    appendWord(file, padded);
+    appendWord(file, 0x4e4f534a);
+    file.insert(file.end(), json.begin(), json.end());
+    file.resize(20 + padded, ' ');
+    appendWord(file, kBinaryBytes);
+    appendWord(file, 0x004e4942);
+    // Small numbers, most of which are valid indices.
+    for (std::size_t i = 0; i < kBinaryBytes; ++i)
+        file.push_back(static_cast<std::uint8_t>(i % 4 == 0 ? i / 4 % 6 : 0));
+    return file;
+}
+
+void readFile(Input bytes)
+{
+    const MemoryFile file(bytes);
+    const test::Reading reading = test::readEverything(file.path());
+    for (const std::string &error : {reading.error, reading.unsupported}) {
+        FUZZ_CHECK(error.empty() || error.starts_with(file.path().string() + ": "));
+        FUZZ_CHECK(error.find('\n') == std::string::npos && error.size() < 1000);
+    }
+}
+
+void readImage(Input bytes)
+{
+    const Image image = decodeImage(bytes, "image 0");
+    FUZZ_CHECK(image.rgba.size() == std::size_t{4} * image.width * image.height && image.width != 0);
+}
+
+void readDraco(Input bytes)
+{
+    const DracoMesh mesh(bytes, "mesh 0 primitive 0");
+    for (const std::uint32_t index : mesh.indices())
+        FUZZ_CHECK(index < mesh.vertexCount());
+    for (std::int64_t id = 0; id < 4; ++id) {
+        const std::uint32_t components = std::min(mesh.components(id, "attribute"), 4u);
+        FUZZ_CHECK(mesh.floats(id, components, DracoMesh::As::Unsigned16, "attribute").size() ==
+                   components * mesh.vertexCount());
+    }
+}
+
+void readMeshopt(Input bytes)
+{
+    if (bytes.size() < 4)
+        return;
+    const char *modes[] = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
+    const char *filters[] = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"};
+    CompressedView view;
+    view.mode = modes[bytes[0] % 3];
+    view.count = bytes[2] + 256u * (bytes[3] % 16);
+    view.byteStride = 4 * (bytes[1] % 64 + 1u);
+    if (view.mode != "ATTRIBUTES") {
+        view.byteStride = 2 + 2 * (bytes[1] % 2u);
+        view.count -= view.count % 3;
+        view.filter = "NONE";
+    } else {
+        view.filter = filters[bytes[0] / 4 % 4];
+        if (view.filter == "OCTAHEDRAL" || view.filter == "QUATERNION")
+            view.byteStride = 8;
+    }
+    FUZZ_CHECK(decompressView(view, bytes.subspan(4)).size() == view.bytes());
+}
+
+} // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size)
+{
+    if (size == 0)
+        return 0;
+    // A copy of exactly that many bytes, so that AddressSanitizer sees the end.
+    const Bytes copy(data + 1, data + size);
+    try {
+        switch (data[0] % 5) {
+        case 0: readFile(copy); break;
+        case 1: readFile(glbOf(copy)); break;
+        case 2: readImage(copy); break;
+        case 3: readDraco(copy); break;
+        default: readMeshopt(copy); break;
+        }
+    } catch (const GltfError &error) {
+        FUZZ_CHECK(std::strlen(error.what()) > 0);
+    }
+    return 0;
+}

@@ -1,0 +1,29 @@
+// Compressed parts of glTF files, made for tests by the encoders of the libraries that decode them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "glb_file.h"
+
+namespace vellum::test
+{
+
+// Triangles that share no vertices; attribute 0 has their positions, attribute 1 texture coordinates. The order of
+// triangles and vertices may be another afterwards.
+Bytes dracoTriangles(const std::vector<std::array<float, 3>> &positions, const std::vector<std::array<float, 2>> &uvs,
+                     bool sequential = false);
+
+// EXT_meshopt_compression's modes ATTRIBUTES, TRIANGLES and INDICES.
+Bytes meshoptAttributes(const Bytes &vertices, std::size_t stride);
+Bytes meshoptTriangles(const std::vector<std::uint32_t> &indices);
+Bytes meshoptIndices(const std::vector<std::uint32_t> &indices);
+
+Bytes webpImage(std::uint32_t width, std::uint32_t height, const Bytes &rgba);
+Bytes jpegImage(std::uint32_t width, std::uint32_t height, const Bytes &rgb);
+// `rows` are as they stand in the file, 16-bit values with the upper byte first.
+Bytes pngImage(std::uint32_t width, std::uint32_t height, int bitDepth, int colorType, bool interlaced,
+               const Bytes &rows);
+
+} // namespace vellum::test

@@ -1,0 +1,186 @@
+// Geometry that is compressed reads as what was compressed.
+#include <algorithm>
+#include <cstring>
+#include <gtest/gtest.h>
+
+#include "compressed.h"
+#include "gltf/primitive.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+const std::vector<std::array<float, 3>> kPositions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+const std::vector<std::array<float, 2>> kUvs = {{0, 0}, {1, 0}, {0, 1}, {1, 0}, {1, 1}, {0, 1}};
+
+std::string glbOf(const std::string &primitive, const std::string &accessors, const std::string &views,
+                  std::size_t binaryBytes, std::size_t fallbackBytes)
+{
+    return R"({"asset": {"version": "2.0"}, "meshes": [{"primitives": [)" + primitive +
+           R"(]}], "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}], "textures": [{"source": 0}],
+           "images": [{"uri": "none.png"}], "accessors": [)" +
+           accessors + "], \"bufferViews\": [" + views +
+           "], \"buffers\": [{\"byteLength\": " + std::to_string(binaryBytes) +
+           "}, {\"byteLength\": " + std::to_string(fallbackBytes) + "}]}";
+}
+
+Primitive readFirst(const std::string &json, const Bytes &binary)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", packGlb(json, binary));
+    return readPrimitive(Document(folder / "test.glb"), {0, 0}, Positions::Read);
+}
+
+std::string errorOf(const std::string &json, const Bytes &binary)
+{
+    try {
+        static_cast<void>(readFirst(json, binary));
+    } catch (const GltfUnsupported &error) {
+        return std::string("unsupported: ") + (std::strstr(error.what(), "test.glb: ") + 10);
+    } catch (const GltfError &error) {
+        return std::strstr(error.what(), "test.glb: ") + 10;
+    }
+    return "none";
+}
+
+std::string dracoJson(std::size_t bytes, const std::string &ids = R"({"POSITION": 0, "TEXCOORD_0": 1})")
+{
+    return glbOf(
+        R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0, "extensions":
+                    {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": )" +
+            ids + "}}}",
+        R"({"componentType": 5126, "count": 6, "type": "VEC3"}, {"componentType": 5126, "count": 6, "type": "VEC2"},
+                    {"componentType": 5123, "count": 6, "type": "SCALAR"})",
+        "{\"buffer\": 0, \"byteLength\": " + std::to_string(bytes) + "}", bytes, 1);
+}
+
+// Of a triangle's corners, in an order that does not depend on which comes first.
+using Corner = std::array<float, 5>;
+std::vector<std::array<Corner, 3>> trianglesOf(const Primitive &primitive)
+{
+    std::vector<std::array<Corner, 3>> triangles;
+    for (std::size_t t = 0; t < primitive.triangleCount(); ++t) {
+        std::array<Corner, 3> corners{};
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::size_t i = primitive.indices[3 * t + c];
+            const Vec3 &p = primitive.positions[i];
+            corners[c] = {p[0], p[1], p[2], primitive.uvs[i].u, primitive.uvs[i].v};
+        }
+        std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()), corners.end());
+        triangles.push_back(corners);
+    }
+    std::sort(triangles.begin(), triangles.end());
+    return triangles;
+}
+
+Primitive uncompressed()
+{
+    Primitive primitive;
+    for (std::size_t i = 0; i < kPositions.size(); ++i) {
+        primitive.positions.push_back(kPositions[i]);
+        primitive.uvs.push_back({kUvs[i][0], kUvs[i][1]});
+        primitive.indices.push_back(static_cast<std::uint32_t>(i));
+    }
+    return primitive;
+}
+
+template <typename T>
+void append(Bytes &bytes, const std::vector<T> &values)
+{
+    const std::size_t old = bytes.size();
+    bytes.resize(old + values.size() * sizeof(T));
+    std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
+}
+
+} // namespace
+
+TEST(GltfCompressed, Draco)
+{
+    for (const bool sequential : {false, true}) {
+        const Bytes encoded = dracoTriangles(kPositions, kUvs, sequential);
+        EXPECT_EQ(trianglesOf(readFirst(dracoJson(encoded.size()), encoded)), trianglesOf(uncompressed()));
+    }
+}
+
+TEST(GltfCompressed, DamagedDraco)
+{
+    Bytes encoded = dracoTriangles(kPositions, kUvs);
+    const std::string json = dracoJson(encoded.size());
+    EXPECT_EQ(errorOf(dracoJson(encoded.size(), R"({"POSITION": 0, "TEXCOORD_0": 9})"), encoded),
+              "mesh 0 primitive 0 TEXCOORD_0: Draco's attribute 9 does not exist");
+    EXPECT_EQ(errorOf(dracoJson(encoded.size(), R"({"POSITION": 1, "TEXCOORD_0": 1})"), encoded),
+              "mesh 0 primitive 0 POSITION: Draco's attribute 1 has the wrong type");
+    Bytes changed = encoded;
+    changed[6] = 1;
+    EXPECT_EQ(errorOf(json, changed), "unsupported: mesh 0 primitive 0: Draco's version 2.1 is not 2.2");
+    changed[0] = 'd';
+    EXPECT_EQ(errorOf(json, changed), "mesh 0 primitive 0: what it is compressed to is not Draco's");
+    for (std::size_t length = 11; length < encoded.size(); ++length)
+        EXPECT_NE(
+            errorOf(dracoJson(length), Bytes(encoded.begin(), encoded.begin() + static_cast<std::ptrdiff_t>(length))),
+            "none");
+    // Numbers of vertices and faces that the bytes cannot be worth, where the connectivity begins.
+    for (const std::size_t place : {12u, 13u}) {
+        changed = encoded;
+        changed.erase(changed.begin() + static_cast<std::ptrdiff_t>(place));
+        const std::uint8_t many[] = {0xff, 0xff, 0xff, 0xff, 0x04};
+        changed.insert(changed.begin() + static_cast<std::ptrdiff_t>(place), std::begin(many), std::end(many));
+        EXPECT_EQ(errorOf(dracoJson(changed.size()), changed),
+                  "mesh 0 primitive 0: what it is compressed to by Draco cannot be decoded");
+    }
+}
+
+TEST(GltfCompressed, Meshopt)
+{
+    Bytes vertices;
+    for (std::size_t i = 0; i < kPositions.size(); ++i) {
+        append<float>(vertices, {kPositions[i][0], kPositions[i][1], kPositions[i][2], kUvs[i][0], kUvs[i][1]});
+    }
+    for (const char *spelling : {"EXT_meshopt_compression", "KHR_meshopt_compression"}) {
+        for (const bool triangles : {false, true}) {
+            Bytes binary = meshoptAttributes(vertices, 20);
+            const std::size_t first = binary.size();
+            const std::vector<std::uint32_t> indices = {0, 1, 2, 3, 4, 5};
+            append(binary, triangles ? meshoptTriangles(indices) : meshoptIndices(indices));
+            const auto view = [&](std::size_t offset, std::size_t end, int stride, const char *mode, const char *more) {
+                return "{\"buffer\": 1, \"byteLength\": " + std::to_string(6 * stride) + ", " + more +
+                       "\"extensions\": {\"" + spelling +
+                       "\": {\"buffer\": 0, \"byteOffset\": " + std::to_string(offset) +
+                       ", \"byteLength\": " + std::to_string(end - offset) +
+                       ", \"byteStride\": " + std::to_string(stride) + ", \"count\": 6, \"mode\": \"" + mode + "\"}}}";
+            };
+            const std::string json =
+                glbOf(R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})",
+                      R"({"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"},
+                         {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 6, "type": "VEC2"},
+                         {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"})",
+                      view(0, first, 20, "ATTRIBUTES", "\"byteStride\": 20, ") + ", " +
+                          view(first, binary.size(), 2, triangles ? "TRIANGLES" : "INDICES", ""),
+                      binary.size(), 200);
+            EXPECT_EQ(trianglesOf(readFirst(json, binary)), trianglesOf(uncompressed()));
+            const auto changed = [&](const std::string &from, const std::string &to) {
+                std::string other = json;
+                other.replace(other.find(from), from.size(), to);
+                return errorOf(other, binary);
+            };
+            EXPECT_EQ(changed("\"count\": 6, \"mode\": \"A", "\"count\": 2000000000, \"mode\": \"A"),
+                      "mesh 0 primitive 0 POSITION: buffer view 0 is decompressed to 40000000000 bytes and has 120");
+            EXPECT_EQ(changed("ATTRIBUTES", "BUTES"),
+                      "unsupported: mesh 0 primitive 0 POSITION: buffer view 0 has a compression with the unknown mode "
+                      "\"BUTES\"");
+            EXPECT_EQ(changed("\"byteOffset\": 0, \"byteLength\": ", "\"byteOffset\": 9, \"byteLength\": "),
+                      "mesh 0 primitive 0 POSITION: buffer view 0 cannot be decompressed");
+            EXPECT_EQ(
+                changed("\"buffer\": 0, \"byteOffset\": 0", "\"buffer\": 0, \"byteOffset\": 99999"),
+                "mesh 0 primitive 0 POSITION: buffer view 0 has a compression that reaches outside of its buffer");
+            EXPECT_NE(changed("\"buffer\": 0, \"byteOffset\": 0", "\"buffer\": 7, \"byteOffset\": 0"), "none");
+            Bytes newer = binary;
+            newer[0] |= 1;
+            EXPECT_EQ(errorOf(json, newer),
+                      "unsupported: mesh 0 primitive 0 POSITION: buffer view 0 is compressed in a "
+                      "newer way than the library here can read");
+        }
+    }
+}

@@ -1,0 +1,104 @@
+#include "read_everything.h"
+
+#include <cstring>
+#include <stdexcept>
+
+#include "gltf/file/json_tree.h"
+#include "gltf/file/tinygltf.h"
+#include "gltf/micromaps/document_writer.h"
+#include "gltf/micromaps/stored_micromaps.h"
+#include "gltf/primitive.h"
+#include "gltf/scene.h"
+
+namespace vellum::test
+{
+namespace
+{
+
+template <typename Read>
+bool attempt(Reading &reading, Read &&read)
+{
+    try {
+        read();
+        return true;
+    } catch (const GltfUnsupported &error) {
+        if (reading.unsupported.empty())
+            reading.unsupported = error.what();
+    } catch (const GltfError &error) {
+        if (reading.error.empty())
+            reading.error = error.what();
+    }
+    return false;
+}
+
+// What the file becomes with micromaps, or without those that it has. If that can be written its JSON can be read.
+void rewrite(const Document &document, const DocumentBake &bake)
+{
+    RewrittenFile written;
+    try {
+        written = withMicromaps(document, bake, "micromaps.bin");
+    } catch (const GltfError &) {
+        return; // the JSON is not what tinygltf made of it
+    }
+    std::vector<std::uint8_t> bytes;
+    for (const auto &piece : written.file.pieces())
+        bytes.insert(bytes.end(), piece.begin(), piece.end());
+    std::string_view json(reinterpret_cast<const char *>(bytes.data()), bytes.size());
+    if (document.binary()) {
+        std::uint32_t length = 0;
+        std::memcpy(&length, bytes.data() + 12, sizeof length);
+        json = json.substr(20, length);
+    }
+    try {
+        const JsonTree tree(json);
+        if (tree.root()["extensions"]["EXT_mesh_opacity_micromap"].exists() != !bake.micromaps.empty())
+            throw std::logic_error("the micromaps of " + document.path().string() + " were not replaced");
+    } catch (const GltfError &error) {
+        throw std::logic_error(document.path().string() + " was written wrongly: " + error.what());
+    }
+}
+
+void rewriteBothWays(const Document &document)
+{
+    DocumentBake bake;
+    rewrite(document, bake);
+    bake.micromaps.push_back({{{0, 0, Format::FourState}}, {3}, {{1, 0, Format::FourState}}});
+    for (const PrimitivePlace place : trianglePrimitives(document))
+        bake.primitives.push_back({place, "", {0, {0, -1}, 0}, {0, 1, 2}, 0});
+    rewrite(document, bake);
+}
+
+void readParts(const Document &document, Reading &reading)
+{
+    const auto count = [](const auto &list) { return static_cast<int>(list.size()); };
+    for (const PrimitivePlace place : trianglePrimitives(document)) {
+        reading.primitives += attempt(reading, [&] {
+            static_cast<void>(triangleUvs(readPrimitive(document, place, Positions::Leave)));
+            static_cast<void>(readPrimitive(document, place, Positions::Read));
+        });
+    }
+    for (int i = 0; i < count(document.model().images); ++i)
+        reading.images += attempt(reading, [&] { static_cast<void>(readImage(document, i)); });
+    for (int i = -1; i < count(document.model().materials); ++i)
+        attempt(reading, [&] { static_cast<void>(readMaterial(document, i)); });
+    static_cast<void>(findMicromapOffences(document));
+    attempt(reading, [&] {
+        const StoredMicromaps stored = readMicromaps(document);
+        for (const auto &[place, micromap] : stored.primitives)
+            static_cast<void>(stored.of(place));
+    });
+    rewriteBothWays(document);
+}
+
+} // namespace
+
+Reading readEverything(const std::filesystem::path &path)
+{
+    Reading reading;
+    if (!attempt(reading, [&] { readParts(Document(path), reading); }))
+        return reading;
+    attempt(reading, [&] { static_cast<void>(readGltf(path)); });
+    return reading;
+}
+
+} // namespace vellum::test

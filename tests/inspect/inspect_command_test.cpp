@@ -1,0 +1,107 @@
+// `vellum inspect` as its user runs it.
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+
+#include <gtest/gtest.h>
+
+#include "command.h"
+#include "glb_file.h"
+
+using namespace vellum::test;
+
+namespace
+{
+
+class InspectCommand : public testing::Test
+{
+protected:
+    [[nodiscard]] std::filesystem::path write(const Bytes &bytes) const
+    {
+        writeFile(folder / "card.glb", bytes);
+        return folder / "card.glb";
+    }
+    // Inspects it, and expects one line about what is wrong and nothing written.
+    void expectRefusal(const Bytes &bytes, const std::string &words, std::vector<std::string> more = {}) const
+    {
+        std::vector<std::string> arguments = {"inspect", write(bytes).string(), "--html", page().string()};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_GT(outcome.exitCode, 0);
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_NE(outcome.errors.find(words), std::string::npos) << outcome.errors;
+        EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+    }
+    [[nodiscard]] std::filesystem::path page() const { return folder / "card.html"; }
+    static std::string text(const std::filesystem::path &path)
+    {
+        std::ifstream file(path, std::ios::binary);
+        return {std::istreambuf_iterator<char>(file), {}};
+    }
+
+    TemporaryFolder folder;
+};
+
+} // namespace
+
+TEST_F(InspectCommand, AFileWithoutMicromapsIsRefused)
+{
+    expectRefusal(cardGlb(), "no primitive has a micromap");
+}
+
+TEST_F(InspectCommand, WhatIsNoGltfIsRefused)
+{
+    expectRefusal({'n', 'o'}, "card.glb: ");
+    Bytes damaged = cardGlb();
+    damaged.resize(damaged.size() / 2);
+    expectRefusal(damaged, "card.glb: ");
+    expectRefusal(damaged, "card.glb: ", {"--bake"});
+}
+
+TEST_F(InspectCommand, WrongChoicesAreRefused)
+{
+    expectRefusal(cardGlb(), "--triangle: 3- is not", {"--bake", "--triangle", "3-"});
+    expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--mesh", "77"});
+    expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--material", "nobody"});
+    expectRefusal(cardGlb(), "--size", {"--bake", "--size", "7"});
+    expectRefusal(cardGlb(), "is not a directory", {"--bake", "--picture", (folder / "a" / "b.png").string()});
+}
+
+TEST_F(InspectCommand, WritesPageAndPicture)
+{
+    const Outcome outcome = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string(),
+                                       "--picture", (folder / "card.png").string(), "--size", "128"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_EQ(text(folder / "card.png").substr(1, 3), "PNG");
+    const std::string html = text(page());
+    EXPECT_EQ(html.rfind("<!DOCTYPE html>", 0), 0u);
+    EXPECT_NE(html.find("</html>"), std::string::npos);
+    EXPECT_EQ(html.find("<!--@"), std::string::npos) << "a part of the page is missing";
+    EXPECT_EQ(html.find("http://"), std::string::npos);
+    EXPECT_EQ(html.find("https://"), std::string::npos);
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 3) << "something was left behind";
+}
+
+TEST_F(InspectCommand, ShowsWhatTheFileHas)
+{
+    const std::filesystem::path baked = folder / "baked.glb";
+    ASSERT_EQ(runVellum({"bake", write(cardGlb()).string(), "-o", baked.string()}).exitCode, 0);
+    const Outcome stored = runVellum({"inspect", baked.string(), "--html", page().string()});
+    EXPECT_EQ(stored.exitCode, 0) << stored.errors;
+    EXPECT_NE(stored.output.find("EXT_mesh_opacity_micromap"), std::string::npos) << stored.output;
+    // But for the file's own line, that is what baking in memory shows.
+    const Outcome made = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string()});
+    const auto afterFile = [](const std::string &output) { return output.substr(output.find("micromaps ")); };
+    EXPECT_EQ(afterFile(stored.output), afterFile(made.output));
+}
+
+// The card's material is named so that the page would run a script of the file's author.
+TEST_F(InspectCommand, NamesOfTheFileStayText)
+{
+    const Bytes file = cardGlb({{R"("name": "leaf")", R"("name": "</script><script>alert(1)</script>")"}});
+    const Outcome outcome = runVellum({"inspect", write(file).string(), "--bake", "--html", page().string()});
+    ASSERT_EQ(outcome.exitCode, 0) << outcome.errors;
+    const std::string html = text(page());
+    EXPECT_EQ(html.find("<script>alert"), std::string::npos);
+    EXPECT_NE(html.find(R"(\u003cscript\u003ealert(1))"), std::string::npos);
+}

@@ -1,0 +1,163 @@
+// The test driver itself: what its traits claim, it holds applications to. Without the layer.
+#include <algorithm>
+
+#include "harness/copies.h"
+#include "harness/test_driver.h"
+
+namespace
+{
+
+using namespace vt;
+
+class TestDriver : public testing::Test
+{
+protected:
+    void make(const char *traits)
+    {
+        gpu_ = std::make_unique<Gpu>(
+            Options{.vellum = false, .validation = false, .spy = false, .traits = traits, .micromaps = false});
+    }
+    Gpu &gpu() { return *gpu_; }
+    // One message from the driver, with that in it.
+    void expectTold(const std::string &part)
+    {
+        const auto messages = gpu().takeMessages();
+        EXPECT_FALSE(messages.empty()) << part;
+        for (const Message &m : messages) {
+            EXPECT_EQ(m.id, "DRIVER");
+            EXPECT_NE(m.text.find(part), std::string::npos) << m.text;
+        }
+    }
+
+private:
+    std::unique_ptr<Gpu> gpu_;
+};
+
+TEST_F(TestDriver, KnowsItsTraits)
+{
+    EXPECT_THROW(make("structures,nonsense"), std::runtime_error);
+    EXPECT_NO_THROW(make("structures"));
+}
+
+TEST_F(TestDriver, Alignments)
+{
+    make("alignments");
+    EXPECT_EQ(gpu().scratchAlignment(), 256u);
+    EXPECT_EQ(gpu().pipelineProperties().shaderGroupBaseAlignment, 64u);
+    EXPECT_EQ(gpu().pipelineProperties().shaderGroupHandleAlignment, 32u);
+    Blas blas(gpu());
+    blas.prepare({Geometry{.vertices = triangleRow(1)}});
+    VkCommandBuffer commands = gpu().begin();
+    VkAccelerationStructureBuildGeometryInfoKHR info = blas.buildInfo();
+    info.scratchData.deviceAddress += 128;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+    gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    expectTold("pInfos-03710");
+    const VkStridedDeviceAddressRegionKHR table{info.scratchData.deviceAddress + 32, 48, 96}, none{};
+    gpu().vk().CmdTraceRaysKHR(commands, &none, &none, &table, &none, 0, 0, 0);
+    expectTold("VUID-vkCmdTraceRaysKHR");
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+}
+
+TEST_F(TestDriver, FewPushConstants)
+{
+    make("push128");
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 132};
+    VkPipelineLayoutCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    info.pushConstantRangeCount = 1;
+    info.pPushConstantRanges = &range;
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    VT_CHECK(vkCreatePipelineLayout(gpu().device(), &info, nullptr, &layout));
+    vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
+    expectTold("size-00298");
+}
+
+TEST_F(TestDriver, MemoryThatTheHostDoesNotSee)
+{
+    make("discrete");
+    VkMemoryAllocateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    info.allocationSize = 4096;
+    info.memoryTypeIndex = 0;
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateMemory(gpu().device(), &info, nullptr, &memory));
+    void *data = nullptr;
+    EXPECT_EQ(vkMapMemory(gpu().device(), memory, 0, VK_WHOLE_SIZE, 0, &data), VK_ERROR_MEMORY_MAP_FAILED);
+    expectTold("memory-00682");
+    vkFreeMemory(gpu().device(), memory, nullptr);
+}
+
+TEST_F(TestDriver, AHeapThatIsFull)
+{
+    make("window");
+    VkMemoryAllocateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    info.allocationSize = VkDeviceSize{129} << 20;
+    info.memoryTypeIndex = 3; // local and visible
+    VkDeviceMemory first = VK_NULL_HANDLE, second = VK_NULL_HANDLE;
+    EXPECT_EQ(vkAllocateMemory(gpu().device(), &info, nullptr, &first), VK_SUCCESS);
+    EXPECT_EQ(vkAllocateMemory(gpu().device(), &info, nullptr, &second), VK_ERROR_OUT_OF_DEVICE_MEMORY);
+    vkFreeMemory(gpu().device(), first, nullptr);
+    EXPECT_EQ(vkAllocateMemory(gpu().device(), &info, nullptr, &second), VK_SUCCESS);
+    vkFreeMemory(gpu().device(), second, nullptr);
+    EXPECT_TRUE(gpu().takeMessages().empty());
+}
+
+TEST_F(TestDriver, FamiliesForOnePurpose)
+{
+    make("queues");
+    ASSERT_EQ(gpu().families().size(), 4u);
+    EXPECT_EQ(gpu().family(), 1u);
+    VkCommandPoolCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
+    VkCommandPool pool = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateCommandPool(gpu().device(), &info, nullptr, &pool));
+    VkCommandBufferAllocateInfo allocation{};
+    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
+    allocation.commandPool = pool;
+    allocation.commandBufferCount = 2;
+    std::array<VkCommandBuffer, 2> commands{};
+    VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, commands.data()));
+    VkCommandBufferBeginInfo begin{};
+    begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+    for (VkCommandBuffer one : commands)
+        VT_CHECK(vkBeginCommandBuffer(one, &begin));
+    vkCmdDispatch(commands[0], 0, 0, 0);
+    expectTold("vkCmdDispatch");
+    VT_CHECK(vkEndCommandBuffer(commands[1]));
+    gpu().execute(commands[1]); // on the other family's queue
+    expectTold("pCommandBuffers-00074");
+    vkDestroyCommandPool(gpu().device(), pool, nullptr);
+}
+
+TEST_F(TestDriver, StructuresThatShrink)
+{
+    make("structures");
+    const Blas blas(gpu(), {Geometry{.vertices = triangleRow(100)}},
+                    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
+    EXPECT_EQ(blas.size() % 2, 1u);
+    const VkDeviceSize compacted = queried(gpu(), blas, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR);
+    EXPECT_LT(compacted, blas.size() * 3 / 4);
+    Structure copied(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+    copied.create(compacted);
+    copy(gpu(), blas, copied, VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+    EXPECT_EQ(seenOf(gpu(), copied), seenOf(gpu(), blas));
+    EXPECT_TRUE(gpu().takeMessages().empty());
+}
+
+TEST_F(TestDriver, AddressesElsewhere)
+{
+    make("elsewhere");
+    const Buffer room(gpu(), 65536, gpu().structureUsage());
+    EXPECT_NE(reinterpret_cast<std::uint64_t>(room.bytes()), room.address());
+    for (const bool generic : {false, true}) {
+        Structure structure(gpu(), generic ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+                                           : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+        structure.placeIn(room.handle(), 256);
+        structure.create(1024);
+        EXPECT_EQ(structure.address() == room.address() + 256, generic);
+    }
+}
+
+} // namespace

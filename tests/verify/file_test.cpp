@@ -1,0 +1,198 @@
+// Verification of files: what is read of them, and to what it leads.
+#include "verify/file.h"
+
+#include <gtest/gtest.h>
+
+#include "card_file.h"
+#include "verify_cases.h"
+
+using namespace vellum;
+using namespace vellum::test;
+using verify::FileOptions;
+using verify::FileReport;
+using verify::Finding;
+using verify::Kind;
+
+namespace
+{
+
+CardFile bakedCard(std::uint32_t level = 3)
+{
+    CardFile card;
+    BakeOptions options;
+    options.level = level;
+    card.bake(options);
+    return card;
+}
+
+FileReport verifyCard(const CardFile &card, const FileOptions &options = {})
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", card.bytes());
+    return verify::verifyDocument(Document(folder / "card.glb"), options);
+}
+
+// All of the card in one state.
+CardFile cardOf(State state)
+{
+    CardFile card = bakedCard();
+    card.micromap.indices = {specialIndex(state), specialIndex(state)};
+    return card;
+}
+
+} // namespace
+
+TEST(VerifyFile, FindsNothingInABakedFile)
+{
+    CardFile card = bakedCard();
+    card.cards = 2;
+    std::size_t told = 0;
+    FileOptions options;
+    options.progress = [&](std::size_t done, std::size_t total) {
+        EXPECT_EQ(total, 4u);
+        EXPECT_GE(done, told);
+        told = done;
+    };
+    const FileReport report = verifyCard(card, options);
+    EXPECT_EQ(report.extension, "EXT_mesh_opacity_micromap");
+    EXPECT_TRUE(report.offences.empty());
+    EXPECT_TRUE(report.unverified.empty());
+    ASSERT_EQ(report.primitives.size(), 2u);
+    EXPECT_EQ(report.primitives[1].name, "mesh 0 \"leaves\" primitive 1");
+    EXPECT_EQ(report.primitives[1].material, "leaf");
+    EXPECT_EQ(report.primitives[1].triangles, 2u);
+    EXPECT_EQ(report.level4State, 3);
+    EXPECT_EQ(report.level2State, -1);
+    EXPECT_FALSE(report.mixedSpecialIndices);
+    EXPECT_EQ(report.counts().microTriangles(), 4 * microTriangleCount(3));
+    EXPECT_GT(report.counts().opaque, 0u);
+    EXPECT_GT(report.counts().transparent, 0u);
+    for (std::size_t kind = 0; kind < verify::kKinds; ++kind)
+        EXPECT_EQ(report.counts().findings[kind], 0u);
+    EXPECT_EQ(told, 4u);
+}
+
+TEST(VerifyFile, FindsAWrongStateWhereItIs)
+{
+    CardFile card = bakedCard();
+    ASSERT_GE(card.micromap.indices[1], 0);
+    const MicromapTriangle &t = card.micromap.triangles[static_cast<std::size_t>(card.micromap.indices[1])];
+    std::uint8_t *data = card.micromap.data.data() + t.dataOffset;
+    std::uint32_t micro = 0;
+    while (readState(data, micro, t.format) != State::Opaque)
+        ++micro;
+    writeState(data, micro, t.format, State::Transparent);
+    const FileReport report = verifyCard(card);
+    ASSERT_EQ(report.primitives.size(), 1u);
+    // The triangles have the same data only if they are the same.
+    ASSERT_NE(card.micromap.indices[0], card.micromap.indices[1]);
+    ASSERT_EQ(report.primitives[0].result.findings.size(), 1u);
+    const Finding &f = report.primitives[0].result.findings[0];
+    EXPECT_EQ(f.kind, Kind::Wrong);
+    EXPECT_EQ(f.triangle, 1u);
+    EXPECT_EQ(f.microTriangle, micro);
+    EXPECT_EQ(f.level, 3u);
+    EXPECT_EQ(f.state, State::Transparent);
+    EXPECT_GE(f.value, 0.5);
+}
+
+TEST(VerifyFile, MaterialsWithoutAlphaTestAreOpaque)
+{
+    for (const State state : {State::Opaque, State::Transparent, State::UnknownOpaque}) {
+        CardFile card = cardOf(state);
+        card.material = R"("alphaMode": "OPAQUE")";
+        card.alphas = {0, 0, 0, 0};
+        const verify::Counts counts = verifyCard(card).counts();
+        EXPECT_EQ(counts.of(Kind::Wrong), state == State::Transparent ? 2u : 0u);
+        EXPECT_EQ(counts.of(Kind::Needless), state == State::UnknownOpaque ? 2u : 0u);
+    }
+}
+
+TEST(VerifyFile, BlendHasTheCutoffThatIsAskedFor)
+{
+    CardFile card;
+    BakeOptions bake;
+    bake.level = 4;
+    bake.cutoff = 0.25;
+    card.bake(bake);
+    card.material = R"("alphaMode": "BLEND")";
+    FileOptions options;
+    options.blendCutoff = 0.25;
+    EXPECT_EQ(verifyCard(card, options).counts().of(Kind::Wrong), 0u);
+    EXPECT_EQ(verifyCard(card, options).counts().of(Kind::OutsideMargins), 0u);
+    options.blendCutoff = 0.75;
+    const FileReport report = verifyCard(card, options);
+    EXPECT_GT(report.counts().of(Kind::Wrong), 0u);
+    EXPECT_EQ(report.primitives[0].cutoff, 0.75);
+}
+
+TEST(VerifyFile, VertexAlphaScalesTheTexture)
+{
+    CardFile card = cardOf(State::Transparent);
+    EXPECT_EQ(verifyCard(card).counts().of(Kind::Wrong), 2u);
+    card.alphas = {0.25f, 0.25f, 0.25f, 0.25f};
+    EXPECT_EQ(verifyCard(card).counts().of(Kind::Wrong), 0u);
+    card.alphas = {0.25f, 1, 0.25f, 0.25f}; // of the first triangle alone
+    const FileReport report = verifyCard(card);
+    ASSERT_EQ(report.primitives[0].result.findings.size(), 1u);
+    EXPECT_EQ(report.primitives[0].result.findings[0].triangle, 0u);
+}
+
+TEST(VerifyFile, DoesNotLookAtClaimsOfABrokenStructure)
+{
+    CardFile card = bakedCard();
+    card.usageCounts = "[3]";
+    const FileReport report = verifyCard(card);
+    EXPECT_GE(report.offences.size(), 1u);
+    EXPECT_TRUE(report.primitives.empty());
+}
+
+TEST(VerifyFile, SaysWhatItCannotVerify)
+{
+    CardFile card = bakedCard();
+    card.textured = false;
+    FileReport report = verifyCard(card);
+    EXPECT_TRUE(report.primitives.empty());
+    ASSERT_EQ(report.unverified.size(), 1u);
+    EXPECT_EQ(report.unverified[0].name, "mesh 0 \"leaves\" primitive 0");
+    EXPECT_NE(report.unverified[0].reason.find("TEXCOORD_0"), std::string::npos);
+
+    // An image that is none.
+    card = bakedCard();
+    Bytes bytes = card.bytes();
+    const std::string signature = "\x89PNG";
+    const auto found = std::search(bytes.begin(), bytes.end(), signature.begin(), signature.end(),
+                                   [](std::uint8_t a, char b) { return a == static_cast<std::uint8_t>(b); });
+    ASSERT_NE(found, bytes.end());
+    *found = 0;
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", bytes);
+    report = verify::verifyDocument(Document(folder / "card.glb"), {});
+    ASSERT_EQ(report.unverified.size(), 1u);
+    EXPECT_NE(report.unverified[0].reason.find("image 0"), std::string::npos);
+    EXPECT_EQ(report.unverified[0].reason.find("card.glb"), std::string::npos);
+}
+
+TEST(VerifyFile, AFileWithoutMicromapsHasNothingToVerify)
+{
+    CardFile card;
+    card.extension = false;
+    const FileReport report = verifyCard(card);
+    EXPECT_TRUE(report.extension.empty());
+    EXPECT_TRUE(report.offences.empty());
+    EXPECT_TRUE(report.primitives.empty());
+}
+
+TEST(VerifyFile, TellsWhatADeviceMustHave)
+{
+    CardFile card = bakedCard();
+    card.micromap.indices[0] = specialIndex(State::UnknownOpaque);
+    EXPECT_TRUE(verifyCard(card).mixedSpecialIndices);
+    EXPECT_EQ(verifyCard(card).primitives[0].special, 1u);
+    BakeOptions options;
+    options.level = 2;
+    options.format = Format::TwoState;
+    card.bake(options);
+    EXPECT_EQ(verifyCard(card).level2State, 2);
+    EXPECT_EQ(verifyCard(card).level4State, -1);
+}
