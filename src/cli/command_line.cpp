@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <map>
 
 #include "cli/base/error.h"
 #include "cli/commands.h"
@@ -21,17 +20,26 @@ std::string oneLine(std::string text)
 
 } // namespace
 
-int runCommandLine(int argc, char **argv)
+std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
 {
-    CLI::App app("Opacity micromaps for every device that traces rays.", "vellum");
+    app.name("vellum");
+    app.description("Opacity micromaps for every device that traces rays.");
     app.set_version_flag("--version", std::string("vellum ") + VELLUM_VERSION);
     app.require_subcommand(1);
-    app.footer("vellum render --help has examples.");
+    app.footer("vellum <subcommand> --help has examples.");
     std::map<std::string, std::function<int()>> commands;
     commands["bake"] = declareBakeCommand(app);
     commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
+    commands["info"] = declareInfoCommand(app);
     commands["verify"] = declareVerifyCommand(app);
+    return commands;
+}
+
+int runCommandLine(int argc, char **argv)
+{
+    CLI::App app;
+    const std::map<std::string, std::function<int()>> commands = declareCommands(app);
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &asked) { // --help and --version

@@ -4,11 +4,13 @@
 #include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
+#include <numeric>
 
 #include "cli/base/numbers.h"
 #include "cli/base/output_file.h"
 #include "cli/base/paired_timing.h"
 #include "cli/base/progress.h"
+#include "cli/picture/heat.h"
 #include "cli/renderer/state_table.h"
 #include "cli/scene/baked_scene.h"
 #include "cli/scene/grove.h"
@@ -28,7 +30,19 @@ std::filesystem::path withSuffix(const std::filesystem::path &path, const char *
 // Whether the pictures are drawn with micromaps that a device holds.
 bool tracesMicromaps(const RenderOptions &options)
 {
-    return options.mode == Mode::Micromaps || options.mode == Mode::Compare || options.sideBySide;
+    return options.mode == Mode::Micromaps || options.mode == Mode::Compare || options.mode == Mode::Heat ||
+           options.sideBySide;
+}
+
+std::string describeInstances(const RenderOptions &options, const RenderScene &scene)
+{
+    std::string text;
+    if (scene.scene.instances.size() > scene.scene.meshes.size())
+        text = fmt::format(", {} instances of {} meshes", grouped(scene.scene.instances.size()),
+                           grouped(scene.scene.meshes.size()));
+    if (options.instances > 1)
+        text += fmt::format(", {} copies", options.instances);
+    return text;
 }
 
 void printScene(const RenderOptions &options, const DeviceInfo &device, const RenderScene &scene)
@@ -41,18 +55,36 @@ void printScene(const RenderOptions &options, const DeviceInfo &device, const Re
                                        : fmt::format("{}, {}", nameOf(options.api), device.implementation));
     fmt::print("scene       {}: {} masked and {} solid triangles{}\n",
                options.input ? options.input->filename().string() : "the built-in grove",
-               grouped(scene.maskedTriangles()), grouped(scene.solidTriangles()),
-               options.instances > 1 ? fmt::format(", {} copies", options.instances) : "");
+               grouped(scene.maskedTriangles()), grouped(scene.solidTriangles()), describeInstances(options, scene));
     std::fflush(stdout);
 }
 
-void printBake(const RenderOptions &options, const BakedScene &baked)
+void printMicromaps(const RenderOptions &options, const BakedScene &baked)
 {
     const auto shares = baked.stateShares();
-    fmt::print("baked       level {}, {} distinct triangles: {:.1f} % transparent, {:.1f} % opaque, {:.1f} % unknown\n",
-               options.bake.level ? std::to_string(*options.bake.level) : "by density", baked.distinctTriangles(),
-               100 * shares[0], 100 * shares[1], 100 * (shares[2] + shares[3]));
+    const std::string states = fmt::format("{:.1f} % transparent, {:.1f} % opaque, {:.1f} % unknown", 100 * shares[0],
+                                           100 * shares[1], 100 * (shares[2] + shares[3]));
+    if (baked.extension.empty())
+        fmt::print("baked       level {}, {} distinct triangles: {}\n",
+                   options.bake.level ? std::to_string(*options.bake.level) : "by density", baked.distinctTriangles(),
+                   states);
+    else
+        fmt::print("in the file {} by {}, {} micromap triangles: {}\n",
+                   baked.count() == 1 ? "1 geometry" : fmt::format("{} geometries", baked.count()), baked.extension,
+                   baked.distinctTriangles(), states);
     std::fflush(stdout);
+}
+
+// Masked geometries that have no micromap are drawn as always: the shader samples their texture.
+void printTestedOnly(const RenderScene &scene, const BakedScene &baked)
+{
+    std::size_t without = 0;
+    for (std::size_t i = 0; i < baked.results.size(); ++i)
+        without += scene.scene.materials[scene.scene.geometries[i].material].masked() && !baked.results[i] ? 1u : 0u;
+    if (without != 0)
+        fmt::print("alpha test  alone for {} without micromaps{}\n",
+                   without == 1 ? "1 masked geometry" : fmt::format("{} masked geometries", without),
+                   baked.extension.empty() ? ", whose vertices have alphas" : "; --bake makes some");
 }
 
 BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
@@ -212,6 +244,48 @@ int renderStates(const RenderOptions &options, const DeviceInfo &info, const Ren
     return 0;
 }
 
+int renderHeat(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
+{
+    std::vector<HeatMap> maps;
+    {
+        const Progress progress("rendering");
+        const auto measure = [&](bool micromaps) {
+            Device device(info, needsOf(options, micromaps));
+            Renderer renderer(device, scene, micromaps ? baked.micromaps() : std::vector<const Micromap *>(),
+                              options.settings);
+            maps.push_back({options.settings.width, options.settings.height, renderer.candidatesPerPixel(),
+                            micromaps ? "with micromaps" : "without micromaps"});
+        };
+        if (options.sideBySide)
+            measure(false);
+        measure(true);
+    }
+    for (HeatMap &map : maps) {
+        const double mean =
+            std::accumulate(map.values.begin(), map.values.end(), 0.0) / static_cast<double>(map.values.size());
+        fmt::print("candidates  {:.3f} per pixel on average, at most {:.0f}, {}\n", mean,
+                   *std::max_element(map.values.begin(), map.values.end()), map.title);
+        map.title += fmt::format(": {:.2f}", mean);
+    }
+    writePicture(options, options.output, drawHeat(maps, heatScale(maps), "candidates per pixel"));
+    return 0;
+}
+
+// With micromaps, if there are some in the file that are wanted.
+struct Loaded {
+    Scene scene;
+    StoredMicromaps stored;
+};
+
+Loaded load(const RenderOptions &options)
+{
+    if (!options.input)
+        return {makeGrove(), {}};
+    const Document document(*options.input);
+    const bool wanted = options.mode != Mode::Alpha && !options.bakeAnew;
+    return {readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
+}
+
 } // namespace
 
 Scene loadScene(const std::optional<std::filesystem::path> &file)
@@ -229,9 +303,12 @@ int renderCommand(const RenderOptions &options)
 {
     checkWritable(options.output);
     RenderScene scene;
+    StoredMicromaps stored;
     {
         const Progress progress("reading");
-        scene = prepareScene(loadScene(options.input), options.instances);
+        Loaded loaded = load(options);
+        stored = std::move(loaded.stored);
+        scene = prepareScene(std::move(loaded.scene), options.instances);
     }
     if (options.layer)
         offerLayer(options.layerFolder);
@@ -247,12 +324,16 @@ int renderCommand(const RenderOptions &options)
         Device device(info, needsOf(options, false));
         return renderOne(options, device, scene, {});
     }
-    const BakedScene baked = bakeWithProgress(options, scene.scene);
-    printBake(options, baked);
+    const BakedScene baked =
+        stored.extension.empty() ? bakeWithProgress(options, scene.scene) : storedScene(scene.scene, stored);
+    printMicromaps(options, baked);
+    printTestedOnly(scene, baked);
     if (options.mode == Mode::Compare)
         return renderBoth(options, info, scene, baked);
     if (options.mode == Mode::States)
         return renderStates(options, info, scene, baked);
+    if (options.mode == Mode::Heat)
+        return renderHeat(options, info, scene, baked);
     Device device(info, needsOf(options, true));
     return renderOne(options, device, scene, baked.micromaps());
 }

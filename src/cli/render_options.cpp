@@ -28,6 +28,10 @@ Examples:
       nine copies, a costly alpha test, coarser and smaller micromaps
   vellum render ash.glb --mode compare --trace pipeline
       the same rays by a ray tracing pipeline with an any-hit shader
+  vellum render ash.omm.glb --mode compare
+      with the micromaps that the file has (vellum bake puts them there)
+  vellum render ash.glb --mode heat --side-by-side
+      how often the shader is asked at each pixel, without and with micromaps
   vellum render ash.glb --mode states --zoom 4
       the states of its micromaps in colours, from nearby
   vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
@@ -46,8 +50,11 @@ std::uint32_t parseLevel(const std::string &text)
     throw Error("--level: " + text + " is neither a subdivision level (0 to 12) nor auto");
 }
 
-const std::map<std::string, Mode> kModes = {
-    {"alpha", Mode::Alpha}, {"omm", Mode::Micromaps}, {"compare", Mode::Compare}, {"states", Mode::States}};
+const std::map<std::string, Mode> kModes = {{"alpha", Mode::Alpha},
+                                            {"omm", Mode::Micromaps},
+                                            {"compare", Mode::Compare},
+                                            {"states", Mode::States},
+                                            {"heat", Mode::Heat}};
 const std::map<std::string, Trace> kTraces = {{"query", Trace::Query}, {"pipeline", Trace::Pipeline}};
 
 // What CLI11 stores as text. Names of enumerators too: it would take numbers and nothing for them.
@@ -60,6 +67,7 @@ struct RawOptions {
     unsigned format = 4;
     bool noLayer = false;
     bool fewColors = false;
+    std::vector<CLI::Option *> bakes; // those that ask for new micromaps
 };
 
 void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
@@ -71,22 +79,23 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
                     "alpha: no micromaps, the shader samples the texture for every candidate.\n"
                     "omm: micromaps, it samples only where they are unknown.\n"
                     "compare: both, with a table of times, candidates per ray and differing pixels.\n"
-                    "states: the micromaps' states in colours, which are printed [omm]")
+                    "states: the micromaps' states in colours, which are printed.\n"
+                    "heat: how many candidates the shader is handed at each pixel [omm]")
         ->check(CLI::IsMember(kModes).description(""))
         ->take_last() // scripts/demo puts its own before its user's
-        ->type_name("MODE");
+        ->type_name("alpha|omm|compare|states|heat");
     command
         .add_option("-t,--trace", raw.trace,
                     "query: ray queries in a compute shader.\n"
                     "pipeline: a ray tracing pipeline, whose any-hit shader samples the texture [query]")
         ->check(CLI::IsMember(kTraces).description(""))
-        ->type_name("WAY");
+        ->type_name("query|pipeline");
     command
         .add_option("-a,--api", raw.api,
                     "What micromaps are made with: khr, VK_KHR_opacity_micromap, or ext,\n"
                     "VK_EXT_opacity_micromap [khr]")
         ->check(CLI::IsMember(micromapApis()).description(""))
-        ->type_name("API");
+        ->type_name("khr|ext");
     command
         .add_option("-o,--output", options.output,
                     "The PNG to write; compare writes <name>-alpha.png too, and\n"
@@ -95,11 +104,14 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
     command.add_option("-s,--size", raw.size, "Width and height in pixels [1280x720]")->type_name("WxH");
     command.add_option("--samples", options.settings.samples, "Rays per pixel, averaged: 1 to 256 [1]")
         ->check(CLI::Range(1, 256).description(""));
-    command.add_option("-l,--level", raw.level,
-                       "Subdivision level of the micromaps, 0 to 12, or auto: by the texture's\n"
-                       "density [7]");
-    command.add_option("-f,--format", raw.format, "4: four states, exact. 2: two states, an approximation [4]")
-        ->check(CLI::IsMember({2, 4}).description(""));
+    command.add_flag("--bake", options.bakeAnew, "Bake the micromaps, even if the file has some");
+    raw.bakes.push_back(command.add_option("-l,--level", raw.level,
+                                           "Subdivision level of the micromaps, 0 to 12, or auto: by the texture's\n"
+                                           "density; bakes them [7]"));
+    raw.bakes.push_back(command.add_option("-f,--format", raw.format,
+                                           "4: four states, exact. 2: two states, an approximation;\n"
+                                           "bakes them [4]"));
+    raw.bakes.back()->check(CLI::IsMember({2, 4}).description(""))->type_name("2|4");
     command.add_option("-n,--instances", options.instances, "Copies of the scene on a square grid: 1 to 1000 [1]")
         ->check(CLI::Range(1, 1000).description(""));
     command
@@ -108,7 +120,9 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
                     "compare 9 to 99, as many as it takes, within a minute if it can]")
         ->check(CLI::Range(1, 10000).description(""));
     command.add_flag("--side-by-side", options.sideBySide,
-                     "With --mode states: the picture by micromaps to the left of the states");
+                     "With --mode states: the picture by micromaps to the left of the states.\n"
+                     "With --mode heat: the map without micromaps to the left of the one with\n"
+                     "them, in the same colours");
     command.add_flag("--heavy", options.settings.heavy, "16 more texture reads per candidate, like a costly material");
     command.add_option("--yaw", options.settings.view.yaw, "Turn of the camera around the scene in degrees [25]");
     command.add_option("--pitch", options.settings.view.pitch, "Tilt of the camera in degrees, -85 to 85 [3]")
@@ -118,8 +132,10 @@ void declareRender(CLI::App &command, RenderOptions &options, RawOptions &raw)
     command.add_flag("--few-colors", raw.fewColors, "PNGs of at most 256 colours: about half of the bytes");
     command.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
     command.add_flag("--no-layer", raw.noLayer, "Do not turn the layer on");
-    command.add_option("--layer-path", options.layerFolder,
-                       "Folder of the layer's manifest, instead of the one beside this program");
+    command
+        .add_option("--layer-path", options.layerFolder,
+                    "Folder of the layer's manifest, instead of the one beside this program")
+        ->type_name("FOLDER");
 }
 
 void finishRender(RenderOptions &options, const RawOptions &raw)
@@ -133,12 +149,14 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
     options.api = micromapApis().at(raw.api);
     options.layer = !raw.noLayer;
     options.colors = raw.fewColors ? Colors::Few : Colors::All;
-    if (options.sideBySide && options.mode != Mode::States)
-        throw Error("--side-by-side is for --mode states");
+    for (const CLI::Option *option : raw.bakes)
+        options.bakeAnew |= option->count() > 0;
+    if (options.sideBySide && options.mode != Mode::States && options.mode != Mode::Heat)
+        throw Error("--side-by-side is for --mode states and --mode heat");
     if (options.mode == Mode::States && options.settings.trace != Trace::Query)
         throw Error("--mode states draws by ray queries, without --trace pipeline");
-    if (options.mode == Mode::States && options.frames)
-        throw Error("--mode states times nothing, so it takes no --frames");
+    if ((options.mode == Mode::States || options.mode == Mode::Heat) && options.frames)
+        throw Error("--mode " + raw.mode + " times nothing, so it takes no --frames");
     // NaN passes CLI11's range checks.
     const View &view = options.settings.view;
     if (!std::isfinite(view.yaw) || !std::isfinite(view.pitch) || !std::isfinite(view.zoom))

@@ -13,7 +13,7 @@
 namespace vellum::cli
 {
 
-enum class Mode { Alpha, Micromaps, Compare, States };
+enum class Mode { Alpha, Micromaps, Compare, States, Heat };
 
 struct RenderOptions {
     std::optional<std::filesystem::path> input; // the built-in grove without
@@ -25,7 +25,9 @@ struct RenderOptions {
     std::uint32_t instances = 1;
     std::optional<std::uint32_t> frames; // to time, or pairs of them; without, as many as it takes
     Colors colors = Colors::All;
-    bool sideBySide = false; // Mode::States: to the left of it, the picture by micromaps
+    bool bakeAnew = false; // whatever micromaps the file has
+    // To the left of it, with Mode::States the picture by micromaps, with Mode::Heat the map without them.
+    bool sideBySide = false;
     std::optional<std::string> device;
     bool layer = true;
     std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program

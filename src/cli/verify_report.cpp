@@ -85,6 +85,27 @@ void printTable(const std::vector<Row> &rows)
     }
 }
 
+// Those of which something is to be said, where there are very many.
+void printPrimitives(const verify::FileReport &report)
+{
+    constexpr std::size_t kMany = 40;
+    std::vector<Row> rows;
+    std::size_t triangles = 0;
+    for (const PrimitiveReport &p : report.primitives) {
+        const Counts &c = p.result.counts;
+        const bool clean = c.of(Kind::Wrong) + c.of(Kind::OutsideMargins) + c.of(Kind::Needless) + c.open == 0;
+        if (report.primitives.size() <= kMany || !clean)
+            rows.push_back({p.name, p.triangles, c});
+        triangles += p.triangles;
+    }
+    if (report.primitives.size() > 1)
+        rows.push_back(
+            {report.primitives.size() == rows.size() ? "all" : fmt::format("all {}", report.primitives.size()),
+             triangles, report.counts()});
+    if (!rows.empty())
+        printTable(rows);
+}
+
 void printTwoState(const Counts &c)
 {
     const std::uint64_t all = c.twoStateTrue + c.twoStateMixed + c.twoStateReversed;
@@ -266,12 +287,12 @@ Judgement judgementOf(const VerifiedFile &file, bool strict)
     const Counts sum = report.counts();
     if (!file.error.empty())
         return Judgement::Unreadable;
+    if (!report.unverified.empty())
+        return Judgement::Unreadable;
     if (!report.offences.empty())
         return Judgement::Structure;
     if (sum.of(Kind::Wrong) > 0)
         return Judgement::Wrong;
-    if (!report.unverified.empty())
-        return Judgement::Unreadable;
     if (!strict)
         return Judgement::AllRight;
     if (report.extension.empty())
@@ -299,19 +320,11 @@ void printVerified(const VerifiedFile &file)
         fmt::print("{}: no micromaps\n", file.path);
         return;
     }
-    fmt::print("{}: {}, {} micromaps, structure all right\n", file.path, report.extension, report.micromaps);
+    fmt::print("{}: {}, {} micromap{}, structure all right\n", file.path, report.extension, report.micromaps,
+               report.micromaps == 1 ? "" : "s");
     printDevice(report);
-    std::vector<Row> rows;
-    std::size_t triangles = 0;
-    for (const PrimitiveReport &p : report.primitives) {
-        rows.push_back({p.name, p.triangles, p.result.counts});
-        triangles += p.triangles;
-    }
+    printPrimitives(report);
     const Counts sum = report.counts();
-    if (rows.size() > 1)
-        rows.push_back({"all", triangles, sum});
-    if (!rows.empty())
-        printTable(rows);
     printTwoState(sum);
     for (const PrimitiveReport &p : report.primitives)
         if (!p.caution.empty())

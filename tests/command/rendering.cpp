@@ -1,16 +1,7 @@
 #include "rendering.h"
 
-#include <fstream>
-#include <iterator>
-
 namespace vellum::test
 {
-
-Bytes readFile(const std::filesystem::path &path)
-{
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-}
 
 std::string lineOf(const Outcome &outcome, const std::string &beginning)
 {

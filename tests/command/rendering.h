@@ -12,8 +12,6 @@
 namespace vellum::test
 {
 
-Bytes readFile(const std::filesystem::path &path);
-
 // The line of the output that begins so; empty where there is none.
 std::string lineOf(const Outcome &outcome, const std::string &beginning);
 

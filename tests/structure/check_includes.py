@@ -37,7 +37,7 @@ ROOMS = {
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "gpubake"),
     "bake": ("numbers", "texture", ""),
     "gltf": ("file", "data", "", "micromaps"),
-    "cli": ("base", "picture", "scene", "vulkan", "renderer", "inspect", ""),
+    "cli": ("base", "picture", "scene", "vulkan", "renderer", "info", "inspect", "", "reference"),
 }
 
 MOST_FILES = 24

@@ -241,19 +241,33 @@ Picture Renderer::picture()
     return {m_settings.width, m_settings.height, downloadWords(m_device, m_pixels, pixels)};
 }
 
-CandidateCount Renderer::count()
+std::vector<std::uint32_t> Renderer::countPixels()
 {
     if (!m_countingPipeline)
         m_countingPipeline = makePipeline(true);
     m_device.run([this](VkCommandBuffer commands) { record(commands, *m_countingPipeline); });
     const std::size_t pixels = std::size_t{m_settings.width} * m_settings.height;
-    const std::vector<std::uint32_t> counts = downloadWords(m_device, m_counts, 2 * pixels);
+    return downloadWords(m_device, m_counts, 2 * pixels);
+}
+
+CandidateCount Renderer::count()
+{
+    const std::vector<std::uint32_t> counts = countPixels();
     CandidateCount sum;
-    for (std::size_t i = 0; i < pixels; ++i) {
-        sum.candidates += counts[2 * i];
-        sum.rays += counts[2 * i + 1];
+    for (std::size_t i = 0; i < counts.size(); i += 2) {
+        sum.candidates += counts[i];
+        sum.rays += counts[i + 1];
     }
     return sum;
+}
+
+std::vector<float> Renderer::candidatesPerPixel()
+{
+    const std::vector<std::uint32_t> counts = countPixels();
+    std::vector<float> values;
+    for (std::size_t i = 0; i < counts.size(); i += 2)
+        values.push_back(static_cast<float>(counts[i]) / static_cast<float>(m_settings.samples));
+    return values;
 }
 
 } // namespace vellum::cli

@@ -50,6 +50,8 @@ public:
     [[nodiscard]] Picture picture();
     // Renders once more with a shader that counts.
     CandidateCount count();
+    // The same by pixel: what the shader was handed for all rays of a sample, on average.
+    std::vector<float> candidatesPerPixel();
     [[nodiscard]] VkDeviceSize micromapBytes() const { return m_world.micromapBytes(); }
 
 private:
@@ -65,6 +67,7 @@ private:
     [[nodiscard]] std::unique_ptr<TracePipeline> makePipeline(bool counting) const;
     void record(VkCommandBuffer commands, const TracePipeline &pipeline) const;
     void recordFrame();
+    std::vector<std::uint32_t> countPixels(); // candidates and rays of each
 
     Device &m_device;
     RenderSettings m_settings;

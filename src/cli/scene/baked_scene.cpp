@@ -1,7 +1,62 @@
 #include "cli/scene/baked_scene.h"
 
+#include <map>
+
 namespace vellum::cli
 {
+namespace
+{
+
+// Micro-triangles of all triangles by State, and triangles with a special index.
+BakeStatistics statisticsOf(const Micromap &micromap)
+{
+    std::vector<std::array<std::uint64_t, 4>> ofTriangle;
+    for (const MicromapTriangle &t : micromap.triangles) {
+        ofTriangle.push_back({});
+        for (std::uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i)
+            ++ofTriangle.back()[static_cast<std::size_t>(readState(&micromap.data[t.dataOffset], i, t.format))];
+    }
+    BakeStatistics statistics;
+    statistics.distinct = micromap.triangles.size();
+    for (const std::int32_t index : micromap.indices) {
+        if (const auto state = specialState(index)) {
+            ++statistics.special[static_cast<std::size_t>(*state)];
+            ++statistics.states[static_cast<std::size_t>(*state)];
+            continue;
+        }
+        for (std::size_t s = 0; s < 4; ++s)
+            statistics.states[s] += ofTriangle[static_cast<std::uint32_t>(index) + micromap.baseTriangle][s];
+    }
+    return statistics;
+}
+
+BakeResult resultOf(Micromap micromap)
+{
+    BakeResult result{std::move(micromap), {}};
+    result.statistics = statisticsOf(result.micromap);
+    return result;
+}
+
+// Gives each geometry its part of a micromap that was baked for all of them.
+void divide(const Scene &scene, const std::vector<std::size_t> &geometries, BakeResult whole, BakedScene &baked)
+{
+    if (geometries.size() == 1) {
+        baked.results[geometries.front()] = std::move(whole);
+        return;
+    }
+    StoredMicromaps stored;
+    stored.micromaps.push_back({std::move(whole.micromap.triangles), std::move(whole.micromap.data), {}});
+    auto next = whole.micromap.indices.begin();
+    for (const std::size_t i : geometries) {
+        const auto end = next + static_cast<std::ptrdiff_t>(scene.geometries[i].indices.size() / 3);
+        const PrimitivePlace place{0, static_cast<std::uint32_t>(i)};
+        stored.primitives[place] = {0, {next, end}, whole.micromap.baseTriangle};
+        baked.results[i] = resultOf(*stored.of(place));
+        next = end;
+    }
+}
+
+} // namespace
 
 std::vector<const Micromap *> BakedScene::micromaps() const
 {
@@ -34,26 +89,47 @@ std::size_t BakedScene::distinctTriangles() const
     return count;
 }
 
+std::size_t BakedScene::count() const
+{
+    std::size_t count = 0;
+    for (const std::optional<BakeResult> &r : results)
+        count += r ? 1u : 0u;
+    return count;
+}
+
 BakedScene bakeScene(const Scene &scene, BakeOptions options)
 {
+    std::map<std::uint32_t, std::vector<std::size_t>> ofMaterial;
+    for (std::size_t i = 0; i < scene.geometries.size(); ++i)
+        if (scene.materials[scene.geometries[i].material].masked() && scene.geometries[i].alphas.empty())
+            ofMaterial[scene.geometries[i].material].push_back(i);
     BakedScene baked;
-    for (const Geometry &g : scene.geometries) {
-        const Material &m = scene.materials[g.material];
-        if (!m.masked()) {
-            baked.results.emplace_back();
-            continue;
-        }
-        const Image &image = scene.images[static_cast<std::size_t>(m.image)];
-        AlphaTexture texture =
-            AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4, m.baseColor[3]);
-        texture.wrapU = m.wrapU;
-        texture.wrapV = m.wrapV;
-        texture.filter = m.filter;
+    baked.results.resize(scene.geometries.size());
+    for (const auto &[material, geometries] : ofMaterial) {
+        const Material &m = scene.materials[material];
         options.cutoff = static_cast<double>(m.alphaCutoff);
         std::vector<TriangleUvs> triangles;
-        for (std::size_t i = 0; i + 2 < g.indices.size(); i += 3)
-            triangles.push_back({g.uvs[g.indices[i]], g.uvs[g.indices[i + 1]], g.uvs[g.indices[i + 2]]});
-        baked.results.emplace_back(bake(texture, triangles, options));
+        for (const std::size_t i : geometries) {
+            const Geometry &g = scene.geometries[i];
+            for (std::size_t t = 0; t + 2 < g.indices.size(); t += 3)
+                triangles.push_back({g.uvs[g.indices[t]], g.uvs[g.indices[t + 1]], g.uvs[g.indices[t + 2]]});
+        }
+        divide(scene, geometries,
+               bake(alphaTexture(m, scene.images[static_cast<std::size_t>(m.image)]), triangles, options), baked);
+    }
+    return baked;
+}
+
+BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored)
+{
+    BakedScene baked;
+    baked.extension = stored.extension;
+    for (const Geometry &g : scene.geometries) {
+        baked.results.emplace_back();
+        if (!g.place || !scene.materials[g.material].masked())
+            continue;
+        if (auto micromap = stored.of(*g.place))
+            baked.results.back() = resultOf(std::move(*micromap));
     }
     return baked;
 }

@@ -1,0 +1,269 @@
+#include "cli/info/loader_report.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <fmt/format.h>
+
+#include "cli/vulkan/layer_path.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+bool isSet(const char *variable)
+{
+    const char *value = std::getenv(variable);
+    return value != nullptr && *value != '\0';
+}
+
+bool loaderFindsLayer()
+{
+    std::uint32_t count = 0;
+    if (vkEnumerateInstanceLayerProperties(&count, nullptr) != VK_SUCCESS)
+        return false;
+    std::vector<VkLayerProperties> layers(count);
+    vkEnumerateInstanceLayerProperties(&count, layers.data());
+    return std::any_of(layers.begin(), layers.end(),
+                       [](const VkLayerProperties &l) { return std::strcmp(l.layerName, kLayerName) == 0; });
+}
+
+bool names(const char *variable, const char *what)
+{
+    const char *value = std::getenv(variable);
+    return value != nullptr && std::strstr(value, what) != nullptr;
+}
+
+// What a shell takes as one word.
+std::string quoted(const std::string &text)
+{
+    if (text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./+:,@%") ==
+        std::string::npos)
+        return text;
+    std::string result = "'";
+    for (const char c : text)
+        result += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return result + "'";
+}
+
+std::vector<std::string> commandsToTurnOn(const LoaderReport &report, const std::filesystem::path &folder)
+{
+    std::vector<std::string> commands;
+    if (!report.layerFound && !folder.empty()) {
+        // The loader ignores VK_ADD_LAYER_PATH where VK_LAYER_PATH is set.
+        const char *variable = std::getenv("VK_LAYER_PATH") != nullptr ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
+        commands.push_back(std::string("export ") + variable + "=" + quoted(folder.string()) +
+                           (isSet(variable) ? std::string(":$") + variable : ""));
+    }
+    if (!report.layerOnByVariable)
+        commands.push_back(std::string("export VK_INSTANCE_LAYERS=") + kLayerName +
+                           (isSet("VK_INSTANCE_LAYERS") ? ":$VK_INSTANCE_LAYERS" : ""));
+    return commands;
+}
+
+void explainLayer(LoaderReport &report, const std::filesystem::path &folder)
+{
+    for (const Manifest &manifest : report.layers)
+        if (!manifest.problem.empty())
+            report.problems.push_back("the layer's manifest " + manifest.path.string() + ": " + manifest.problem);
+    if (report.layers.empty())
+        report.problems.push_back(
+            std::string("there is no manifest of the layer, neither where the loader looks nor ") +
+            (folder.empty() ? "beside this program" : "in " + folder.string()));
+}
+
+void explainNoDevice(LoaderReport &report)
+{
+    if (report.drivers.empty())
+        report.problems.push_back("no Vulkan driver is installed: there is no manifest of one where the loader looks");
+    const bool any =
+        std::any_of(report.drivers.begin(), report.drivers.end(), [](const Manifest &m) { return m.problem.empty(); });
+    if (any)
+        report.problems.push_back(
+            "no driver has a device; VK_LOADER_DEBUG=error,warn,driver says what becomes of them");
+}
+
+void explainNoMicromaps(LoaderReport &report)
+{
+    if (std::any_of(report.devices.begin(), report.devices.end(),
+                    [](const DeviceDetails &d) { return d.hasMicromaps(); }))
+        return;
+    for (const DeviceDetails &device : report.devices)
+        for (const std::string &missing : device.missing)
+            report.problems.push_back(device.name + " has no " + missing + ", without which there are no micromaps");
+    if (report.problems.empty())
+        report.problems.push_back("no device has micromaps");
+}
+
+// Devices without the layer and, where it loads, with it.
+void findDevices(LoaderReport &report)
+{
+    std::vector<DeviceDetails> plain;
+    try {
+        const Instance instance(false);
+        plain = describeDevices(instance);
+    } catch (const Error &error) {
+        if (report.problems.empty()) // else they say why
+            report.problems.push_back(error.what());
+        return;
+    }
+    report.devices = plain;
+    if (report.layers.empty())
+        return;
+    try {
+        const Instance instance(true);
+        report.layerLoads = instance.layerEnabled();
+        if (!report.layerLoads)
+            return;
+        report.devices = describeDevices(instance);
+    } catch (const Error &error) {
+        if (report.problems.empty())
+            report.problems.push_back(error.what());
+        return;
+    }
+    // What a driver has itself, the layer passes through unless it is told not to.
+    for (std::size_t i = 0; i < report.devices.size() && i < plain.size() && !isSet("VELLUM_FORCE_EMULATION"); ++i) {
+        if (plain[i].ext == Provider::Driver)
+            report.devices[i].ext = Provider::Driver;
+        if (plain[i].khr == Provider::Driver)
+            report.devices[i].khr = Provider::Driver;
+    }
+}
+
+const char *nameOf(Provider provider)
+{
+    switch (provider) {
+    case Provider::Driver: return "native";
+    case Provider::Layer: return "emulated by the layer";
+    case Provider::Nobody: break;
+    }
+    return "none";
+}
+
+void printManifest(const char *what, const Manifest &manifest)
+{
+    fmt::print("{:<11} {} (from {})\n", what, manifest.path.string(), manifest.from);
+    if (!manifest.library.empty())
+        fmt::print("            library {}\n", manifest.library.string());
+    if (!manifest.problem.empty())
+        fmt::print("            {}\n", manifest.problem);
+}
+
+void write(const std::vector<Manifest> &manifests, JsonWriter &json)
+{
+    json.beginArray();
+    for (const Manifest &m : manifests)
+        json.beginObject()
+            .member("path", m.path.string())
+            .member("from", m.from)
+            .member("library", m.library.string())
+            .member("problem", m.problem)
+            .end();
+    json.end();
+}
+
+void write(const std::vector<std::string> &lines, JsonWriter &json)
+{
+    json.beginArray();
+    for (const std::string &line : lines)
+        json.value(line);
+    json.end();
+}
+
+void print(const DeviceDetails &d)
+{
+    const auto yes = [](bool has) { return has ? "yes" : "no"; };
+    fmt::print("\ndevice      {} ({}), Vulkan {}\n", d.name, d.kind, d.version);
+    fmt::print("driver      {}\n", d.driver);
+    fmt::print("ray tracing acceleration structures: {}, ray queries: {}, pipelines: {}\n",
+               yes(d.accelerationStructures), yes(d.rayQueries), yes(d.rayTracingPipelines));
+    fmt::print("micromaps   VK_KHR_opacity_micromap: {}\n            VK_EXT_opacity_micromap: {}\n", nameOf(d.khr),
+               nameOf(d.ext));
+    if (d.hasMicromaps())
+        fmt::print("limits      subdivision level {} with 2 states, {} with 4\n", d.most2StateLevel, d.most4StateLevel);
+    for (const std::string &missing : d.missing)
+        fmt::print("missing     {}: the layer cannot bring micromaps without\n", missing);
+}
+
+void write(const DeviceDetails &d, JsonWriter &json)
+{
+    json.beginObject().member("name", d.name).member("kind", d.kind).member("driver", d.driver);
+    json.member("vulkan", d.version)
+        .member("accelerationStructures", d.accelerationStructures)
+        .member("rayQueries", d.rayQueries)
+        .member("rayTracingPipelines", d.rayTracingPipelines);
+    json.member("VK_KHR_opacity_micromap", nameOf(d.khr)).member("VK_EXT_opacity_micromap", nameOf(d.ext));
+    json.member("max2StateSubdivisionLevel", std::uint64_t{d.most2StateLevel})
+        .member("max4StateSubdivisionLevel", std::uint64_t{d.most4StateLevel});
+    json.key("missing");
+    write(d.missing, json);
+    json.end();
+}
+
+} // namespace
+
+LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
+{
+    LoaderReport report;
+    std::uint32_t version = VK_API_VERSION_1_0;
+    vkEnumerateInstanceVersion(&version);
+    report.loaderVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(version), VK_API_VERSION_MINOR(version),
+                                       VK_API_VERSION_PATCH(version));
+    const std::filesystem::path folder = wish ? *wish : findLayerFolder().value_or(std::filesystem::path());
+    report.drivers = findDriverManifests();
+    report.layers = findLayerManifests(folder);
+    report.layerFound = loaderFindsLayer();
+    report.layerOnByVariable = names("VK_INSTANCE_LAYERS", kLayerName) || names("VK_LOADER_LAYERS_ENABLE", kLayerName);
+    report.turnOn = commandsToTurnOn(report, folder);
+    for (const Manifest &manifest : report.drivers)
+        if (!manifest.problem.empty())
+            report.problems.push_back("the driver's manifest " + manifest.path.string() + ": " + manifest.problem);
+    explainLayer(report, folder);
+    if (!folder.empty())
+        addLayerFolder(folder);
+    findDevices(report);
+    if (report.devices.empty())
+        explainNoDevice(report);
+    else
+        explainNoMicromaps(report);
+    return report;
+}
+
+void print(const LoaderReport &report)
+{
+    fmt::print("loader      Vulkan {}\n", report.loaderVersion);
+    for (const Manifest &driver : report.drivers)
+        printManifest("driver", driver);
+    for (const Manifest &layer : report.layers)
+        printManifest("layer", layer);
+    fmt::print(
+        "layer       {}, {}\n", report.layerFound ? "the loader finds it" : "the loader does not find it by itself",
+        report.layerOnByVariable ? "and it is turned on by an environment variable" : "a program has to turn it on");
+    for (std::size_t i = 0; i < report.turnOn.size(); ++i)
+        fmt::print("{:<11} {}\n", i == 0 ? "turn it on" : "", report.turnOn[i]);
+    for (const DeviceDetails &device : report.devices)
+        print(device);
+}
+
+void write(const LoaderReport &report, JsonWriter &json)
+{
+    json.beginObject().member("loader", report.loaderVersion);
+    json.key("drivers");
+    write(report.drivers, json);
+    json.key("layers");
+    write(report.layers, json);
+    json.member("layerFound", report.layerFound)
+        .member("layerOnByVariable", report.layerOnByVariable)
+        .member("layerLoads", report.layerLoads);
+    json.key("turnOn");
+    write(report.turnOn, json);
+    json.key("devices").beginArray();
+    for (const DeviceDetails &device : report.devices)
+        write(device, json);
+    json.end().key("problems");
+    write(report.problems, json);
+    json.end();
+}
+
+} // namespace vellum::cli

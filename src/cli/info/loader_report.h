@@ -1,0 +1,34 @@
+// What there is on this machine: the Vulkan loader, the layer, drivers, devices.
+#pragma once
+
+#include <optional>
+
+#include "cli/info/device_details.h"
+#include "cli/info/json_writer.h"
+#include "cli/info/manifests.h"
+
+namespace vellum::cli
+{
+
+struct LoaderReport {
+    std::string loaderVersion;
+    std::vector<Manifest> drivers;
+    std::vector<Manifest> layers;   // manifests of the layer
+    bool layerFound = false;        // by the loader, in the environment as it is
+    bool layerOnByVariable = false; // VK_INSTANCE_LAYERS or VK_LOADER_LAYERS_ENABLE name it
+    bool layerLoads = false;
+    // Shell commands that turn the layer on for a program; those that are not needed are left out.
+    std::vector<std::string> turnOn;
+    std::vector<DeviceDetails> devices; // with the layer, where it loads
+    // What keeps micromaps from working, one line each; empty where nothing does.
+    std::vector<std::string> problems;
+};
+
+// `folder`: that of the layer's manifest, instead of the one beside this program. Changes the environment as
+// addLayerFolder does.
+LoaderReport reportLoader(const std::optional<std::filesystem::path> &folder);
+
+void print(const LoaderReport &report);
+void write(const LoaderReport &report, JsonWriter &json);
+
+} // namespace vellum::cli

@@ -1,0 +1,26 @@
+// The manifests that the Vulkan loader looks for: of drivers and of the layer.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace vellum::cli
+{
+
+struct Manifest {
+    std::filesystem::path path;
+    std::filesystem::path library; // as the manifest says, or where that is; a bare name is looked for by the system
+    std::string from;              // why it is looked at: "VK_DRIVER_FILES", "/usr/share/vulkan/icd.d"
+    std::string problem;           // why it cannot work; empty where none is known
+};
+
+// Of drivers: those that VK_DRIVER_FILES or VK_ICD_FILENAMES names, or else those in the loader's folders, and those
+// of VK_ADD_DRIVER_FILES.
+std::vector<Manifest> findDriverManifests();
+
+// Of the layer, in all folders in which the loader looks for explicit layers, and in `folder` (the one next to this
+// program), in that order.
+std::vector<Manifest> findLayerManifests(const std::filesystem::path &folder);
+
+} // namespace vellum::cli

@@ -1,0 +1,106 @@
+// `vellum render` of files that have micromaps.
+#include "rendering.h"
+
+using namespace vellum::test;
+
+namespace
+{
+
+class StoredMicromaps : public Rendering
+{
+protected:
+    // Bakes the card into card.omm.glb.
+    void bake(const Replacements &replacements = {})
+    {
+        writeFile(folder / "card.glb", cardGlb(replacements));
+        const Outcome outcome = runVellum({"bake", (folder / "card.glb").string(), "--level", "4"});
+        ASSERT_EQ(outcome.exitCode, 0) << outcome.errors;
+    }
+    Outcome compare(std::vector<std::string> options = {})
+    {
+        options.insert(options.end(), {(folder / "card.omm.glb").string(), "--mode", "compare", "--frames", "1",
+                                       "--output", (folder / "a.png").string()});
+        return render(std::move(options));
+    }
+};
+
+const char *const kNone = "| differing pixels               |              |            0 |  0.0000 % |";
+
+} // namespace
+
+TEST_F(StoredMicromaps, AreUsedUnlessOthersAreAskedFor)
+{
+    bake();
+    const Outcome stored = compare();
+    EXPECT_NE(lineOf(stored, "in the file").find("1 geometry by EXT_mesh_opacity_micromap"), std::string::npos)
+        << stored.output;
+    EXPECT_EQ(lineOf(stored, "baked"), "");
+    EXPECT_EQ(lineOf(stored, "| differing"), kNone);
+    for (const std::vector<std::string> &options :
+         {std::vector<std::string>{"--bake"}, {"--level", "2"}, {"--format", "4"}}) {
+        const Outcome baked = compare(options);
+        EXPECT_NE(lineOf(baked, "baked"), "") << baked.output;
+        EXPECT_EQ(lineOf(baked, "in the file"), "");
+        EXPECT_EQ(lineOf(baked, "| differing"), kNone);
+    }
+}
+
+// The two opaque micromap triangles of other indices make a picture that differs: what the file says is what is traced.
+TEST_F(StoredMicromaps, WrongClaimsAreSeen)
+{
+    bake();
+    Bytes file = readFile(folder / "card.omm.glb");
+    std::string text(file.begin(), file.end());
+    // Another texture than the one that was baked: transparent where it was opaque.
+    const std::size_t at = text.find("\"alphaCutoff\": 0.25");
+    ASSERT_NE(at, std::string::npos);
+    text.replace(at, 19, "\"alphaCutoff\": 0.95");
+    writeFile(folder / "card.omm.glb", Bytes(text.begin(), text.end()));
+    EXPECT_NE(lineOf(compare(), "| differing"), kNone);
+}
+
+TEST_F(StoredMicromaps, InstancesMirroredAndFlattened)
+{
+    bake({{"\"scenes\": [{\"nodes\": [0]}]", "\"scenes\": [{\"nodes\": [0, 1, 2, 3]}]"},
+          {"\"nodes\": [{\"mesh\": 0, \"translation\": [0, 2, 0]}]",
+           "\"nodes\": [{\"mesh\": 0, \"translation\": [0, 2, 0]}, {\"mesh\": 0, \"scale\": [-1, 1, 1]}, "
+           "{\"mesh\": 0, \"translation\": [3, 0, 1], \"scale\": [1, 3, 0.5]}, {\"mesh\": 0, \"scale\": [0, 0, 0]}]"}});
+    const Outcome outcome = compare();
+    EXPECT_NE(lineOf(outcome, "scene").find("6 masked and 3 solid triangles, 3 instances of 1 meshes"),
+              std::string::npos)
+        << outcome.output;
+    EXPECT_EQ(lineOf(outcome, "| differing"), kNone);
+}
+
+TEST_F(StoredMicromaps, DamagedOnesNeverReachTheDevice)
+{
+    bake();
+    Bytes file = readFile(folder / "card.omm.glb");
+    std::string text(file.begin(), file.end());
+    const std::string levels = "\"usageLevels\":[4]";
+    const std::size_t at = text.find(levels);
+    ASSERT_NE(at, std::string::npos);
+    text.replace(at, levels.size(), "\"usageLevels\":[9]");
+    writeFile(folder / "card.omm.glb", Bytes(text.begin(), text.end()));
+    const Outcome outcome =
+        runVellum({"render", (folder / "card.omm.glb").string(), "--output", (folder / "a.png").string()});
+    EXPECT_EQ(outcome.exitCode, 1) << outcome.output;
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+    EXPECT_NE(outcome.errors.find("micromaps[0]"), std::string::npos) << outcome.errors;
+    EXPECT_FALSE(std::filesystem::exists(folder / "a.png"));
+}
+
+// The alpha of vertices counts, and geometries with it are tested by the shader alone.
+TEST_F(StoredMicromaps, VertexAlphas)
+{
+    // The texture's coordinates as colours: red and green, blue from the next, alpha below 1 for some.
+    bake({{"\"TEXCOORD_0\": 1}", "\"TEXCOORD_0\": 1, \"COLOR_0\": 4}"},
+          {"{\"bufferView\": 0, \"byteOffset\": 12, \"componentType\": 5126, \"count\": 3, \"type\": \"VEC3\"}]",
+           "{\"bufferView\": 0, \"byteOffset\": 12, \"componentType\": 5126, \"count\": 3, \"type\": \"VEC3\"}, "
+           "{\"bufferView\": 3, \"componentType\": 5121, \"normalized\": true, \"count\": 4, \"type\": \"VEC4\"}]"}});
+    EXPECT_EQ(lineOf(compare(), "| differing"), kNone);
+    const Outcome baked = compare({"--bake"});
+    EXPECT_EQ(lineOf(baked, "alpha test"),
+              "alpha test  alone for 1 masked geometry without micromaps, whose vertices have alphas");
+    EXPECT_EQ(lineOf(baked, "| differing"), kNone);
+}
