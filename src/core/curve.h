@@ -23,47 +23,47 @@ VELLUM_FN uint spreadBits(VELLUM_IN uint x)
     return (r | (r << 1u)) & 0x55555555u;
 }
 
-// Index on the curve of the micro-triangle in grid cell (iu, iv); `inverted` picks the cell's far half.
-//   iu, iv    cell in steps of 1 / 2^level, iu + iv < 2^level (and < 2^level - 1 where inverted)
-//   level     0..12
+// Index on the curve of a micro-triangle.
+//   iu, iv  its cell in steps of 1 / 2^level
+//   iw      so many cells lie between it and the edge opposite vertex 0: 2^level - 1 - iu - iv, or one less for the
+//           cell's far half
+//   mask    2^level - 1, for level 0..12
 //
 // Seen bit by bit from the top, the micro-triangle lies at vertex 0, in the middle, at vertex 1 or at vertex 2 of the
-// triangle of the level above. With iw counting down from vertex 0, a vertex-0 or middle child is one where the bits of
-// u and w differ from those of a corner child; which of the corners or halves it is depends on how often the path so
-// far was flipped, a running parity, which a prefix xor gives for all levels at once.
-VELLUM_FN uint curveIndexOfCell(VELLUM_IN uint iu, VELLUM_IN uint iv, VELLUM_IN bool inverted, VELLUM_IN uint level)
+// triangle of the level above. At vertex 0 and in the middle the bits of u and w differ; at the corners they do not.
+// Which of the corners or halves it is depends on how often the path so far was flipped, a running parity, which a
+// prefix xor gives for all levels at once.
+VELLUM_FN uint curveIndexOfCell(VELLUM_IN uint iu, VELLUM_IN uint iv, VELLUM_IN uint iw, VELLUM_IN uint mask)
 {
-    const uint mask = (1u << level) - 1u;
-    const uint iw = (inverted ? ~(iu + iv) - 1u : ~(iu + iv)) & mask;
-    const uint atMiddleOrCorner = ~(iu ^ iw) & mask; // low bit of each base-4 digit
-    const uint flips = (iu ^ iv) & atMiddleOrCorner;
+    const uint differ = iu ^ iw;
+    const uint flips = (iu ^ iv) & ~differ;
     uint parity = flips;
     parity = parity ^ (parity >> 1u);
     parity = parity ^ (parity >> 2u);
     parity = parity ^ (parity >> 4u);
     parity = parity ^ (parity >> 8u);
-    const uint high = ((parity ^ iu) & ~atMiddleOrCorner & mask) | flips;
-    return spreadBits(atMiddleOrCorner) | (spreadBits(high) << 1u);
+    const uint high = ((parity ^ iu) & differ) | flips;
+    return spreadBits(differ ^ mask) | (spreadBits(high) << 1u);
 }
 
 // Index on the curve of the micro-triangle at barycentrics (u, v), the weights of vertices 1 and 2.
-// Any input is safe: NaN and values outside the triangle are clamped into it.
+// Any input is safe: the index of some micro-triangle, and for what is outside by no more than rounding errors, of one
+// at the edge.
 VELLUM_FN uint curveIndex(VELLUM_IN float u, VELLUM_IN float v, VELLUM_IN uint level)
 {
-    const uint steps = 1u << level;
-    const float cu = (u > 0.0f ? (u < 1.0f ? u : 1.0f) : 0.0f) * toFloat(steps);
-    const float cv = (v > 0.0f ? (v < 1.0f ? v : 1.0f) : 0.0f) * toFloat(steps);
+    const uint mask = (1u << level) - 1u;
+    const float cu = u * toFloat(1u << level);
+    const float cv = v * toFloat(1u << level);
     uint iu = toUint(cu);
     uint iv = toUint(cv);
-    const float restU = cu - toFloat(iu);
-    const float restV = cv - toFloat(iv);
-    iu = iu < steps ? iu : steps - 1u;
-    iv = iv < steps ? iv : steps - 1u;
-    const uint diagonal = iu + iv;
-    if (diagonal >= steps)
-        iu = steps - 1u - iv;
-    const bool inverted = restU + restV >= 1.0f && diagonal < steps - 1u;
-    return curveIndexOfCell(iu, iv, inverted, level);
+    iv = iv < mask ? iv : mask;
+    iu = iu < mask - iv ? iu : mask - iv;
+    // Of the cells from its own to the edge opposite vertex 0, one less where it is the far half: then the sum has
+    // reached the next diagonal.
+    const uint rest = mask - iv - iu;
+    uint sum = toUint(cu + cv);
+    sum = sum < mask ? sum : mask;
+    return curveIndexOfCell(iu, iv, rest - (mask - sum < rest ? 1u : 0u), mask);
 }
 
 VELLUM_SHARED_END

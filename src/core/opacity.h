@@ -38,6 +38,33 @@ VELLUM_CONST uint kHitIgnored = 0u;   // next candidate; the shader never sees i
 VELLUM_CONST uint kHitOpaque = 1u;    // committed without asking the shader
 VELLUM_CONST uint kHitNonOpaque = 2u; // the shader decides
 
+// A hit in a micro-triangle, as the instance says and before ray flags do. kStateNone: on a geometry that has no
+// micromap and is not opaque; on an opaque one a hit is as in an opaque micro-triangle.
+VELLUM_FN uint hitInInstance(VELLUM_IN uint state, VELLUM_IN uint instanceFlags)
+{
+    if (state == kStateTransparent)
+        return kHitIgnored;
+    if ((instanceFlags & kInstanceForceOpaque) != 0u)
+        return kHitOpaque;
+    if ((instanceFlags & kInstanceForceNoOpaque) != 0u)
+        return kHitNonOpaque;
+    return state == kStateOpaque ? kHitOpaque : kHitNonOpaque;
+}
+
+VELLUM_FN uint hitOfRay(VELLUM_IN uint inInstance, VELLUM_IN uint rayFlags)
+{
+    uint hit = inInstance;
+    if (hit != kHitIgnored && (rayFlags & kRayOpaque) != 0u)
+        hit = kHitOpaque;
+    else if (hit != kHitIgnored && (rayFlags & kRayNoOpaque) != 0u)
+        hit = kHitNonOpaque;
+    if (hit == kHitOpaque && (rayFlags & kRayCullOpaque) != 0u)
+        return kHitIgnored;
+    if (hit == kHitNonOpaque && (rayFlags & kRayCullNoOpaque) != 0u)
+        return kHitIgnored;
+    return hit;
+}
+
 // Resolves a triangle candidate.
 //   state          kState* found in the geometry's micromap, or kStateNone
 //   geometryOpaque the geometry was built with VK_GEOMETRY_OPAQUE_BIT_KHR
@@ -46,27 +73,31 @@ VELLUM_CONST uint kHitNonOpaque = 2u; // the shader decides
 VELLUM_FN uint resolveHit(VELLUM_IN uint state, VELLUM_IN bool geometryOpaque, VELLUM_IN uint instanceFlags,
                           VELLUM_IN uint rayFlags)
 {
-    uint hit = geometryOpaque ? kHitOpaque : kHitNonOpaque;
+    uint effective = geometryOpaque ? kStateOpaque : kStateNone;
     if (state != kStateNone && (instanceFlags & kInstanceDisableMicromaps) == 0u) {
         const bool twoState = ((instanceFlags & kInstanceForce2State) | (rayFlags & kRayForce2State)) != 0u;
-        const uint effective = twoState ? (state & 1u) : state;
-        if (effective == kStateTransparent)
-            return kHitIgnored;
-        hit = effective == kStateOpaque ? kHitOpaque : kHitNonOpaque;
+        effective = twoState ? (state & 1u) : state;
     }
-    if ((instanceFlags & kInstanceForceOpaque) != 0u)
-        hit = kHitOpaque;
-    else if ((instanceFlags & kInstanceForceNoOpaque) != 0u)
-        hit = kHitNonOpaque;
-    if ((rayFlags & kRayOpaque) != 0u)
-        hit = kHitOpaque;
-    else if ((rayFlags & kRayNoOpaque) != 0u)
-        hit = kHitNonOpaque;
-    if (hit == kHitOpaque && (rayFlags & kRayCullOpaque) != 0u)
-        return kHitIgnored;
-    if (hit == kHitNonOpaque && (rayFlags & kRayCullNoOpaque) != 0u)
-        return kHitIgnored;
-    return hit;
+    return hitOfRay(hitInInstance(effective, instanceFlags), rayFlags);
+}
+
+// hitInInstance() of all states for one instance: two bits for each but kStateTransparent, which is always ignored, in
+// the upper 8 bits of a word.
+VELLUM_CONST uint kHitTableShift = 24u;
+VELLUM_FN uint hitTable(VELLUM_IN uint instanceFlags)
+{
+    const bool twoState = (instanceFlags & kInstanceForce2State) != 0u;
+    const uint opaque = hitInInstance(kStateOpaque, instanceFlags);
+    const uint unknownTransparent =
+        hitInInstance(twoState ? kStateTransparent : kStateUnknownTransparent, instanceFlags);
+    const uint unknownOpaque = hitInInstance(twoState ? kStateOpaque : kStateUnknownOpaque, instanceFlags);
+    const uint none = hitInInstance(kStateNone, instanceFlags);
+    return (opaque | (unknownTransparent << 2u) | (unknownOpaque << 4u) | (none << 6u)) << kHitTableShift;
+}
+
+VELLUM_FN uint hitInTable(VELLUM_IN uint word, VELLUM_IN uint state)
+{
+    return state == kStateTransparent ? kHitIgnored : (word >> (kHitTableShift - 2u + 2u * state)) & 3u;
 }
 
 VELLUM_SHARED_END

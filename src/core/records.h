@@ -4,8 +4,8 @@
 //   BLAS tail   one geometry record (4 words) per geometry, one micromap name (4 words) per geometry, then triangle
 //               records; in a structure that was deserialized, then the data units of its unnamed micromaps
 //   TLAS tail   the application's instances (16 words each), as the build read them
-//   slot page   2^kSlotsPerPageLog2 instance records (4 words); the pages of the first kFirstSlots lie one after the
-//   other root        header (16 words), then kDirectoryPages page addresses (2 words each)
+//   slot page   2^kSlotsPerPageLog2 instance records (4 words)
+//   root        header (16 words), then kDirectoryPages page addresses (2 words each)
 #ifndef VELLUM_CORE_RECORDS_H
 #define VELLUM_CORE_RECORDS_H
 
@@ -122,19 +122,27 @@ VELLUM_CONST uint kMicromapNameWords = 4u;
 
 // --- instance record ---
 // word 0: instanceCustomIndex in the low 24 bits. Of instances of boxes: bit kInstanceBoxes, and in bits 24..27 the
-//         instance flags 2..5
+//         instance flags 2..5. Of others: in the upper 8 bits hitTable() of the instance's flags (opacity.h); of no
+//         flags where the BLAS has no geometry records, for then the driver has seen them
 // word 1: of instances of boxes: which geometries are opaque, see word 7 of the cell
-// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. The low 4 bits of word
-// 2 hold instance flags 2..5: all of those that resolution needs (opacity.h). Lookup reads as few words as can be: a
-// driver for the CPU gathers each one lane by lane.
+//         of others: word 0 of the BLAS's geometry record, where it has one geometry, so that no load of that record
+//         stands between this one and the triangle's; 0 where it has none. Of several geometries: kManyGeometries, and
+//         a mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
+// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none
+// What an update of the BLAS may change, such as where the data is, is not repeated: the TLAS need not be built again.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
+VELLUM_CONST uint kInstanceRecordLog2 = 4u; // bytes
+VELLUM_CONST uint kManyGeometries = 0x80000000u;
+VELLUM_CONST uint kManyGeometriesMask = 0x7fffffffu;
+VELLUM_CONST uint kCustomIndexMask = 0x00ffffffu;
 VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
 VELLUM_CONST uint kInstanceBoxes = 0x10000000u;
 VELLUM_CONST uint kInstanceBoxFlagsShift = 24u;
-VELLUM_CONST uint kSlotsPerPageLog2 = 12u;
-VELLUM_CONST uint kDirectoryPages = 4096u;
-VELLUM_CONST uint kFirstSlots = 65536u;
+// Neither a page nor the root crosses a multiple of 2^32: the upper word of its address is that of all that it holds.
+VELLUM_CONST uint kSlotsPerPageLog2 = 16u;
+VELLUM_CONST uint kDirectoryPages = 256u;
+VELLUM_CONST uint kFirstSlots = 65536u; // in the first page
 
 // --- root ---
 VELLUM_CONST uint kRootHeaderWords = 16u;

@@ -16,9 +16,10 @@
 namespace vellum::shared
 {
 using uint = std::uint32_t;
+// Towards zero. What is below zero by less than 1 is 0; what does not fit is any number.
 constexpr uint toUint(float x)
 {
-    return static_cast<uint>(x);
+    return x > -2147483648.0f && x < 2147483648.0f ? static_cast<uint>(static_cast<std::int32_t>(x)) : 0;
 }
 constexpr float toFloat(uint x)
 {
@@ -31,7 +32,7 @@ constexpr float toFloat(uint x)
 #define VELLUM_IN const in
 #define VELLUM_SHARED_BEGIN
 #define VELLUM_SHARED_END
-#define toUint(x) uint(x)
+#define toUint(x) uint(int(x)) // conversions of negative numbers to uint are undefined
 #define toFloat(x) float(x)
 #endif
 

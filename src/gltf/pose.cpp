@@ -92,10 +92,7 @@ void moveBySkin(const Document &document, PrimitivePlace place, const std::vecto
     const tinygltf::Primitive &primitive = primitiveAt(document, place);
     std::vector<Set> sets;
     for (int n = 0; attribute(primitive, "JOINTS_" + std::to_string(n)) >= 0; ++n) {
-        const auto read = [&](const std::string &name) {
-            return readAttribute(document, attribute(primitive, name), 4, positions.size(),
-                                 document.nameOf(place) + " " + name);
-        };
+        const auto read = [&](const std::string &name) { return readAttribute(document, place, name, 4); };
         sets.push_back({read("JOINTS_" + std::to_string(n)), read("WEIGHTS_" + std::to_string(n))});
     }
     if (sets.empty())

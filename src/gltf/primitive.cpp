@@ -57,6 +57,7 @@ public:
     }
 
     Primitive read(Positions positions);
+    std::vector<float> readOne(const std::string &name, std::uint32_t components);
 
 private:
     [[nodiscard]] int attribute(const std::string &name) const;
@@ -246,6 +247,16 @@ Primitive PrimitiveReader::read(Positions positions)
     return std::move(m_primitive);
 }
 
+std::vector<float> PrimitiveReader::readOne(const std::string &name, std::uint32_t components)
+{
+    readDraco();
+    m_vertices = countVertices();
+    std::vector<float> values = floatsOf(name, components);
+    if (values.size() != components * m_vertices)
+        throw GltfError(named(name) + " has not one element for each of " + std::to_string(m_vertices) + " vertices");
+    return values;
+}
+
 } // namespace
 
 bool isMadeOfTriangles(const Document &document, PrimitivePlace place)
@@ -269,6 +280,12 @@ std::vector<PrimitivePlace> trianglePrimitives(const Document &document)
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions)
 {
     return document.named([&] { return PrimitiveReader(document, place).read(positions); });
+}
+
+std::vector<float> readAttribute(const Document &document, PrimitivePlace place, const std::string &name,
+                                 std::uint32_t components)
+{
+    return document.named([&] { return PrimitiveReader(document, place).readOne(name, components); });
 }
 
 std::vector<TriangleUvs> triangleUvs(const Primitive &primitive)

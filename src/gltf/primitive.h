@@ -69,6 +69,10 @@ Material readMaterial(const Document &document, int material);
 enum class Positions : std::uint8_t { Read, Leave };
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions);
 
+// `components` floats for each vertex of any attribute, also one that is compressed with the mesh.
+std::vector<float> readAttribute(const Document &document, PrimitivePlace place, const std::string &name,
+                                 std::uint32_t components);
+
 Image readImage(const Document &document, int image);
 
 // The alpha of a material's texture as its sampler reads it, times the base colour factor's; one texel of that factor

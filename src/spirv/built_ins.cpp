@@ -94,8 +94,31 @@ BuiltIns::Restored BuiltIns::pointedTo(Id pointer) const
     return incomingFlags_.contains(pointer) ? Restored::RayFlags : Restored::Nothing;
 }
 
+void BuiltIns::readKnownIndex(Instruction in, Code &out)
+{
+    const Id uint = types_.uint32();
+    if (knownIndex_ == 0) {
+        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, uint});
+        knownIndex_ = module_.newId();
+        module_.append(Section::Globals, spv::OpVariable, {pointer, knownIndex_, spv::StorageClassPrivate});
+        std::vector<std::uint32_t> name = stringWords("vellumKnownIndex");
+        name.insert(name.begin(), knownIndex_);
+        module_.append(Section::Names, spv::OpName, name);
+    }
+    const Id type = module_.word(in, 1);
+    const Id result = module_.word(in, 2);
+    if (type == uint)
+        out.put(spv::OpLoad, {uint, result, knownIndex_});
+    else
+        out.put(spv::OpBitcast, {type, result, out.value(spv::OpLoad, uint, {knownIndex_})});
+}
+
 void BuiltIns::restore(Instruction in, Restored what, Code &out)
 {
+    if (what == Restored::CustomIndex && stage_ && stage_->decides == Decides::TriangleHits) {
+        readKnownIndex(in, out);
+        return;
+    }
     const HiddenFlags hidden = stage_ ? stage_->hidden : HiddenFlags{};
     if (what == Restored::CustomIndex || hidden.way == HiddenFlags::Way::Carried) {
         const Id function =

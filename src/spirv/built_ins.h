@@ -30,12 +30,17 @@ public:
     // was selected.
     [[nodiscard]] bool lacksHiddenFlags() const;
 
+    // A Private variable with the application's custom index, which the code in front of an any-hit shader of triangles
+    // finds when it looks the hit up; 0 where nothing reads it.
+    [[nodiscard]] Id knownIndex() const { return knownIndex_; }
+
 private:
     enum class Restored { Nothing, CustomIndex, RayFlags };
     // What `pointer` points to.
     [[nodiscard]] Restored pointedTo(Id pointer) const;
     // An instruction whose result is restored.
     void restore(Instruction in, Restored what, Code &out);
+    void readKnownIndex(Instruction in, Code &out);
     void copy(Instruction in, Restored what, Code &out);
 
     Module &module_;
@@ -43,6 +48,7 @@ private:
     Linker &linker_;
     PayloadPrefix &prefix_;
     std::optional<PipelineStage> stage_;
+    Id knownIndex_ = 0;
     std::set<Id> customIndex_;
     std::set<Id> incomingFlags_;
 };

@@ -94,8 +94,16 @@ void EntryWrapper::decideTriangle()
     const Id primitive = readBuiltIn(spv::BuiltInPrimitiveId);
     const Id barycentrics = readBarycentrics();
     const Id flags = applicationFlags();
-    const Id hit = code_.value(spv::OpFunctionCall, uint,
-                               {linker_.function("vellumResolve"), slot, geometry, primitive, barycentrics, flags});
+    const Id pair = types_.get(spv::OpTypeVector, {uint, 2});
+    const Id resolved =
+        code_.value(spv::OpFunctionCall, pair,
+                    {linker_.function("vellumResolveIndexed"), slot, geometry, primitive, barycentrics, flags});
+    const Id hit = code_.value(spv::OpCompositeExtract, uint, {resolved, 0});
+    if (knownIndex_ != 0) {
+        code_.put(spv::OpStore, {knownIndex_, code_.value(spv::OpCompositeExtract, uint, {resolved, 1})});
+        if (module_.version() >= kVersion14) // before, an interface holds inputs and outputs only
+            entry_.push_back(knownIndex_);
+    }
     ignoreIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitIgnored)}));
     callIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)}));
 }

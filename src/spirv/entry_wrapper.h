@@ -16,8 +16,10 @@ namespace vellum::spirv
 class EntryWrapper
 {
 public:
-    EntryWrapper(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix)
-        : module_(module), types_(types), linker_(linker), prefix_(prefix)
+    // `knownIndex`: where the application finds its custom index once a hit of triangles is looked up; 0: it does not
+    // look.
+    EntryWrapper(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, Id knownIndex)
+        : module_(module), types_(types), linker_(linker), prefix_(prefix), knownIndex_(knownIndex)
     {
     }
 
@@ -57,6 +59,7 @@ private:
     Types &types_;
     Linker &linker_;
     PayloadPrefix &prefix_;
+    Id knownIndex_;
     HiddenFlags hidden_;
     std::vector<std::uint32_t> entry_; // operands of OpEntryPoint
     std::size_t interface_ = 0;        // where in them the interface begins

@@ -159,7 +159,7 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     if (!traces.error().empty())
         return failed(traces.error());
     if (inPipeline) {
-        EntryWrapper wrapper(*module, types, linker, prefix);
+        EntryWrapper wrapper(*module, types, linker, prefix, builtIns.knownIndex());
         if (!wrapper.wrap(*options.pipelineStage))
             return failed(wrapper.error());
         changed = true;

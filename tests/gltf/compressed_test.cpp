@@ -104,6 +104,21 @@ TEST(GltfCompressed, Draco)
     }
 }
 
+// What moves vertices (JOINTS_0, WEIGHTS_0) is compressed with them.
+TEST(GltfCompressed, EveryAttributeOfDraco)
+{
+    const Bytes encoded = dracoTriangles(kPositions, kUvs);
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", packGlb(dracoJson(encoded.size()), encoded));
+    const Document document(folder / "test.glb");
+    const Primitive primitive = readPrimitive(document, {0, 0}, Positions::Read);
+    const std::vector<float> values = readAttribute(document, {0, 0}, "TEXCOORD_0", 2);
+    ASSERT_EQ(values.size(), 2 * primitive.uvs.size());
+    for (std::size_t i = 0; i < primitive.uvs.size(); ++i)
+        EXPECT_EQ((TexCoord{values[2 * i], values[2 * i + 1]}), primitive.uvs[i]);
+    EXPECT_THROW(static_cast<void>(readAttribute(document, {0, 0}, "JOINTS_0", 4)), GltfError);
+}
+
 TEST(GltfCompressed, DamagedDraco)
 {
     Bytes encoded = dracoTriangles(kPositions, kUvs);

@@ -72,9 +72,9 @@ TEST(GltfImage, WhatIsNotSupportedIsKnown)
     Bytes jpeg = jpegImage(8, 8, Bytes(192));
     for (std::size_t i = 0; i + 1 < jpeg.size(); ++i)
         if (jpeg[i] == 0xff && jpeg[i + 1] == 0xc0) {
-            Bytes arithmetic = jpeg;
-            arithmetic[i + 1] = 0xc9;
-            EXPECT_EQ(errorOf(arithmetic).substr(0, 40), "unsupported: image 0 is a JPEG of a kind");
+            Bytes lossless = jpeg;
+            lossless[i + 1] = 0xc3;
+            EXPECT_EQ(errorOf(lossless).substr(0, 40), "unsupported: image 0 is a JPEG of a kind");
             jpeg[i + 4] = 12;
             EXPECT_EQ(errorOf(jpeg).substr(0, 40), "unsupported: image 0 is a JPEG of a kind");
             return;

@@ -193,6 +193,18 @@ TEST(GltfWrongFile, Truncations)
     }
 }
 
+// A header whose length ends before the first chunk does, whose own length is wrong too.
+TEST(GltfWrongFile, ShortLengthInTheHeader)
+{
+    Bytes file = cardGlb();
+    for (const int length : {0, 12, 19}) {
+        file[8] = static_cast<std::uint8_t>(length);
+        file[9] = file[10] = file[11] = 0;
+        file[14] = 0x7f;
+        EXPECT_EQ(errorOf(file), "truncated: the header announces " + std::to_string(length) + " bytes");
+    }
+}
+
 TEST(GltfWrongFile, Sizes)
 {
     const std::string position = R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"})";
@@ -387,6 +399,10 @@ TEST(GltfWrongFile, Json)
         {gltf(R"("buffers": [{}])"), "buffer 0: \"byteLength\""},
         {gltf("\"nodes\": [{\"name\": \"\xff\xfe\"}]"), ""},
         {"[1, 2]", "neither a GLB nor a glTF file"},
+        {gltf(R"("nodes": [])") + "}", "the JSON is followed by something else"},
+        {gltf(R"("extensionsUsed": 0)"), "\"extensionsUsed\" is not an array"},
+        {gltf(R"("meshes": {})"), "\"meshes\" is not an array"},
+        {gltf(R"("extensions": [])"), "\"extensions\" is not an object"},
     });
 }
 

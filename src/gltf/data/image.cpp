@@ -1,21 +1,16 @@
 #include "gltf/data/image.h"
 
 #include <algorithm>
+#include <array>
 #include <csetjmp>
+#include <cstdio>
 #include <cstring>
+#include <jerror.h>
+#include <jpeglib.h>
 #include <memory>
 #include <png.h>
 #include <string_view>
 #include <webp/decode.h>
-
-#define STB_IMAGE_IMPLEMENTATION
-#define STB_IMAGE_STATIC
-#define STBI_ONLY_JPEG
-#define STBI_NO_STDIO
-#define STBI_NO_LINEAR
-#define STBI_NO_HDR
-#define STBI_MAX_DIMENSIONS 16384
-#include <stb/stb_image.h>
 
 #include "gltf/file/gltf_error.h"
 
@@ -144,7 +139,7 @@ private:
     std::string m_message; // libpng's is gone after the jump
 };
 
-// What the headers of a JPEG say that stb_image does not tell apart, or believes.
+// What the headers of a JPEG say that libjpeg does not tell apart, or believes.
 void checkJpeg(Encoded encoded, const std::string &what)
 {
     constexpr std::size_t kMostScans = 128; // each of them may go over the whole image
@@ -155,9 +150,11 @@ void checkJpeg(Encoded encoded, const std::string &what)
         const std::uint8_t marker = encoded[i + 1];
         const bool frame = marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
         if (frame && scans == 0) {
-            if (marker > 0xc2 || encoded[i + 4] != 8)
-                throw GltfUnsupported(what + " is a JPEG of a kind that is not supported: arithmetic-coded, lossless, "
-                                             "hierarchical, or of 12 bits");
+            const bool known = marker <= 0xc2 || marker == 0xc9 || marker == 0xca;
+            if (!known || encoded[i + 4] != 8)
+                throw GltfUnsupported(what +
+                                      " is a JPEG of a kind that is not supported: lossless, hierarchical, or of "
+                                      "12 bits");
         }
         if (marker == 0xda && ++scans > kMostScans)
             fail(what, "it has too many scans");
@@ -166,23 +163,87 @@ void checkJpeg(Encoded encoded, const std::string &what)
     }
 }
 
+// libjpeg reports errors by a function that must not return: by longjmp, over nothing here that has a destructor.
+class JpegReader
+{
+public:
+    JpegReader(Encoded encoded, const std::string &what) : m_encoded(encoded), m_what(what)
+    {
+        m_jpeg.err = jpeg_std_error(&m_errors);
+        m_errors.error_exit = onError;
+        m_errors.emit_message = onMessage;
+        m_jpeg.client_data = this;
+    }
+    ~JpegReader() { jpeg_destroy_decompress(&m_jpeg); }
+    JpegReader(const JpegReader &) = delete;
+    JpegReader &operator=(const JpegReader &) = delete;
+
+    Image read()
+    {
+        if (!readHeader())
+            fail(m_what, m_message.data());
+        if (m_jpeg.num_components != 1 && m_jpeg.num_components != 3)
+            throw GltfUnsupported(m_what + " is a JPEG of " + std::to_string(m_jpeg.num_components) + " components");
+        Image image = imageOf(m_jpeg.image_width, m_jpeg.image_height, m_encoded, m_what);
+        allocate(image);
+        if (!readRows(image.rgba.data(), std::size_t{4} * image.width))
+            fail(m_what, m_message.data());
+        if (m_cutOff)
+            fail(m_what, "it is cut off");
+        return image;
+    }
+
+private:
+    static JpegReader &readerOf(j_common_ptr jpeg) { return *static_cast<JpegReader *>(jpeg->client_data); }
+    static void onError(j_common_ptr jpeg)
+    {
+        JpegReader &reader = readerOf(jpeg);
+        jpeg->err->format_message(jpeg, reader.m_message.data());
+        longjmp(reader.m_return, 1);
+    }
+    // Warnings are of files that read all the same; but for one.
+    static void onMessage(j_common_ptr jpeg, int)
+    {
+        if (jpeg->err->msg_code == JWRN_JPEG_EOF)
+            readerOf(jpeg).m_cutOff = true;
+    }
+
+    bool readHeader()
+    {
+        if (setjmp(m_return) != 0)
+            return false;
+        jpeg_create_decompress(&m_jpeg);
+        jpeg_mem_src(&m_jpeg, m_encoded.data(), static_cast<unsigned long>(m_encoded.size()));
+        jpeg_read_header(&m_jpeg, TRUE);
+        return true;
+    }
+
+    bool readRows(std::uint8_t *rows, std::size_t rowBytes)
+    {
+        if (setjmp(m_return) != 0)
+            return false;
+        m_jpeg.out_color_space = JCS_EXT_RGBA; // alpha is 255
+        jpeg_start_decompress(&m_jpeg);
+        while (m_jpeg.output_scanline < m_jpeg.output_height && !m_cutOff) {
+            std::uint8_t *row = rows + m_jpeg.output_scanline * rowBytes;
+            jpeg_read_scanlines(&m_jpeg, &row, 1);
+        }
+        return true;
+    }
+
+    jpeg_decompress_struct m_jpeg{};
+    jpeg_error_mgr m_errors{};
+    jmp_buf m_return{};
+    std::array<char, JMSG_LENGTH_MAX> m_message{};
+    bool m_cutOff = false;
+    Encoded m_encoded;
+    const std::string &m_what;
+};
+
 Image readJpeg(Encoded encoded, const std::string &what)
 {
     checkJpeg(encoded, what);
-    int width = 0;
-    int height = 0;
-    int channels = 0;
-    const auto size = static_cast<int>(encoded.size());
-    if (stbi_info_from_memory(encoded.data(), size, &width, &height, &channels) == 0)
-        fail(what, stbi_failure_reason());
-    Image image = imageOf(static_cast<std::uint64_t>(width), static_cast<std::uint64_t>(height), encoded, what);
-    const std::unique_ptr<stbi_uc, void (*)(void *)> pixels(
-        stbi_load_from_memory(encoded.data(), size, &width, &height, &channels, 4), stbi_image_free);
-    if (!pixels)
-        fail(what, stbi_failure_reason());
-    allocate(image);
-    std::memcpy(image.rgba.data(), pixels.get(), image.rgba.size());
-    return image;
+    return JpegReader(encoded, what).read();
 }
 
 Image readWebp(Encoded encoded, const std::string &what)

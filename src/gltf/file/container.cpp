@@ -35,6 +35,8 @@ std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &by
     if (length > bytes.size())
         throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes, there are " +
                         std::to_string(bytes.size()));
+    if (length < kHeaderBytes + kChunkHeaderBytes)
+        throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes");
     if (wordAt(bytes, 16) != kJsonChunk)
         throw GltfError("the first GLB chunk is not JSON");
     std::size_t offset = kHeaderBytes;

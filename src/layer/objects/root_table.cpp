@@ -18,8 +18,7 @@ using namespace shared;
 constexpr uint32_t kSlots = 1u << 24; // instanceCustomIndex has 24 bits
 constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
-constexpr uint32_t kPagesPerBuffer = kFirstSlots / kSlotsPerPage;
-constexpr VkDeviceSize kPagesBytes = kPageBytes * kPagesPerBuffer;
+static_assert(kFirstSlots <= kSlotsPerPage && kDirectoryPages * kSlotsPerPage == kSlots);
 constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
 constexpr uint32_t kFirstBuckets = 1024;
 constexpr VkDeviceAddress kDeletedKey = ~VkDeviceAddress{0};
@@ -32,9 +31,9 @@ constexpr VkDeviceSize wholePages(VkDeviceSize bytes)
 // The tables that rewritten shaders have the address of, and their places in the fixed memory.
 constexpr std::size_t kRoot = 0;
 constexpr std::size_t kFirstPages = 1;
-constexpr std::array<VkDeviceSize, KeptAddresses::kTables> kTableBytes{kRootBytes, kPagesBytes};
+constexpr std::array<VkDeviceSize, KeptAddresses::kTables> kTableBytes{kRootBytes, kPageBytes};
 constexpr std::array<std::size_t, KeptAddresses::kTables> kTablePlaces{0, wholePages(kRootBytes)};
-constexpr std::size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPagesBytes);
+constexpr std::size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPageBytes);
 static_assert(kFixedBytes <= FixedMemory::kMostBytes);
 
 // The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's cell before its
@@ -48,6 +47,11 @@ void store64(uint32_t *words, uint64_t value)
 uint64_t load64(const uint32_t *words)
 {
     return words[0] | uint64_t{words[1]} << 32;
+}
+
+bool crossesWord(VkDeviceAddress address, VkDeviceSize bytes)
+{
+    return (address >> 32) != ((address + bytes - 1) >> 32);
 }
 
 uint32_t *bucketWords(const GpuBuffer &table, uint32_t bucket)
@@ -72,7 +76,7 @@ VkResult RootTable::create(const GpuContext &context, const std::string &keptAdd
         fixed_.reserve(kFixedBytes);
     else if (context.replaysAddresses && !keptAddresses.empty())
         kept_.open(keptAddresses, kTableBytes);
-    const VkResult result = createTable(root_, kRoot);
+    const VkResult result = createTable(root_, kRoot, true);
     if (result != VK_SUCCESS)
         return result;
     if (const VkResult made = notices_.create(context, kNoticeCounters * 4); made != VK_SUCCESS)
@@ -85,7 +89,22 @@ VkResult RootTable::create(const GpuContext &context, const std::string &keptAdd
     return VK_SUCCESS;
 }
 
-VkResult RootTable::createTable(GpuBuffer &buffer, std::size_t table)
+// Shaders rely on it that neither the root nor a page crosses a multiple of 2^32.
+VkResult RootTable::createTable(GpuBuffer &buffer, std::size_t table, bool known)
+{
+    const VkDeviceSize bytes = kTableBytes[table];
+    const VkResult result = known ? createKnownTable(buffer, table) : buffer.create(context_, bytes);
+    if (result != VK_SUCCESS || !crossesWord(buffer.address(), bytes))
+        return result;
+    // Of two buffers that exist at once, only one can lie there.
+    GpuBuffer other;
+    const VkResult again = other.create(context_, bytes);
+    if (again == VK_SUCCESS)
+        buffer = std::move(other);
+    return again != VK_SUCCESS || !crossesWord(buffer.address(), bytes) ? again : VK_ERROR_OUT_OF_DEVICE_MEMORY;
+}
+
+VkResult RootTable::createKnownTable(GpuBuffer &buffer, std::size_t table)
 {
     const VkDeviceSize bytes = kTableBytes[table];
     if (fixed_.data() &&
@@ -105,14 +124,11 @@ bool RootTable::addPages(uint32_t lastPage)
 {
     if (pageCount_ > lastPage)
         return true;
-    while (pageCount_ <= lastPage) {
+    for (; pageCount_ <= lastPage; ++pageCount_) {
         GpuBuffer buffer;
-        const VkResult result =
-            pages_.empty() ? createTable(buffer, kFirstPages) : buffer.create(context_, kPagesBytes);
-        if (result != VK_SUCCESS)
+        if (createTable(buffer, kFirstPages, pages_.empty()) != VK_SUCCESS)
             return false;
-        for (uint32_t i = 0; i < kPagesPerBuffer && pageCount_ < kDirectoryPages; ++i, ++pageCount_)
-            store64(root_.words() + kRootHeaderWords + size_t{pageCount_} * 2, buffer.address() + i * kPageBytes);
+        store64(root_.words() + kRootHeaderWords + size_t{pageCount_} * 2, buffer.address());
         pages_.push_back(std::move(buffer));
     }
     // A shader that reads the custom index where there is no hit reads some slot: every page must be readable.

@@ -26,49 +26,61 @@ layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Qu
 // member lane by lane, and an address in one load. What it would be the address of has the alignment that glslang takes for
 // that of the load.
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Eight { uint w[]; };
-layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Eight at[]; };
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Eight at; };
 
 // Records by their members (core/records.h), so that only the words that are needed are loaded.
-struct InstanceRecord {
-    uint customIndex;
-    uint opaqueBoxes;
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instance
+{
+    Eight words;
     Quads geometries;
 };
-struct GeometryRecord {
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer InstanceWords { uint w[2]; };
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometry
+{
     uint triangles;
     uint unused;
     Quads units;
 };
-layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instances { InstanceRecord at[]; };
-layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometries { GeometryRecord at[]; };
+layout(buffer_reference, std430, buffer_reference_align = 4) readonly buffer Word { uint w; };
 
-// Where the instance record of a slot is: in this page, with this index. Most devices never have more than the first
-// slots, which no load leads to.
-uvec2 vellumPage(const in uint slot)
+// Where the instance record of a slot is. Most devices never have more than the first slots, which no load leads to. The
+// root and pages cross no multiple of 2^32.
+uvec2 vellumRecord(const in uint slot)
 {
-    if (slot < kFirstSlots)
-        return uvec2(kFirstSlotsLow, kFirstSlotsHigh);
-    const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
-    return uvec2(Pairs(uvec2(kRootLow, kRootHigh)).at[kRootHeaderWords / 2u + page]);
+    uint low = kFirstSlotsLow;
+    uint high = kFirstSlotsHigh;
+    if (slot >= kFirstSlots) {
+        const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
+        const uvec2 entry = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at);
+        low = entry.x;
+        high = entry.y;
+    }
+    return uvec2(low + ((slot & ((1u << kSlotsPerPageLog2) - 1u)) << kInstanceRecordLog2), high);
 }
 
-uint vellumInPage(const in uint slot)
+// An address and a sum that the lower word may carry over from. Compilers for GPUs make less of it than of an index, which
+// is extended to 64 bits with its sign.
+uvec2 vellumPlus(const in uvec2 address, const in uint low, const in uint high)
 {
-    return slot < kFirstSlots ? slot : slot & ((1u << kSlotsPerPageLog2) - 1u);
+    const uint sum = address.x + low;
+    return uvec2(sum, address.y + high + (sum < low ? 1u : 0u));
 }
 
 // State of the micro-triangle at barycentrics uv.
 //   geometries  address of the BLAS's geometry records
-//   geometry    index of the geometry
 //   triangle    index of the triangle's record, from the same address on
-uint vellumState(const in uvec2 geometries, const in uint geometry, const in uint triangle, const in vec2 uv)
+//   geometry    address of the geometry's record
+uint vellumState(const in uvec2 geometries, const in uint triangle, const in uvec2 geometry, const in vec2 uv)
 {
-    const uvec2 record = uvec2(Pairs(geometries).at[triangle]);
+    // Not where it is needed: so it does not wait for the triangle's record.
+    const uvec2 units = uvec2(Geometry(geometry).units);
+    const uvec2 record = uvec2(Pairs(vellumPlus(geometries, triangle << 3u, triangle >> 29u)).at);
     const uint kind = record.x & kKindMask;
     const bool far = kind == kKindFar;
-    const uint n = far ? (record.x >> kUnitShift) & kKindMask : kind - kKindData;
-    const bool upperHalf = n == kKindUpperHalf;
-    const uint level = kind == kKindInline ? kCoarseLevel : upperHalf ? 3u : 3u + (n >> 1u);
+    const uint n = far ? ((record.x >> kUnitShift) & kKindMask) + kKindData : kind;
+    const bool upperHalf = n == kKindUpperHalf + kKindData;
+    // Of kKindInline, 0, too.
+    const uint level = upperHalf ? 3u : (n + 2u * kCoarseLevel + 1u) >> 1u;
 
     // One curve index serves both: its leading digits are the index at the coarse level.
     const uint index = curveIndex(uv.x, uv.y, level);
@@ -78,41 +90,49 @@ uint vellumState(const in uvec2 geometries, const in uint geometry, const in uin
     // (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, brings it back only on the
     // way past the load, and the traversal runs off.
     if (far || (kind != kKindInline && coarse >= kCoarseLook)) {
-        const uint bits = 1u + (n & 1u);
-        const uint bit = index * bits + (upperHalf ? kDataUnitBytes * 4u : 0u);
+        const uint fourState = (n & 1u) ^ 1u;
+        const uint bit = (index << fourState) + (upperHalf ? kDataUnitBytes * 4u : 0u);
         const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
-        const uvec2 units = uvec2(Geometries(geometries).at[geometry].units);
-        const uint word = Quads(units).at[unit][(bit >> 5u) & 3u];
-        state = (word >> (bit & 31u)) & ((1u << bits) - 1u);
+        const uint word = Word(vellumPlus(units, (unit << 4u) | ((bit >> 3u) & 12u), unit >> 28u)).w;
+        state = (word >> (bit & 31u)) & (1u + 2u * fourState);
     }
     return state;
 }
 
-// kHit* of a triangle candidate that the driver holds for non-opaque. rayFlags are the application's.
+// kHit* of a triangle candidate that the driver holds for non-opaque, and the application's instanceCustomIndex. rayFlags are
+// the application's.
+uvec2 vellumResolveIndexed(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
+                           const in uint rayFlags)
+{
+    const uvec2 record = vellumRecord(slot);
+    const uvec2 words = uvec2(Instance(record).words);
+    const uvec2 geometries = uvec2(Instance(record).geometries);
+    uvec2 ofGeometry = geometries;
+    uint word = words.y;
+    if ((word & kManyGeometries) != 0u) {
+        ofGeometry = vellumPlus(geometries, geometry << 4u, geometry >> 28u);
+        word &= Geometry(ofGeometry).triangles;
+    }
+    const uint triangles = word >> kGeometryTrianglesShift;
+    uint state = (word & kGeometryRecordOpaque) != 0u ? kStateOpaque : kStateNone;
+    if (triangles != 0u) {
+        state = vellumState(geometries, triangles + primitive, ofGeometry, uv);
+        if ((rayFlags & kRayForce2State) != 0u)
+            state &= 1u;
+    }
+    return uvec2(hitOfRay(hitInTable(words.x, state), rayFlags), words.x & kCustomIndexMask);
+}
+
 uint vellumResolve(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
                    const in uint rayFlags)
 {
-    const uvec2 tagged = uvec2(Instances(vellumPage(slot)).at[vellumInPage(slot)].geometries);
-    const uint flags = (tagged.x & kInstanceFlagsMask) << kInstanceFlagsShift;
-    const uvec2 geometries = uvec2(tagged.x & ~kInstanceFlagsMask, tagged.y);
-    uint state = kStateNone;
-    bool opaque = false;
-    // Without geometry records there are no flags either: the driver has seen the instance's FORCE flags and the geometry's,
-    // and the candidate already is their result.
-    if ((geometries.x | geometries.y) != 0u) {
-        const uint word = Geometries(geometries).at[geometry].triangles;
-        const uint triangles = word >> kGeometryTrianglesShift;
-        opaque = (word & kGeometryRecordOpaque) != 0u;
-        if (triangles != 0u && (flags & kInstanceDisableMicromaps) == 0u)
-            state = vellumState(geometries, geometry, triangles + primitive, uv);
-    }
-    return resolveHit(state, opaque, flags, rayFlags);
+    return vellumResolveIndexed(slot, geometry, primitive, uv, rayFlags).x;
 }
 
 // The application's instanceCustomIndex.
 uint vellumCustomIndex(const in uint slot)
 {
-    return Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndex & 0xffffffu;
+    return InstanceWords(vellumRecord(slot)).w[0] & kCustomIndexMask;
 }
 
 uint vellumDriverFlags(const in uint f)
@@ -137,11 +157,11 @@ bool vellumCullsBox(const in uint slot, const in uint geometry, const in uint ra
 {
     if ((rayFlags & kRayCullNoOpaque) == 0u)
         return false;
-    const uint word = Instances(vellumPage(slot)).at[vellumInPage(slot)].customIndex;
+    const uint word = InstanceWords(vellumRecord(slot)).w[0];
     if ((word & kInstanceBoxes) == 0u)
         return false;
     const uint flags = ((word >> kInstanceBoxFlagsShift) & kInstanceFlagsMask) << kInstanceFlagsShift;
-    const uint opaque = Instances(vellumPage(slot)).at[vellumInPage(slot)].opaqueBoxes;
+    const uint opaque = InstanceWords(vellumRecord(slot)).w[1];
     return resolveHit(kStateNone, ((opaque >> (geometry & 31u)) & 1u) != 0u, flags, rayFlags) == kHitIgnored;
 }
 

@@ -47,11 +47,12 @@ struct Referenced {
     bool boxes;    // it is known which geometries of boxes are opaque
     uint opaqueBoxes;
     uvec2 records; // its geometry records; zero where it has none
+    uint geometries; // how many those are
 };
 
 Referenced findReferenced(uvec2 reference)
 {
-    Referenced found = Referenced(false, false, false, false, 0u, uvec2(0));
+    Referenced found = Referenced(false, false, false, false, 0u, uvec2(0), 0u);
     const uvec2 place = findCell(push.root, reference);
     if ((place.x | place.y) == 0u)
         return found;
@@ -59,8 +60,10 @@ Referenced findReferenced(uvec2 reference)
     found.known = true;
     found.built = cell.w[2] != kCellUnbuilt && cell.w[2] != kCellMicromap;
     found.broken = cell.w[2] == kCellBroken;
-    if (cell.w[2] == kCellBottom)
+    if (cell.w[2] == kCellBottom) {
         found.records = uvec2(cell.w[0], cell.w[1]);
+        found.geometries = cell.w[4];
+    }
     found.boxes = cell.w[2] == kCellBoxes;
     if (found.boxes)
         found.opaqueBoxes = cell.w[7];
@@ -69,15 +72,26 @@ Referenced findReferenced(uvec2 reference)
 
 void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
 {
-    const uvec2 records = found.records;
-    const uint recordFlags = (flags >> kInstanceFlagsShift) & kInstanceFlagsMask;
     const uvec2 entry = elementAddress(push.root, (slot >> kSlotsPerPageLog2) + kRootHeaderWords / 2u, 8u);
     const uint inPage = slot & ((1u << kSlotsPerPageLog2) - 1u);
     Words record = Words(elementAddress(loadAddress(entry), inPage, kInstanceRecordWords * 4u));
-    record.w[0] = customIndex | (found.boxes ? kInstanceBoxes | (recordFlags << kInstanceBoxFlagsShift) : 0u);
-    record.w[1] = found.opaqueBoxes;
-    record.w[2] = records.x | (any(notEqual(records, uvec2(0))) ? recordFlags : 0u);
-    record.w[3] = records.y;
+    record.w[2] = found.records.x;
+    record.w[3] = found.records.y;
+    if (found.boxes) {
+        const uint recordFlags = (flags >> kInstanceFlagsShift) & kInstanceFlagsMask;
+        record.w[0] = customIndex | kInstanceBoxes | (recordFlags << kInstanceBoxFlagsShift);
+        record.w[1] = found.opaqueBoxes;
+        return;
+    }
+    const bool recorded = any(notEqual(found.records, uvec2(0)));
+    record.w[0] = customIndex | hitTable(recorded ? flags : 0u);
+    const uint mask = (flags & kInstanceDisableMicromaps) != 0u ? kGeometryRecordOpaque : kManyGeometriesMask;
+    uint only = kManyGeometries;
+    if (!recorded)
+        only = 0u;
+    else if (found.geometries == 1u)
+        only = Words(found.records).w[0];
+    record.w[1] = (only & kManyGeometries) != 0u ? kManyGeometries | mask : only & mask;
 }
 
 // The VkAccelerationStructureBuildRangeInfoKHR of an indirect build: primitiveCount, primitiveOffset.
