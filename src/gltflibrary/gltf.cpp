@@ -1,7 +1,9 @@
 // The functions of vellum/gltf.h.
 #include "vellum/gltf.h"
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -259,7 +261,13 @@ VellumResult vellumBakeGltf(const char *input, const char *output, const VellumB
         FileBakeOptions wanted = readFileOptions(known, gltf);
         // Whoever stops the bake at its last triangle is heard before the first byte is written.
         const Callbacks callbacks(known, wanted.bake);
-        const FileBake made = ofFile([&] { return bakeFile(from, to, wanted); });
+        const FileBake made = ofFile([&] {
+            try {
+                return bakeFile(from, to, wanted);
+            } catch (const BakeTooLarge &error) {
+                throw Failure(VELLUM_ERROR_TOO_LARGE, from.string() + ": " + error.what());
+            }
+        });
         if (info != nullptr)
             fill(info, infoOf(made));
         if (gltf.left != nullptr)

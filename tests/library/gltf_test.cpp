@@ -445,6 +445,7 @@ TEST(LibraryGltf, CancelledLeavesNoFile)
     card.options.maxDataSize = 20;
     EXPECT_EQ(card.bake(), VELLUM_ERROR_TOO_LARGE);
     EXPECT_EQ(card.messages, 1);
+    EXPECT_EQ(card.message.find(card.path("card.glb") + ": "), 0u) << card.message;
     EXPECT_EQ(card.files(), 1u);
     card.options.maxDataSize = 1 << 20;
     EXPECT_EQ(card.bake(), VELLUM_SUCCESS);
