@@ -4,6 +4,7 @@
 
 #include "gltf/data/accessor.h"
 #include "gltf/file/tinygltf.h"
+#include "gltf/primitive.h"
 
 namespace vellum
 {
@@ -86,32 +87,29 @@ std::vector<Matrix> jointMatrices(const Document &document, int index, const std
 void moveBySkin(const Document &document, PrimitivePlace place, const std::vector<Matrix> &joints,
                 std::vector<Vec3> &positions)
 {
-    struct Set { // four for each vertex
-        std::vector<float> joints, weights;
-    };
-    const tinygltf::Primitive &primitive = primitiveAt(document, place);
-    std::vector<Set> sets;
-    for (int n = 0; attribute(primitive, "JOINTS_" + std::to_string(n)) >= 0; ++n) {
-        const auto read = [&](const std::string &name) {
-            return readAttribute(document, attribute(primitive, name), 4, positions.size(),
-                                 document.nameOf(place) + " " + name);
-        };
-        sets.push_back({read("JOINTS_" + std::to_string(n)), read("WEIGHTS_" + std::to_string(n))});
-    }
-    if (sets.empty())
+    std::vector<std::string> names; // the joints and the weights of each set
+    for (int n = 0; attribute(primitiveAt(document, place), "JOINTS_" + std::to_string(n)) >= 0; ++n)
+        names.insert(names.end(), {"JOINTS_" + std::to_string(n), "WEIGHTS_" + std::to_string(n)});
+    if (names.empty())
         return;
+    const std::vector<std::vector<float>> values = readAttributes(document, place, names, 4);
+    for (std::size_t i = 0; i < names.size(); ++i)
+        if (values[i].size() != 4 * positions.size())
+            throw GltfError(document.nameOf(place) + " has no " + names[i]);
     for (std::size_t vertex = 0; vertex < positions.size(); ++vertex) {
         Matrix sum{};
-        for (const Set &set : sets) {
+        for (std::size_t set = 0; set < values.size(); set += 2) {
+            const std::vector<float> &weights = values[set + 1];
             for (std::size_t i = 4 * vertex; i < 4 * vertex + 4; ++i) {
-                if (set.weights[i] == 0)
+                const float index = values[set][i];
+                if (weights[i] == 0)
                     continue;
-                if (!(set.joints[i] >= 0 && set.joints[i] < static_cast<float>(joints.size())))
+                if (!(index >= 0 && index < static_cast<float>(joints.size())))
                     throw GltfError(document.nameOf(place) + ": vertex " + std::to_string(vertex) +
                                     " is moved by a joint that the skin does not have");
-                const Matrix &joint = joints[static_cast<std::size_t>(set.joints[i])];
+                const Matrix &joint = joints[static_cast<std::size_t>(index)];
                 for (std::size_t k = 0; k < 16; ++k)
-                    sum[k] += static_cast<double>(set.weights[i]) * joint[k];
+                    sum[k] += static_cast<double>(weights[i]) * joint[k];
             }
         }
         Vec3 &p = positions[vertex];

@@ -57,6 +57,7 @@ public:
     }
 
     Primitive read(Positions positions);
+    std::vector<std::vector<float>> readAttributes(std::span<const std::string> names, std::uint32_t components);
 
 private:
     [[nodiscard]] int attribute(const std::string &name) const;
@@ -246,6 +247,23 @@ Primitive PrimitiveReader::read(Positions positions)
     return std::move(m_primitive);
 }
 
+std::vector<std::vector<float>> PrimitiveReader::readAttributes(std::span<const std::string> names,
+                                                                std::uint32_t components)
+{
+    readDraco();
+    m_vertices = countVertices();
+    std::vector<std::vector<float>> values(names.size());
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        if (attribute(names[i]) < 0)
+            continue;
+        values[i] = floatsOf(names[i], components);
+        if (values[i].size() != components * m_vertices)
+            throw GltfError(named(names[i]) + " has not one element for each of " + std::to_string(m_vertices) +
+                            " vertices");
+    }
+    return values;
+}
+
 } // namespace
 
 bool isMadeOfTriangles(const Document &document, PrimitivePlace place)
@@ -269,6 +287,12 @@ std::vector<PrimitivePlace> trianglePrimitives(const Document &document)
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions)
 {
     return document.named([&] { return PrimitiveReader(document, place).read(positions); });
+}
+
+std::vector<std::vector<float>> readAttributes(const Document &document, PrimitivePlace place,
+                                               std::span<const std::string> names, std::uint32_t components)
+{
+    return document.named([&] { return PrimitiveReader(document, place).readAttributes(names, components); });
 }
 
 std::vector<TriangleUvs> triangleUvs(const Primitive &primitive)

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -68,6 +69,10 @@ Material readMaterial(const Document &document, int material);
 // GltfUnsupported with Read.
 enum class Positions : std::uint8_t { Read, Leave };
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions);
+
+// Attributes of a primitive, `components` floats for each vertex, decompressed. Nothing of those that it does not have.
+std::vector<std::vector<float>> readAttributes(const Document &document, PrimitivePlace place,
+                                               std::span<const std::string> names, std::uint32_t components);
 
 Image readImage(const Document &document, int image);
 

@@ -104,6 +104,26 @@ TEST(GltfCompressed, Draco)
     }
 }
 
+// As skins read their joints and weights: the mesh has fewer vertices than the accessors say.
+TEST(GltfCompressed, AttributesOfDraco)
+{
+    const Bytes encoded = dracoTriangles(kPositions, kUvs);
+    const std::string json = dracoJson(encoded.size());
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", packGlb(json, encoded));
+    const Document document(folder / "test.glb");
+    const std::vector<std::string> names = {"TEXCOORD_0", "WEIGHTS_0"};
+    const auto values = readAttributes(document, {0, 0}, names, 2);
+    ASSERT_EQ(values.size(), 2u);
+    EXPECT_TRUE(values[1].empty());
+    std::vector<float> uvs;
+    for (const TexCoord &uv : readFirst(json, encoded).uvs)
+        uvs.insert(uvs.end(), {uv.u, uv.v});
+    EXPECT_EQ(uvs.size(), 8u);
+    EXPECT_EQ(values[0], uvs);
+    EXPECT_THROW(readAttributes(document, {0, 0}, names, 3), GltfError);
+}
+
 TEST(GltfCompressed, DamagedDraco)
 {
     Bytes encoded = dracoTriangles(kPositions, kUvs);
