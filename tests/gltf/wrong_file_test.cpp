@@ -399,6 +399,10 @@ TEST(GltfWrongFile, Json)
         {gltf(R"("buffers": [{}])"), "buffer 0: \"byteLength\""},
         {gltf("\"nodes\": [{\"name\": \"\xff\xfe\"}]"), ""},
         {"[1, 2]", "neither a GLB nor a glTF file"},
+        {gltf(R"("nodes": [])") + "}", "the JSON is followed by something else"},
+        {gltf(R"("extensionsUsed": 0)"), "\"extensionsUsed\" is not an array"},
+        {gltf(R"("meshes": {})"), "\"meshes\" is not an array"},
+        {gltf(R"("extensions": [])"), "\"extensions\" is not an object"},
     });
 }
 

@@ -102,6 +102,7 @@ private:
     [[nodiscard]] std::string place() const;
 
     void checkAsset(const JsonValue &root) const;
+    void checkRoot(const JsonValue &root) const;
     void prepareBuffers(const JsonValue &buffers);
     void prepareImages(const JsonValue &images);
     void prepareMeshes(const JsonValue &meshes);
@@ -146,6 +147,20 @@ void ModelReader::checkAsset(const JsonValue &root) const
         throw GltfError("glTF version " + version + " is not 2");
     if (const auto needed = root["asset"]["minVersion"].string(); needed && *needed != "2.0")
         throw GltfUnsupported("glTF version " + *needed + " is needed to read it");
+}
+
+// What tinygltf takes for missing where it is of another kind, and what it never sees.
+void ModelReader::checkRoot(const JsonValue &root) const
+{
+    if (m_tree.text().find_first_not_of(std::string_view(" \t\r\n\0", 5), root.end()) != std::string_view::npos)
+        throw GltfError("the JSON is followed by something else");
+    for (const char *name :
+         {"accessors", "animations", "buffers", "bufferViews", "cameras", "extensionsRequired", "extensionsUsed",
+          "images", "materials", "meshes", "nodes", "samplers", "scenes", "skins", "textures"})
+        if (root[name].exists() && !root[name].isArray())
+            throw GltfError(std::string("\"").append(name).append("\" is not an array"));
+    if (root["extensions"].exists() && !root["extensions"].isObject())
+        throw GltfError("\"extensions\" is not an object");
 }
 
 void ModelReader::prepareInteger(const JsonMember &member, std::int64_t most)
@@ -418,6 +433,7 @@ void ModelReader::read()
         throw GltfError("the JSON is not an object");
     m_tree.checkNames();
     checkAsset(root);
+    checkRoot(root);
     prepareBuffers(root["buffers"]);
     prepareImages(root["images"]);
     prepareMeshes(root["meshes"]);
