@@ -4,7 +4,6 @@
 
 #include "gltf/data/accessor.h"
 #include "gltf/file/tinygltf.h"
-#include "gltf/primitive.h"
 
 namespace vellum
 {
@@ -87,29 +86,29 @@ std::vector<Matrix> jointMatrices(const Document &document, int index, const std
 void moveBySkin(const Document &document, PrimitivePlace place, const std::vector<Matrix> &joints,
                 std::vector<Vec3> &positions)
 {
-    std::vector<std::string> names; // the joints and the weights of each set
-    for (int n = 0; attribute(primitiveAt(document, place), "JOINTS_" + std::to_string(n)) >= 0; ++n)
-        names.insert(names.end(), {"JOINTS_" + std::to_string(n), "WEIGHTS_" + std::to_string(n)});
-    if (names.empty())
+    struct Set { // four for each vertex
+        std::vector<float> joints, weights;
+    };
+    const tinygltf::Primitive &primitive = primitiveAt(document, place);
+    std::vector<Set> sets;
+    for (int n = 0; attribute(primitive, "JOINTS_" + std::to_string(n)) >= 0; ++n) {
+        const auto read = [&](const std::string &name) { return readAttribute(document, place, name, 4); };
+        sets.push_back({read("JOINTS_" + std::to_string(n)), read("WEIGHTS_" + std::to_string(n))});
+    }
+    if (sets.empty())
         return;
-    const std::vector<std::vector<float>> values = readAttributes(document, place, names, 4);
-    for (std::size_t i = 0; i < names.size(); ++i)
-        if (values[i].size() != 4 * positions.size())
-            throw GltfError(document.nameOf(place) + " has no " + names[i]);
     for (std::size_t vertex = 0; vertex < positions.size(); ++vertex) {
         Matrix sum{};
-        for (std::size_t set = 0; set < values.size(); set += 2) {
-            const std::vector<float> &weights = values[set + 1];
+        for (const Set &set : sets) {
             for (std::size_t i = 4 * vertex; i < 4 * vertex + 4; ++i) {
-                const float index = values[set][i];
-                if (weights[i] == 0)
+                if (set.weights[i] == 0)
                     continue;
-                if (!(index >= 0 && index < static_cast<float>(joints.size())))
+                if (!(set.joints[i] >= 0 && set.joints[i] < static_cast<float>(joints.size())))
                     throw GltfError(document.nameOf(place) + ": vertex " + std::to_string(vertex) +
                                     " is moved by a joint that the skin does not have");
-                const Matrix &joint = joints[static_cast<std::size_t>(index)];
+                const Matrix &joint = joints[static_cast<std::size_t>(set.joints[i])];
                 for (std::size_t k = 0; k < 16; ++k)
-                    sum[k] += static_cast<double>(weights[i]) * joint[k];
+                    sum[k] += static_cast<double>(set.weights[i]) * joint[k];
             }
         }
         Vec3 &p = positions[vertex];

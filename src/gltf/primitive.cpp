@@ -57,7 +57,7 @@ public:
     }
 
     Primitive read(Positions positions);
-    std::vector<std::vector<float>> readAttributes(std::span<const std::string> names, std::uint32_t components);
+    std::vector<float> readOne(const std::string &name, std::uint32_t components);
 
 private:
     [[nodiscard]] int attribute(const std::string &name) const;
@@ -247,20 +247,13 @@ Primitive PrimitiveReader::read(Positions positions)
     return std::move(m_primitive);
 }
 
-std::vector<std::vector<float>> PrimitiveReader::readAttributes(std::span<const std::string> names,
-                                                                std::uint32_t components)
+std::vector<float> PrimitiveReader::readOne(const std::string &name, std::uint32_t components)
 {
     readDraco();
     m_vertices = countVertices();
-    std::vector<std::vector<float>> values(names.size());
-    for (std::size_t i = 0; i < names.size(); ++i) {
-        if (attribute(names[i]) < 0)
-            continue;
-        values[i] = floatsOf(names[i], components);
-        if (values[i].size() != components * m_vertices)
-            throw GltfError(named(names[i]) + " has not one element for each of " + std::to_string(m_vertices) +
-                            " vertices");
-    }
+    std::vector<float> values = floatsOf(name, components);
+    if (values.size() != components * m_vertices)
+        throw GltfError(named(name) + " has not one element for each of " + std::to_string(m_vertices) + " vertices");
     return values;
 }
 
@@ -289,10 +282,10 @@ Primitive readPrimitive(const Document &document, PrimitivePlace place, Position
     return document.named([&] { return PrimitiveReader(document, place).read(positions); });
 }
 
-std::vector<std::vector<float>> readAttributes(const Document &document, PrimitivePlace place,
-                                               std::span<const std::string> names, std::uint32_t components)
+std::vector<float> readAttribute(const Document &document, PrimitivePlace place, const std::string &name,
+                                 std::uint32_t components)
 {
-    return document.named([&] { return PrimitiveReader(document, place).readAttributes(names, components); });
+    return document.named([&] { return PrimitiveReader(document, place).readOne(name, components); });
 }
 
 std::vector<TriangleUvs> triangleUvs(const Primitive &primitive)

@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -70,9 +69,9 @@ Material readMaterial(const Document &document, int material);
 enum class Positions : std::uint8_t { Read, Leave };
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions);
 
-// Attributes of a primitive, `components` floats for each vertex, decompressed. Nothing of those that it does not have.
-std::vector<std::vector<float>> readAttributes(const Document &document, PrimitivePlace place,
-                                               std::span<const std::string> names, std::uint32_t components);
+// `components` floats for each vertex of any attribute, also one that is compressed with the mesh.
+std::vector<float> readAttribute(const Document &document, PrimitivePlace place, const std::string &name,
+                                 std::uint32_t components);
 
 Image readImage(const Document &document, int image);
 
