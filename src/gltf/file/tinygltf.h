@@ -1,7 +1,11 @@
-// tinygltf's header, which our warnings are too strict for, with the macros that Debian's library is built with.
+// tinygltf's header, which our warnings are too strict for, without its images. Its functions are compiled here
+// (tinygltf.cpp), and are nobody else's: Debian's libdraco exports those of another version, whose classes are laid out
+// differently, so that a program with libtinygltf and libdraco works or crashes by the order in which they are linked.
 #pragma once
 
-#ifndef TINYGLTF_NO_INCLUDE_STB_IMAGE
+#ifndef TINYGLTF_NO_STB_IMAGE
+#define TINYGLTF_NO_STB_IMAGE
+#define TINYGLTF_NO_STB_IMAGE_WRITE
 #define TINYGLTF_NO_INCLUDE_STB_IMAGE
 #define TINYGLTF_NO_INCLUDE_STB_IMAGE_WRITE
 #endif
