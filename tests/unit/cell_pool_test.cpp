@@ -82,6 +82,8 @@ protected:
         table_.MapMemory = mapMemory;
         table_.GetBufferDeviceAddress = getAddress;
         context_.next = &table_;
+        context_.memory.memoryHeapCount = 1;
+        context_.memory.memoryHeaps[0].size = 1u << 30;
         context_.memory.memoryTypeCount = 1;
         context_.memory.memoryTypes[0].propertyFlags =
             VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
