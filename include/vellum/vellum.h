@@ -73,7 +73,8 @@ typedef enum VellumResult {
     VELLUM_ERROR_OUT_OF_MEMORY = -2,
     VELLUM_ERROR_TOO_LARGE = -3,   // the result would be larger than VellumBakeOptions::maxDataSize
     VELLUM_ERROR_UNSUPPORTED = -4, // a structure uses members that this version of the library does not know
-    VELLUM_ERROR_INTERNAL = -5     // a mistake of the library; the message says more
+    VELLUM_ERROR_INTERNAL = -5,    // a mistake of the library; the message says more
+    VELLUM_ERROR_FILE = -6         // of vellum/gltf.h: a file is not there, cannot be written, or is wrong
 } VellumResult;
 
 // The name of a result, such as "VELLUM_ERROR_TOO_LARGE", or "unknown VellumResult"; never null.

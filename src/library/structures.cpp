@@ -50,21 +50,6 @@ VellumBakeOptions Structure<VellumBakeOptions>::defaults()
     return options;
 }
 
-namespace
-{
-
-template <typename T>
-void initialize(T *structure, std::size_t structSize)
-{
-    if (structure == nullptr || structSize < sizeof structure->structSize)
-        return;
-    T values = Structure<T>::defaults();
-    values.structSize = structSize;
-    std::memset(static_cast<void *>(structure), 0, structSize);
-    std::memcpy(static_cast<void *>(structure), &values, std::min(structSize, sizeof values));
-}
-
-} // namespace
 } // namespace vellum::library
 
 void vellumInitTexture(VellumTexture *texture, size_t structSize)

@@ -44,7 +44,6 @@ VELLUM_STRUCTURE(VellumBakeInput, cutoff);
 VELLUM_STRUCTURE(VellumBakeOptions, userData);
 VELLUM_STRUCTURE(VellumMicromapInfo, distinctCount);
 VELLUM_STRUCTURE(VellumGeometryInfo, usageCount);
-#undef VELLUM_STRUCTURE
 
 template <typename T>
 std::size_t checkedSize(const T *structure)
@@ -81,6 +80,18 @@ void checkUnknownPart(const T *given)
     if (size > sizeof(T) && std::any_of(bytes + sizeof(T), bytes + size, [](char byte) { return byte != 0; }))
         throw Failure(VELLUM_ERROR_UNSUPPORTED,
                       std::string(Structure<T>::kName) + " uses members that this version of libvellum does not know");
+}
+
+// What vellumInit...() does: the defaults, and nothing for a structure without room for structSize.
+template <typename T>
+void initialize(T *structure, std::size_t structSize)
+{
+    if (structure == nullptr || structSize < sizeof structure->structSize)
+        return;
+    T values = Structure<T>::defaults();
+    values.structSize = structSize;
+    std::memset(static_cast<void *>(structure), 0, structSize);
+    std::memcpy(static_cast<void *>(structure), &values, std::min(structSize, sizeof values));
 }
 
 // Fills what the caller knows of a structure; whose structSize stays.

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "compressed.h"
+#include "gltf/document.h"
 #include "read_everything.h"
 
 using namespace vellum;
@@ -203,6 +204,26 @@ TEST(GltfWrongFile, ShortLengthInTheHeader)
         file[14] = 0x7f;
         EXPECT_EQ(errorOf(file), "truncated: the header announces " + std::to_string(length) + " bytes");
     }
+}
+
+// What lies behind the length in the header is no chunk, whatever it looks like.
+TEST(GltfWrongFile, BytesBehindTheGlb)
+{
+    const std::string json = R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 536870912}], "bufferViews":
+        [{"buffer": 0, "byteLength": 536870912}], "accessors": [{"bufferView": 0, "componentType": 5126,
+        "count": 40000000, "type": "VEC3"}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]})";
+    Bytes file = packGlb(json, {});
+    for (std::size_t i = 0; i < 4; ++i) // without its empty second chunk
+        file[8 + i] = static_cast<std::uint8_t>((file.size() - 8) >> (8 * i));
+    const Bytes chunk = {0xff, 0xff, 0xff, 0x7f, 'B', 'I', 'N', 0};
+    std::copy(chunk.begin(), chunk.end(), file.end() - 8);
+    EXPECT_EQ(errorOf(file), "buffer 0: has 536870912 bytes, the GLB's binary chunk 0");
+    Bytes whole = cardGlb();
+    whole.insert(whole.end(), chunk.begin(), chunk.end());
+    EXPECT_EQ(errorOf(whole), errorOf(cardGlb()));
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", whole);
+    EXPECT_EQ(Document(folder / "test.glb").bytes().size(), cardGlb().size());
 }
 
 TEST(GltfWrongFile, Sizes)

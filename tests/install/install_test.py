@@ -4,14 +4,17 @@
 Run by ctest, with the options that main() has; what comes after them goes to unittest.
 """
 import argparse
+import base64
 import json
 import os
 import pathlib
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import unittest
+import zlib
 
 options = argparse.Namespace()
 SANITIZERS = ["-fsanitize=address,undefined"]
@@ -19,6 +22,9 @@ WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 FUNCTIONS = {"vellumBake", "vellumDestroyMicromap", "vellumGetGeometryInfo", "vellumGetMicromapInfo", "vellumGetState",
              "vellumGetVersion", "vellumInitBakeInput", "vellumInitBakeOptions", "vellumInitTexture",
              "vellumResultName"}
+GLTF_FUNCTIONS = {"vellumBakeGltf", "vellumCheckGltf", "vellumDestroyGltf", "vellumFindGltfPrimitive",
+                  "vellumGetGltfInfo", "vellumGetGltfMicromapInfo", "vellumGetGltfPrimitiveInfo",
+                  "vellumInitGltfBakeOptions", "vellumReadGltf"}
 
 
 def run(*command, environment=None, folder=None):
@@ -28,6 +34,29 @@ def run(*command, environment=None, folder=None):
     if done.returncode != 0:
         raise AssertionError(f"{' '.join(str(word) for word in command)}: status {done.returncode}\n{done.stdout}")
     return done.stdout
+
+
+def triangle():
+    """A .gltf with one alpha-tested triangle over a texture that is opaque on the left."""
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    def uri(kind, data):
+        return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+    row = bytes([0]) + bytes([255, 255, 255, 255]) * 8 + bytes([255, 255, 255, 0]) * 8
+    png = (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 16, 16, 8, 6, 0, 0, 0)) +
+           chunk(b"IDAT", zlib.compress(row * 16)) + chunk(b"IEND", b""))
+    buffer = struct.pack("<9f6f", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0.1, 0.1, 0.9, 0.1, 0.1, 0.9)
+    return json.dumps({
+        "asset": {"version": "2.0"},
+        "meshes": [{"name": "leaf", "primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
+        "materials": [{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}], "images": [{"uri": uri("image/png", png)}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
+        "buffers": [{"uri": uri("application/octet-stream", buffer), "byteLength": 60}]})
 
 
 def flags():
@@ -54,22 +83,24 @@ class Installation(unittest.TestCase):
         self.assertEqual(sum(map(int, counts.groups())), 2 * 4**5)
         self.assertGreater(min(map(int, counts.groups())), 20, output)
 
-    def build_by_cmake(self, example, compiler):
+    def build_by_cmake(self, example, compiler, program="bake", arguments=()):
         folder = options.scratch / f"cmake-{example}"
         run(options.cmake, "-S", self.examples / example, "-B", folder, "-G", options.generator,
             f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-D{compiler}",
-            f"-DCMAKE_{'C' if example == 'c' else 'CXX'}_FLAGS={' '.join(WARNINGS + flags())}")
+            f"-DCMAKE_{'CXX' if example == 'cpp' else 'C'}_FLAGS={' '.join(WARNINGS + flags())}",
+            # Programs that use the library do not need what it is made of.
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("TinyGLTF", "PNG", "Vulkan")))
         run(options.cmake, "--build", folder)
-        return run(folder / "bake")
+        return run(folder / program, *arguments)
 
-    def build_by_pkg_config(self, example, *compiler):
+    def build_by_pkg_config(self, example, *compiler, package="vellum", source="bake.c*", arguments=()):
         program = options.scratch / f"pkg-config-{example}"
-        asked = run("pkg-config", "--cflags", "--libs", "vellum", environment={
+        asked = run("pkg-config", "--cflags", "--libs", package, environment={
             "PKG_CONFIG_PATH": str(self.lib / "pkgconfig")})
         words = asked.replace("\\ ", "\0").split()
-        source, = (self.examples / example).glob("bake.c*")
+        source, = (self.examples / example).glob(source)
         run(*compiler, *WARNINGS, *flags(), source, "-o", program, *(word.replace("\0", " ") for word in words))
-        return run(program, environment={"LD_LIBRARY_PATH": str(self.lib)})
+        return run(program, *arguments, environment={"LD_LIBRARY_PATH": str(self.lib)})
 
     def test_c_by_find_package(self):
         self.check_example(self.build_by_cmake("c", f"CMAKE_C_COMPILER={options.cc}"))
@@ -92,6 +123,24 @@ class Installation(unittest.TestCase):
         output = run(sys.executable, self.examples / "python/bake.py", environment=environment)
         self.check_example(output)
         self.assertIn("level is 13, not 0 to 12 or VELLUM_LEVEL_AUTOMATIC", output)
+
+    def check_gltf_example(self, build):
+        folder = options.scratch / "gltf-files"
+        folder.mkdir(exist_ok=True)
+        (folder / "leaf.gltf").write_text(triangle())
+        output = build((folder / "leaf.gltf", folder / "leaf.omm.gltf"))
+        self.assertRegex(output, r"^1 micromaps by EXT_mesh_opacity_micromap\n"
+                         r"micromap 0: \d+ bytes of data for 1 triangles: "
+                         r'1 of level \d, 4-state\nmesh 0 "leaf" primitive 0: micromap 0, 1 triangles, '
+                         r"0 of them with a special index; 1 of level \d, 4-state\n$")
+
+    def test_gltf_by_find_package(self):
+        self.check_gltf_example(lambda files: self.build_by_cmake(
+            "gltf", f"CMAKE_C_COMPILER={options.cc}", "micromaps", files))
+
+    def test_gltf_by_pkg_config(self):
+        self.check_gltf_example(lambda files: self.build_by_pkg_config(
+            "gltf", options.cc, "-std=c99", package="vellum-gltf", source="micromaps.c", arguments=files))
 
     def test_gpu_baker_by_find_package(self):
         project = options.scratch / "gpubake"
@@ -149,7 +198,8 @@ class Installation(unittest.TestCase):
             compilers["c++"].append("clang++")
         for header, language, standard in (("vellum.h", "c", "c99"), ("vellum.h", "c", "c11"),
                                            ("vellum.h", "c++", "c++11"), ("vellum.h", "c++", "c++20"),
-                                           ("bake.h", "c++", "c++20")):
+                                           ("bake.h", "c++", "c++20"), ("gltf.h", "c", "c99"),
+                                           ("gltf.h", "c++", "c++11")):
             more = ["-Wconversion", "-Wshadow"] + (["-Wold-style-cast"] if language == "c++" else [])
             source = options.scratch / f"alone.{'c' if language == 'c' else 'cpp'}"
             # Twice, for the guard; and every macro of it.
@@ -159,23 +209,28 @@ class Installation(unittest.TestCase):
             for compiler in compilers[language]:
                 run(compiler, f"-std={standard}", "-fsyntax-only", *WARNINGS, *more, f"-I{include}", source)
 
-    def test_exports(self):
-        """The functions of vellum.h under their version, and nothing else."""
-        library = self.lib / "libvellum.so"
+    def check_exports(self, name, version, header, functions, needs):
+        """The functions of a header under their version, and nothing else."""
+        library = self.lib / f"{name}.so"
         lines = [line.split() for line in run("nm", "--dynamic", "--defined-only", library).splitlines()]
         symbols = {words[2]: words[1] for words in lines if words[1] != "A"}  # A: the version itself
-        self.assertEqual(set(symbols), {f"{name}@@VELLUM_0.1" for name in FUNCTIONS})
+        self.assertEqual(set(symbols), {f"{function}@@{version}" for function in functions})
         self.assertEqual(set(symbols.values()), {"T"})
-        declared = re.findall(r"VELLUM_API[^;]*?\b(vellum\w+)\(", (self.prefix / "include/vellum/vellum.h").read_text())
-        self.assertEqual(set(declared), FUNCTIONS)
+        declared = re.findall(r"VELLUM_API[^;]*?\b(vellum\w+)\(", (self.prefix / "include/vellum" / header).read_text())
+        self.assertEqual(set(declared), functions)
         dynamic = run("readelf", "--dynamic", "--wide", library)
         minor = ".".join(options.version.split(".")[:2])
-        self.assertIn(f"Library soname: [libvellum.so.{minor}]", dynamic)
-        self.assertTrue((self.lib / f"libvellum.so.{minor}").exists())
+        self.assertIn(f"Library soname: [{name}.so.{minor}]", dynamic)
+        self.assertTrue((self.lib / f"{name}.so.{minor}").exists())
         self.assertNotRegex(dynamic, "RPATH|RUNPATH")
         for needed in re.findall(r"\(NEEDED\).*\[(.*)\]", dynamic):
-            self.assertRegex(needed, r"^(libc|libm|libgcc_s|libstdc\+\+|ld-linux-[\w-]+"
+            self.assertRegex(needed, rf"^(libc|libm|libgcc_s|libstdc\+\+|ld-linux-[\w-]+{needs}"
                              + (r"|libasan|libubsan" if options.sanitize else "") + r")\.so")
+
+    def test_exports(self):
+        self.check_exports("libvellum", "VELLUM_0.1", "vellum.h", FUNCTIONS, "")
+        self.check_exports("libvellum_gltf", "VELLUM_GLTF_0.1", "gltf.h", GLTF_FUNCTIONS,
+                           "|libtinygltf|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg")
 
     def test_layer_and_command(self):
         manifest = self.prefix / "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"
@@ -188,10 +243,13 @@ class Installation(unittest.TestCase):
     def test_nothing_else_is_installed(self):
         there = {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if not path.is_dir()}
         lib = options.libdir
-        patterns = (r"bin/vellum", r"include/vellum/\w+\.h", rf"{lib}/libvellum\.so[.\d]*", rf"{lib}/libvellum-gpubake\.a",
+        patterns = (r"bin/vellum", r"include/vellum/\w+\.h", rf"{lib}/libvellum(_gltf)?\.so[.\d]*",
+                    rf"{lib}/libvellum-gpubake\.a",
                     rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
-                    rf"{lib}/pkgconfig/vellum\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
-                    r"share/doc/vellum/examples/(c|cpp|python)/[\w.]+")
+                    rf"{lib}/pkgconfig/vellum(-gltf)?\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
+                    r"share/man/man1/vellum\.1", r"share/bash-completion/completions/vellum",
+                    r"share/zsh/site-functions/_vellum", r"share/fish/vendor_completions\.d/vellum\.fish",
+                    r"share/doc/vellum/examples/(c|cpp|gltf|python)/[\w.]+")
         self.assertEqual([path for path in sorted(there) if not any(re.fullmatch(p, path) for p in patterns)], [])
 
     def test_the_library_alone_needs_nothing(self):

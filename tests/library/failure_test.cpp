@@ -3,41 +3,19 @@
 
 #include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <functional>
 #include <limits>
-#include <new>
 #include <thread>
 
+#include "allocations.h"
 #include "sample.h"
 
+using vellum::test::allocationsAlive;
+using vellum::test::allocationsLeft;
 using vellum::test::Sample;
 
 namespace
 {
-
-// Of operator new below: allocations until one fails, negative for never; and what has not been given back.
-std::atomic<long> allocationsLeft{-1};
-std::atomic<long> allocationsAlive{0};
-
-void *allocate(std::size_t size)
-{
-    if (allocationsLeft >= 0 && allocationsLeft-- == 0)
-        throw std::bad_alloc();
-    void *memory = std::malloc(size != 0 ? size : 1);
-    if (memory == nullptr)
-        throw std::bad_alloc();
-    ++allocationsAlive;
-    return memory;
-}
-
-void release(void *memory)
-{
-    if (memory == nullptr)
-        return;
-    --allocationsAlive;
-    std::free(memory);
-}
 
 // A structure with members that the library does not know.
 template <typename T>
@@ -47,20 +25,6 @@ struct Later {
 };
 
 } // namespace
-
-// The library takes its memory from here, as every library that a program with these functions loads.
-void *operator new(std::size_t size)
-{
-    return allocate(size);
-}
-void operator delete(void *memory) noexcept
-{
-    release(memory);
-}
-void operator delete(void *memory, std::size_t) noexcept
-{
-    release(memory);
-}
 
 TEST(LibraryFailure, BadMembersAreNamed)
 {
@@ -388,6 +352,7 @@ TEST(LibraryFailure, NamesAndVersion)
     EXPECT_STREQ(vellumResultName(VELLUM_ERROR_TOO_LARGE), "VELLUM_ERROR_TOO_LARGE");
     EXPECT_STREQ(vellumResultName(VELLUM_ERROR_UNSUPPORTED), "VELLUM_ERROR_UNSUPPORTED");
     EXPECT_STREQ(vellumResultName(VELLUM_ERROR_INTERNAL), "VELLUM_ERROR_INTERNAL");
+    EXPECT_STREQ(vellumResultName(VELLUM_ERROR_FILE), "VELLUM_ERROR_FILE");
     EXPECT_STREQ(vellumResultName(static_cast<VellumResult>(7)), "unknown VellumResult");
     vellumDestroyMicromap(nullptr);
 }

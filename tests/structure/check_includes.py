@@ -21,6 +21,7 @@ PARTS = {
     "shaders": ("core",),
     "library": ("core", "bake"),
     "gltf": ("core", "bake"),
+    "gltflibrary": ("core", "bake", "gltf", "library"),
     "layer": ("core", "spirv"),
     "verify": ("core", "bake", "gltf"),
     "cli": ("core", "bake", "gltf", "verify"),

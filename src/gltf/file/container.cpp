@@ -23,8 +23,7 @@ std::uint32_t wordAt(const std::vector<std::uint8_t> &bytes, std::size_t offset)
     return word;
 }
 
-// Checks that all chunks lie in the file.
-// Returns where the JSON text is.
+// Checks that all chunks lie in the length that the header announces. Returns where the JSON text is.
 std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &bytes)
 {
     if (bytes.size() < kHeaderBytes + kChunkHeaderBytes)
@@ -100,6 +99,8 @@ Container readContainer(const std::filesystem::path &path)
     container.binary = bytes.size() >= 4 && wordAt(bytes, 0) == kGlbMagic;
     if (container.binary) {
         std::tie(container.jsonOffset, container.jsonSize) = checkGlb(bytes);
+        // What follows is none of its chunks, and was not looked at.
+        container.bytes.resize(wordAt(bytes, 8));
     } else {
         const std::size_t start = std::string_view(text, bytes.size()).find_first_not_of(" \t\r\n\xef\xbb\xbf");
         if (start == std::string_view::npos || text[start] != '{')

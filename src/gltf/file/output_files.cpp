@@ -107,15 +107,15 @@ OutputFiles::Pending &OutputFiles::open(const std::filesystem::path &path, Exist
     if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error))
         throw GltfError(path.string() + ": cannot be written: it is there already and is not a file");
     makeFolders(folderOf(path));
-    Pending &pending = m_pending.emplace_back(Pending{path, existing, -1, {}});
+    Pending &pending = m_pending.emplace_back(Pending{path, folderOf(path), existing, -1, {}});
     // A file without a name goes away with the process, however that ends.
-    pending.descriptor = ::open(folderOf(path).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+    pending.descriptor = ::open(pending.folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
     if (pending.descriptor < 0) {
-        const std::filesystem::path name = temporaryName(path);
+        std::filesystem::path name = temporaryName(path);
         pending.descriptor = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
         if (pending.descriptor < 0)
             fail(path, "cannot be written", errno);
-        pending.temporary = name;
+        pending.temporary = std::move(name);
     }
     return pending;
 }
@@ -189,10 +189,10 @@ bool OutputFiles::publish(Pending &pending)
         return false;
     }
     if (pending.temporary.empty()) {
-        const std::filesystem::path name = temporaryName(pending.path);
+        std::filesystem::path name = temporaryName(pending.path);
         if (!link(name))
             fail(pending.path, "cannot be written", errno);
-        pending.temporary = name;
+        pending.temporary = std::move(name);
     }
     if (rename(pending.temporary.c_str(), pending.path.c_str()) != 0)
         fail(pending.path, "cannot be written", errno);
@@ -202,21 +202,23 @@ bool OutputFiles::publish(Pending &pending)
 
 void OutputFiles::publish()
 {
-    std::vector<std::filesystem::path> published;
+    // There may be no memory any more once a file has appeared.
+    std::vector<const Pending *> published;
+    published.reserve(m_pending.size());
     try {
         for (Pending &pending : m_pending)
             if (publish(pending))
-                published.push_back(pending.path);
+                published.push_back(&pending);
     } catch (...) {
-        for (const std::filesystem::path &path : published)
-            unlink(path.c_str());
+        for (const Pending *pending : published)
+            unlink(pending->path.c_str());
         throw;
     }
     m_published = true;
     for (Pending &pending : m_pending) {
         discard(pending);
         // So that the names are on the disk, too. Not every file system can do that.
-        const int folder = ::open(folderOf(pending.path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        const int folder = ::open(pending.folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
         if (folder >= 0) {
             fsync(folder);
             close(folder);

@@ -50,6 +50,7 @@ private:
     enum class Existing { Replace, Keep };
     struct Pending {
         std::filesystem::path path;
+        std::filesystem::path folder; // that it is in
         Existing existing;
         int descriptor = -1;
         std::filesystem::path temporary; // its name, where it has one

@@ -157,10 +157,10 @@ VkResult GpuBuffer::createOn(const GpuContext &context, void *memory, VkDeviceSi
 
 VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage)
 {
-    constexpr VkExternalMemoryHandleTypeFlagBits kHost = VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT;
+    constexpr VkExternalMemoryHandleTypeFlagBits kPointer = VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT;
     const DeviceTable &next = *context_.next;
     const VkExternalMemoryBufferCreateInfo external{VK_STRUCTURE_TYPE_EXTERNAL_MEMORY_BUFFER_CREATE_INFO, nullptr,
-                                                    kHost};
+                                                    kPointer};
     VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, &external};
     bufferInfo.size = bytes;
     bufferInfo.usage = kUsage | extraUsage;
@@ -170,15 +170,15 @@ VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags 
     VkMemoryRequirements requirements{};
     next.GetBufferMemoryRequirements(context_.device, buffer_, &requirements);
     VkMemoryHostPointerPropertiesEXT host{VK_STRUCTURE_TYPE_MEMORY_HOST_POINTER_PROPERTIES_EXT};
-    result = next.GetMemoryHostPointerPropertiesEXT(context_.device, kHost, memory, &host);
+    result = next.GetMemoryHostPointerPropertiesEXT(context_.device, kPointer, memory, &host);
     if (result != VK_SUCCESS)
         return result;
     const std::vector<uint32_t> types =
         memoryTypes(context_.memory, requirements.memoryTypeBits & host.memoryTypeBits, bytes, true);
     if (types.empty() || requirements.size > bytes)
         return VK_ERROR_INVALID_EXTERNAL_HANDLE;
-    const VkImportMemoryHostPointerInfoEXT import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT, nullptr, kHost,
-                                                  memory};
+    const VkImportMemoryHostPointerInfoEXT import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT, nullptr,
+                                                  kPointer, memory};
     const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, &import,
                                           VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
     const VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, bytes, types.front()};

@@ -1,0 +1,277 @@
+// The functions of vellum/gltf.h.
+#include "vellum/gltf.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "gltf/micromaps/file_bake.h"
+#include "library/call.h"
+#include "library/inputs.h"
+#include "library/usage_counts.h"
+
+namespace vellum::library
+{
+VELLUM_STRUCTURE(VellumGltfInfo, primitiveCount);
+VELLUM_STRUCTURE(VellumGltfMicromapInfo, usageCount);
+VELLUM_STRUCTURE(VellumGltfPrimitiveInfo, reserved);
+VELLUM_STRUCTURE(VellumGltfBakeOptions, left);
+VELLUM_STRUCTURE(VellumGltfBakeInfo, reserved);
+
+VellumGltfBakeOptions Structure<VellumGltfBakeOptions>::defaults()
+{
+    VellumGltfBakeOptions options{};
+    options.structSize = sizeof options;
+    options.blendCutoff = DocumentBakeOptions().blendCutoff;
+    return options;
+}
+} // namespace vellum::library
+
+using namespace vellum;
+using namespace vellum::library;
+
+struct VellumGltf {
+    struct Primitive {
+        PrimitivePlace place;
+        std::string name;
+        std::vector<VellumMicromapUsage> usages;
+        const PrimitiveMicromap *micromap; // of `stored`
+    };
+
+    StoredMicromaps stored;
+    std::vector<std::vector<VellumMicromapUsage>> usages; // of each micromap
+    std::vector<Primitive> primitives;                    // by place
+};
+
+namespace
+{
+
+std::filesystem::path pathOf(const char *argument, const char *given)
+{
+    if (given == nullptr || *given == '\0')
+        throw invalid(std::string(argument) + " is " + (given == nullptr ? "null" : "empty"));
+    return given;
+}
+
+// Calls what reads or writes a file.
+template <typename Function>
+auto ofFile(Function &&function)
+{
+    try {
+        return function();
+    } catch (const GltfError &error) {
+        throw Failure(VELLUM_ERROR_FILE, error.what());
+    }
+}
+
+std::unique_ptr<VellumGltf> readFile(const std::filesystem::path &path)
+{
+    return ofFile([&] {
+        const Document document(path);
+        auto read = std::make_unique<VellumGltf>();
+        read->stored = readMicromaps(document);
+        const std::vector<StoredMicromap> &micromaps = read->stored.micromaps;
+        for (const StoredMicromap &micromap : micromaps)
+            read->usages.push_back(usagesOf(micromap.triangles));
+        for (const auto &[place, micromap] : read->stored.primitives)
+            read->primitives.push_back(
+                {place, document.nameOf(place),
+                 usagesOf(micromaps[micromap.micromap].triangles, micromap.indices, micromap.baseTriangle), &micromap});
+        return read;
+    });
+}
+
+const VellumGltf &existing(const VellumGltf *gltf)
+{
+    if (gltf == nullptr)
+        throw invalid("there is no VellumGltf");
+    return *gltf;
+}
+
+std::vector<std::string> patterns(const char *member, const char *const *given, std::size_t count)
+{
+    if (given == nullptr && count != 0)
+        throw invalid(std::string(member) + " is null, but " + std::to_string(count) + " patterns");
+    std::vector<std::string> all;
+    for (std::size_t i = 0; i < count; ++i) {
+        if (given[i] == nullptr)
+            throw invalid(std::string(member) + "[" + std::to_string(i) + "] is null");
+        all.emplace_back(given[i]);
+    }
+    return all;
+}
+
+FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfBakeOptions &given)
+{
+    FileBakeOptions options;
+    options.bake = readOptions(bake);
+    if (bake.compareOp != VELLUM_COMPARE_OP_GREATER_OR_EQUAL)
+        throw invalid("compareOp is " + std::to_string(bake.compareOp) +
+                      ", not VELLUM_COMPARE_OP_GREATER_OR_EQUAL, which is glTF's");
+    if (bake.flags != 0)
+        throw invalid("flags of VellumBakeOptions is " + std::to_string(bake.flags) + ", not 0");
+    constexpr std::uint32_t kFlags =
+        std::uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} | std::uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT};
+    if ((given.flags & ~kFlags) != 0)
+        throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
+    options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
+    options.embed = (given.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
+    if (std::isnan(given.blendCutoff))
+        throw invalid("blendCutoff is not a number");
+    options.blendCutoff = given.blendCutoff;
+    options.leaveMaterials = patterns("leaveMaterials", given.leaveMaterials, given.leaveMaterialCount);
+    options.leaveMeshes = patterns("leaveMeshes", given.leaveMeshes, given.leaveMeshCount);
+    return options;
+}
+
+VellumGltfBakeInfo infoOf(const FileBake &made)
+{
+    VellumGltfBakeInfo info{};
+    info.micromapCount = made.bake.micromaps.size();
+    info.primitiveCount = made.bake.primitives.size();
+    info.leftCount = made.bake.left.size();
+    for (const StoredMicromap &micromap : made.bake.micromaps)
+        info.micromapSize += micromap.data.size() + sizeof(MicromapTriangle) * micromap.triangles.size();
+    info.inputSize = made.inputBytes;
+    info.outputSize = made.outputBytes;
+    info.replaced = made.replaced ? 1 : 0;
+    return info;
+}
+
+} // namespace
+
+VellumResult vellumReadGltf(const char *path, VellumMessageCallback message, void *userData, VellumGltf **gltf)
+{
+    if (gltf != nullptr)
+        *gltf = nullptr;
+    return guarded(message, userData, [&] {
+        if (gltf == nullptr)
+            throw invalid("there is no place for the result");
+        *gltf = readFile(pathOf("path", path)).release();
+    });
+}
+
+void vellumDestroyGltf(VellumGltf *gltf)
+{
+    delete gltf;
+}
+
+VellumResult vellumGetGltfInfo(const VellumGltf *gltf, VellumGltfInfo *info)
+{
+    return guarded([&] {
+        const VellumGltf &read = existing(gltf);
+        VellumGltfInfo values{};
+        values.extension = read.stored.extension.c_str();
+        values.micromapCount = read.stored.micromaps.size();
+        values.primitiveCount = read.primitives.size();
+        fill(info, values);
+    });
+}
+
+VellumResult vellumGetGltfMicromapInfo(const VellumGltf *gltf, size_t micromap, VellumGltfMicromapInfo *info)
+{
+    return guarded([&] {
+        const VellumGltf &read = existing(gltf);
+        if (micromap >= read.stored.micromaps.size())
+            throw invalid("there is no such micromap");
+        const StoredMicromap &stored = read.stored.micromaps[micromap];
+        VellumGltfMicromapInfo values{};
+        values.data = stored.data.data();
+        values.dataSize = stored.data.size();
+        values.triangles = trianglesOf(stored.triangles);
+        values.triangleCount = stored.triangles.size();
+        values.usages = read.usages[micromap].data();
+        values.usageCount = read.usages[micromap].size();
+        fill(info, values);
+    });
+}
+
+VellumResult vellumGetGltfPrimitiveInfo(const VellumGltf *gltf, size_t number, VellumGltfPrimitiveInfo *info)
+{
+    return guarded([&] {
+        const VellumGltf &read = existing(gltf);
+        if (number >= read.primitives.size())
+            throw invalid("there is no such primitive");
+        const VellumGltf::Primitive &primitive = read.primitives[number];
+        VellumGltfPrimitiveInfo values{};
+        values.name = primitive.name.c_str();
+        values.mesh = primitive.place.mesh;
+        values.primitive = primitive.place.primitive;
+        values.micromap = primitive.micromap->micromap;
+        values.indices = primitive.micromap->indices.data();
+        values.indexCount = primitive.micromap->indices.size();
+        values.usages = primitive.usages.data();
+        values.usageCount = primitive.usages.size();
+        values.baseTriangle = primitive.micromap->baseTriangle;
+        fill(info, values);
+    });
+}
+
+size_t vellumFindGltfPrimitive(const VellumGltf *gltf, uint32_t mesh, uint32_t primitive)
+{
+    if (gltf == nullptr)
+        return VELLUM_GLTF_NO_MICROMAP;
+    const auto found =
+        std::lower_bound(gltf->primitives.begin(), gltf->primitives.end(), PrimitivePlace{mesh, primitive},
+                         [](const VellumGltf::Primitive &a, const PrimitivePlace &b) { return a.place < b; });
+    if (found == gltf->primitives.end() || found->place != PrimitivePlace{mesh, primitive})
+        return VELLUM_GLTF_NO_MICROMAP;
+    return static_cast<size_t>(found - gltf->primitives.begin());
+}
+
+VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback offence,
+                             VellumMessageCallback message, void *userData)
+{
+    return guarded(message, userData, [&] {
+        if (offence == nullptr)
+            throw invalid("there is no callback for offences");
+        const std::filesystem::path file = pathOf("path", path);
+        const std::vector<MicromapOffence> found = ofFile([&] { return findMicromapOffences(Document(file), most); });
+        for (std::size_t i = 0; i < found.size() && i < most; ++i)
+            offence(userData, found[i].place.c_str(), found[i].message.c_str());
+    });
+}
+
+void vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize)
+{
+    initialize(options, structSize);
+}
+
+VellumResult vellumBakeGltf(const char *input, const char *output, const VellumBakeOptions *bake,
+                            const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info)
+{
+    VellumBakeOptions known{};
+    if (const VellumResult readable = readOptionsOf(bake, known); readable != VELLUM_SUCCESS)
+        return readable;
+    return guarded(known.message, known.userData, [&] {
+        if (bake != nullptr)
+            checkUnknownPart(bake);
+        VellumGltfBakeOptions gltf = Structure<VellumGltfBakeOptions>::defaults();
+        if (options != nullptr) {
+            gltf = knownPart(options);
+            checkUnknownPart(options);
+        }
+        if (info != nullptr)
+            (void)checkedSize(info); // before anything is written
+        const std::filesystem::path from = pathOf("input", input);
+        const std::filesystem::path to = pathOf("output", output);
+        FileBakeOptions wanted = readFileOptions(known, gltf);
+        // Whoever stops the bake at its last triangle is heard before the first byte is written.
+        const Callbacks callbacks(known, wanted.bake);
+        const FileBake made = ofFile([&] {
+            try {
+                return bakeFile(from, to, wanted);
+            } catch (const BakeTooLarge &error) {
+                throw Failure(VELLUM_ERROR_TOO_LARGE, from.string() + ": " + error.what());
+            }
+        });
+        if (info != nullptr)
+            fill(info, infoOf(made));
+        if (gltf.left != nullptr)
+            for (std::size_t i = 0; i < made.leftNames.size(); ++i)
+                gltf.left(known.userData, made.leftNames[i].c_str(), made.bake.left[i].reason.c_str());
+    });
+}

@@ -1,0 +1,88 @@
+// What all functions of the library are inside of: exceptions become results, and callbacks are the baker's.
+#pragma once
+
+#include <atomic>
+#include <new>
+#include <stdexcept>
+#include <utility>
+
+#include "bake/bake.h"
+#include "library/structures.h"
+#include "vellum/vellum.h"
+
+namespace vellum::library
+{
+
+// What a function of the library does, with its exceptions turned into a result.
+template <typename Function>
+VellumResult guarded(VellumMessageCallback message, void *userData, Function &&function) noexcept
+{
+    const auto fail = [&](VellumResult result, const char *why) {
+        if (message != nullptr)
+            message(userData, result, why);
+        return result;
+    };
+    try {
+        function();
+        return VELLUM_SUCCESS;
+    } catch (const BakeCancelled &) {
+        return VELLUM_CANCELLED;
+    } catch (const Failure &failure) {
+        return fail(failure.result(), failure.what());
+    } catch (const BakeTooLarge &error) {
+        return fail(VELLUM_ERROR_TOO_LARGE, error.what());
+    } catch (const BakeError &error) {
+        return fail(VELLUM_ERROR_INVALID_ARGUMENT, error.what());
+    } catch (const std::bad_alloc &) {
+        return fail(VELLUM_ERROR_OUT_OF_MEMORY, "out of memory");
+    } catch (const std::length_error &) {
+        return fail(VELLUM_ERROR_OUT_OF_MEMORY, "more memory is needed than there can be");
+    } catch (const std::exception &error) {
+        return fail(VELLUM_ERROR_INTERNAL, error.what());
+    } catch (...) {
+        return fail(VELLUM_ERROR_INTERNAL, "unknown exception");
+    }
+}
+
+template <typename Function>
+VellumResult guarded(Function &&function) noexcept
+{
+    return guarded(nullptr, nullptr, std::forward<Function>(function));
+}
+
+// The callbacks of a bake, which must end before they do.
+class Callbacks
+{
+public:
+    Callbacks(const VellumBakeOptions &given, BakeOptions &options) : m_given(given)
+    {
+        if (given.progress != nullptr)
+            options.progress = [this](std::size_t done, std::size_t total) {
+                if (m_given.progress(m_given.userData, done, total) != 0)
+                    m_stopped = true;
+            };
+        if (given.progress != nullptr || given.cancelled != nullptr)
+            options.cancelled = [this] {
+                return m_stopped || (m_given.cancelled != nullptr && m_given.cancelled(m_given.userData) != 0);
+            };
+    }
+    Callbacks(const Callbacks &) = delete;
+    Callbacks &operator=(const Callbacks &) = delete;
+
+    // Whether `progress` ended the bake, be it at its last triangle.
+    [[nodiscard]] bool stopped() const { return m_stopped; }
+
+private:
+    const VellumBakeOptions &m_given;
+    std::atomic<bool> m_stopped{false};
+};
+
+// What options of any version say: the part that is known here, or the defaults for null. Who to tell of mistakes is
+// among what may be mistaken, so that readOptionsOf() comes before guarded() with a callback.
+template <typename T>
+VellumResult readOptionsOf(const T *given, T &known) noexcept
+{
+    return guarded([&] { known = given != nullptr ? knownPart(given) : Structure<T>::defaults(); });
+}
+
+} // namespace vellum::library

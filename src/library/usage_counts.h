@@ -1,0 +1,65 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/micromap.h"
+#include "vellum/vellum.h"
+
+namespace vellum::library
+{
+
+static_assert(sizeof(VellumMicromapTriangle) == sizeof(MicromapTriangle));
+// The same structure, by VellumMicromapTriangle's comment and MicromapTriangle's.
+inline const VellumMicromapTriangle *trianglesOf(std::span<const MicromapTriangle> triangles)
+{
+    return reinterpret_cast<const VellumMicromapTriangle *>(triangles.data());
+}
+
+// How many micromap triangles there are of each format and level, or uses of them.
+class UsageCounts
+{
+public:
+    void add(const MicromapTriangle &triangle)
+    {
+        ++m_counts[triangle.format == Format::TwoState ? 0 : 1][triangle.subdivisionLevel];
+    }
+    [[nodiscard]] std::vector<VellumMicromapUsage> get() const
+    {
+        std::vector<VellumMicromapUsage> usages;
+        for (std::size_t i = 0; i < m_counts.size(); ++i)
+            for (std::uint32_t level = 0; level < m_counts[i].size(); ++level)
+                if (m_counts[i][level] != 0)
+                    usages.push_back({m_counts[i][level], level,
+                                      i == 0 ? std::uint32_t{VELLUM_MICROMAP_FORMAT_2_STATE}
+                                             : std::uint32_t{VELLUM_MICROMAP_FORMAT_4_STATE}});
+        return usages;
+    }
+
+private:
+    std::array<std::array<std::uint32_t, 13>, 2> m_counts{};
+};
+
+// Of a micromap.
+inline std::vector<VellumMicromapUsage> usagesOf(std::span<const MicromapTriangle> triangles)
+{
+    UsageCounts counts;
+    for (const MicromapTriangle &triangle : triangles)
+        counts.add(triangle);
+    return counts.get();
+}
+
+// Of a geometry with these indices, which must be valid.
+inline std::vector<VellumMicromapUsage> usagesOf(std::span<const MicromapTriangle> triangles,
+                                                 std::span<const std::int32_t> indices, std::uint32_t baseTriangle)
+{
+    UsageCounts counts;
+    for (const std::int32_t index : indices)
+        if (index >= 0)
+            counts.add(triangles[static_cast<std::size_t>(index) + baseTriangle]);
+    return counts.get();
+}
+
+} // namespace vellum::library

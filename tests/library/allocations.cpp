@@ -1,0 +1,48 @@
+#include "allocations.h"
+
+#include <cstdlib>
+#include <new>
+
+namespace vellum::test
+{
+
+std::atomic<long> allocationsLeft{-1};
+std::atomic<long> allocationsAlive{0};
+
+namespace
+{
+
+void *allocate(std::size_t size)
+{
+    if (allocationsLeft >= 0 && allocationsLeft-- == 0)
+        throw std::bad_alloc();
+    void *memory = std::malloc(size != 0 ? size : 1);
+    if (memory == nullptr)
+        throw std::bad_alloc();
+    ++allocationsAlive;
+    return memory;
+}
+
+void release(void *memory)
+{
+    if (memory == nullptr)
+        return;
+    --allocationsAlive;
+    std::free(memory);
+}
+
+} // namespace
+} // namespace vellum::test
+
+void *operator new(std::size_t size)
+{
+    return vellum::test::allocate(size);
+}
+void operator delete(void *memory) noexcept
+{
+    vellum::test::release(memory);
+}
+void operator delete(void *memory, std::size_t) noexcept
+{
+    vellum::test::release(memory);
+}
