@@ -75,6 +75,8 @@ FileReport Bakery::bakeOne(std::size_t job, unsigned threads)
     options.bake.progress = [&](std::size_t done, std::size_t total) {
         tell(job, total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total));
     };
+    if (!m_jobs[job].refusal.empty())
+        return {m_jobs[job], m_jobs[job].input.string() + ": " + m_jobs[job].refusal, {}, {}, {}, {}, {}, {}};
     try {
         return reportOf(m_jobs[job], bakeFile(m_jobs[job].input, m_jobs[job].output, options));
     } catch (const std::bad_alloc &) {

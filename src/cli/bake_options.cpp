@@ -19,11 +19,11 @@ constexpr const char *kBakeDetails = R"(
 Every primitive with an alpha-tested material (alphaMode MASK) gets a micromap by the glTF extension
 EXT_mesh_opacity_micromap. Micro-triangles are called opaque or transparent only where every point of them is, so a
 renderer that samples the texture for the others draws exactly what it draws without micromaps. Everything else in the
-file stays as it is, byte for byte; micromaps that it has are replaced. The input is never written, and the output
-appears whole or not at all.
+file stays as it is, byte for byte; all micromaps that it has are replaced, and a primitive that is left out loses its
+own. What is read is never written, and the output appears whole or not at all.
 
-.glb becomes .glb, and .gltf becomes .gltf with a file of micromaps (NAME.omm.bin) beside it; the files that a .gltf
-names are copied where the output is in another folder. Folders are searched with all folders in them, and what is
+.glb becomes .glb, and .gltf becomes .gltf with a file of micromaps (NAME.omm-DIGEST.bin) beside it; the files that a
+.gltf names are copied where the output is in another folder. Folders are searched with all folders in them, and what is
 found keeps its place below the output folder.
 
 Exit code: 0 if every file was baked, 1 if any was not (the others are); one line on stderr for each that was not.
@@ -112,7 +112,10 @@ void declareHow(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
     command.add_option("--interpolation-tolerance", bake.interpolationTolerance,
                        "How far interpolation may move texture coordinates, relative to the largest\n"
                        "of a triangle [1e-6]");
-    command.add_flag("--exact", raw.exact, "No tolerances: what is true in exact arithmetic");
+    CLI::Option &exact = *command.add_flag("--exact", raw.exact, "No tolerances: what is true in exact arithmetic");
+    for (const char *tolerance :
+         {"--value-tolerance", "--subtexel-tolerance", "--barycentric-tolerance", "--interpolation-tolerance"})
+        exact.excludes(command.get_option(tolerance));
 }
 
 void finishBake(BakeCommandOptions &options, const RawBakeOptions &raw)

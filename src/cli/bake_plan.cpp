@@ -1,8 +1,13 @@
 #include <algorithm>
 #include <map>
+#include <optional>
+#include <sys/stat.h>
 
 #include "cli/bake_command.h"
 #include "cli/base/error.h"
+#include "gltf/file/container.h"
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/output_files.h"
 
 namespace vellum::cli
 {
@@ -50,20 +55,108 @@ fs::path besideInput(const fs::path &input)
     return output.replace_filename(input.stem().string() + ".omm" + input.extension().string());
 }
 
+// One name for a place in the file system, whichever way leads there. A link in that place is what is replaced there.
+fs::path placeOf(const fs::path &path)
+{
+    std::error_code error;
+    const fs::path whole = fs::absolute(path).lexically_normal();
+    return fs::weakly_canonical(whole.parent_path(), error) / whole.filename();
+}
+
 void checkDistinct(const std::vector<BakeJob> &jobs)
 {
     std::map<fs::path, fs::path> inputOf;
-    const auto claim = [&](const fs::path &output, const fs::path &input) {
-        const auto [found, isNew] = inputOf.try_emplace(fs::absolute(output).lexically_normal(), input);
-        if (!isNew)
-            throw Error(found->second.string() + " and " + input.string() + " would both be written to " +
-                        output.string());
-    };
     for (const BakeJob &job : jobs) {
-        claim(job.output, job.input);
-        if (lowerExtension(job.output) == ".gltf")
-            claim(bufferPath(job.output), job.input);
+        const auto [found, isNew] = inputOf.try_emplace(placeOf(job.output), job.input);
+        if (!isNew)
+            throw Error(found->second.string() + " and " + job.input.string() + " would both be written to " +
+                        job.output.string());
     }
+}
+
+// What there is to know of the jobs before the first one is baked, so that it does not matter which is quicker.
+class Conflicts
+{
+public:
+    explicit Conflicts(const std::vector<BakeJob> &jobs);
+    // Why this job, the next one in order, cannot be baked; empty where it can.
+    std::string refusalOf(std::size_t number);
+
+private:
+    using FileId = std::pair<dev_t, ino_t>;
+    static std::optional<FileId> idOf(const fs::path &path);
+    void addRead(const fs::path &path, const fs::path &input);
+
+    const std::vector<BakeJob> &m_jobs;
+    std::vector<FilesBeside> m_beside;
+    std::vector<std::string> m_refusals;
+    std::map<FileId, fs::path> m_reads; // what is read, and the input that it is or that names it
+    struct Write {
+        fs::path input;
+        fs::path copied; // the file that is copied; empty for an output
+    };
+    std::map<fs::path, Write> m_writes;
+};
+
+std::optional<Conflicts::FileId> Conflicts::idOf(const fs::path &path)
+{
+    struct stat status {
+    };
+    if (stat(path.c_str(), &status) != 0)
+        return std::nullopt;
+    return FileId{status.st_dev, status.st_ino};
+}
+
+void Conflicts::addRead(const fs::path &path, const fs::path &input)
+{
+    if (const auto id = idOf(path))
+        m_reads.try_emplace(*id, input);
+}
+
+Conflicts::Conflicts(const std::vector<BakeJob> &jobs) : m_jobs(jobs), m_beside(jobs.size()), m_refusals(jobs.size())
+{
+    for (const BakeJob &job : jobs)
+        addRead(job.input, job.input);
+    for (std::size_t i = 0; i < jobs.size(); ++i) {
+        std::optional<Container> container;
+        try {
+            container = readContainer(jobs[i].input);
+        } catch (const GltfError &) {
+            continue; // whoever bakes it says so
+        }
+        try {
+            m_beside[i] = filesBeside(container->json(), jobs[i].input, jobs[i].output);
+        } catch (const GltfError &error) {
+            m_refusals[i] = error.what();
+        }
+        for (const fs::path &file : m_beside[i].read)
+            addRead(file, jobs[i].input);
+    }
+}
+
+std::string Conflicts::refusalOf(std::size_t number)
+{
+    const BakeJob &job = m_jobs[number];
+    if (!m_refusals[number].empty())
+        return m_refusals[number];
+    if (const auto id = idOf(job.output))
+        if (const auto read = m_reads.find(*id); read != m_reads.end() && read->second != job.input)
+            return "the output " + job.output.string() + " is read for " + read->second.string();
+    std::map<fs::path, Write> writes = {{placeOf(job.output), {job.input, {}}}};
+    for (const FilesBeside::Copy &copy : m_beside[number].copies)
+        writes.try_emplace(placeOf(copy.to), Write{job.input, copy.from});
+    for (const auto &[place, write] : writes) {
+        const auto other = m_writes.find(place);
+        std::error_code error;
+        if (other != m_writes.end() &&
+            (write.copied.empty() || other->second.copied.empty() || !sameBytes(write.copied, other->second.copied)))
+            return place.string() + " would be another file for " + other->second.input.string();
+        if (other == m_writes.end() && !write.copied.empty() && fs::exists(place, error) &&
+            !sameBytes(write.copied, place))
+            return place.string() + ": is there already and differs from " + write.copied.string();
+    }
+    m_writes.merge(writes);
+    return "";
 }
 
 } // namespace
@@ -80,23 +173,29 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
         throw Error(options.output->string() + " is a file, and several inputs need a folder");
-    const fs::path except = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();
+    const fs::path output = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();
     std::vector<BakeJob> jobs;
     for (const fs::path &input : options.inputs) {
         if (fs::is_directory(input, ignored)) {
-            // A folder that is its own output is refused file by file.
-            const bool own = fs::equivalent(input, *options.output, ignored);
-            for (const fs::path &file : findFiles(input, own ? fs::path() : except))
-                jobs.push_back({file, *options.output / file.lexically_relative(input)});
+            // What was baked into the folder is not baked again. One that is its own output is refused file by file.
+            const fs::path folder = fs::weakly_canonical(input, ignored);
+            const bool within = output != folder && isInside(output, folder);
+            for (const fs::path &file : findFiles(input, within ? output : fs::path()))
+                jobs.push_back({file, *options.output / file.lexically_relative(input), {}});
         } else {
-            jobs.push_back({input, toFolder         ? *options.output / input.filename()
-                                   : options.output ? *options.output
-                                                    : besideInput(input)});
+            jobs.push_back({input,
+                            toFolder         ? *options.output / input.filename()
+                            : options.output ? *options.output
+                                             : besideInput(input),
+                            {}});
         }
     }
     if (jobs.empty())
         throw Error("there are no .glb or .gltf files in " + options.inputs.front().string());
     checkDistinct(jobs);
+    Conflicts conflicts(jobs);
+    for (std::size_t i = 0; i < jobs.size(); ++i)
+        jobs[i].refusal = conflicts.refusalOf(i);
     return jobs;
 }
 

@@ -6,6 +6,8 @@
 #include <rapidjson/prettywriter.h>
 #include <rapidjson/stringbuffer.h>
 
+#include "gltf/file/utf8.h"
+
 namespace vellum::cli
 {
 namespace
@@ -113,6 +115,10 @@ std::string summary(const FileReport &file)
     if (!file.left.empty())
         text +=
             fmt::format("; {} alpha-tested primitive{} left out", file.left.size(), file.left.size() == 1 ? "" : "s");
+    const auto lost =
+        std::count_if(file.left.begin(), file.left.end(), [](const LeftReport &l) { return l.hadMicromap; });
+    if (lost != 0)
+        text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
     return text;
 }
 
@@ -138,7 +144,8 @@ using JsonOut = rapidjson::PrettyWriter<rapidjson::StringBuffer>;
 void putString(JsonOut &out, const char *name, const std::string &value)
 {
     out.Key(name);
-    out.String(value.c_str(), static_cast<rapidjson::SizeType>(value.size()));
+    const std::string text = toUtf8(value);
+    out.String(text.c_str(), static_cast<rapidjson::SizeType>(text.size()));
 }
 
 void putNumber(JsonOut &out, const char *name, std::uint64_t value)
@@ -211,6 +218,8 @@ void putFile(JsonOut &out, const FileReport &file)
         putString(out, "name", left.name);
         putString(out, "material", left.material);
         putString(out, "reason", left.reason);
+        out.Key("hadMicromap");
+        out.Bool(left.hadMicromap);
         out.EndObject();
     }
     out.EndArray();
@@ -235,7 +244,8 @@ FileReport reportOf(const BakeJob &job, const FileBake &result)
         report.primitives.back().name = result.names[i];
     }
     for (std::size_t i = 0; i < result.bake.left.size(); ++i)
-        report.left.push_back({result.leftNames[i], result.bake.left[i].material, result.bake.left[i].reason});
+        report.left.push_back({result.leftNames[i], result.bake.left[i].material, result.bake.left[i].reason,
+                               result.bake.left[i].hadMicromap});
     return report;
 }
 
@@ -271,8 +281,9 @@ void printTable(const std::vector<FileReport> &files)
                 fmt::print("  {}: {} triangles are unknown, the alphas of their vertices (COLOR_0) differ\n", p.name,
                            grouped(p.varying));
         for (const LeftReport &left : file.left)
-            fmt::print("  left out: {}{}: {}\n", left.name,
-                       left.material.empty() ? "" : fmt::format(" ({})", left.material), left.reason);
+            fmt::print("  left out: {}{}: {}{}\n", left.name,
+                       left.material.empty() ? "" : fmt::format(" ({})", left.material), left.reason,
+                       left.hadMicromap ? "; its micromap was removed" : "");
     }
 }
 

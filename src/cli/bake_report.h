@@ -31,6 +31,7 @@ struct LeftReport {
     std::string name;
     std::string material;
     std::string reason;
+    bool hadMicromap = false; // which was removed
 };
 
 struct FileReport {

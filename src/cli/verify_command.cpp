@@ -72,13 +72,17 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
     command.add_option("-j,--threads", options.file.threads, "Threads to work with [one for each processor]")
         ->check(CLI::Range(0, 1024).description(""));
     verify::Tolerances &tolerances = options.file.tolerances;
-    command.add_flag("--exact", options.exact, "No tolerances: all four are 0")->group("Tolerances, as of vellum bake");
+    CLI::Option &exact = *command.add_flag("--exact", options.exact, "No tolerances: all four are 0")
+                              ->group("Tolerances, as of vellum bake");
     declareTolerance(command, "--value-tolerance", tolerances.value, "Of the filtered alpha [2/255]");
     declareTolerance(command, "--subtexel-tolerance", tolerances.subtexel, "Of the sample's place, in texels [1/16]");
     declareTolerance(command, "--barycentric-tolerance", tolerances.barycentric,
                      "Of the hit's place, in barycentrics [1e-5]");
     declareTolerance(command, "--interpolation-tolerance", tolerances.interpolation,
                      "Of a texture coordinate, relative to the triangle's largest [16/2^24]");
+    for (const char *tolerance :
+         {"--value-tolerance", "--subtexel-tolerance", "--barycentric-tolerance", "--interpolation-tolerance"})
+        exact.excludes(command.get_option(tolerance));
 }
 
 void finishVerify(VerifyOptions &options)

@@ -7,6 +7,7 @@
 #include <rapidjson/stringbuffer.h>
 
 #include "cli/base/numbers.h"
+#include "gltf/file/utf8.h"
 
 namespace vellum::cli
 {
@@ -166,7 +167,11 @@ public:
 
 private:
     void name(const char *text) { m_writer.Key(text); }
-    void add(const std::string &value) { m_writer.String(value.c_str()); }
+    void add(const std::string &value)
+    {
+        const std::string text = toUtf8(value);
+        m_writer.String(text.c_str(), static_cast<rapidjson::SizeType>(text.size()));
+    }
     void add(std::uint64_t value) { m_writer.Uint64(value); }
     void add(bool value) { m_writer.Bool(value); }
     // JSON has no word for what is not a number.

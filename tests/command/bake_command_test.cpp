@@ -40,6 +40,24 @@ Bytes slowGlb()
          {R"("magFilter": 9728, "wrapS": 33071, "wrapT": 33648)", R"("magFilter": 9729)"}});
 }
 
+// Writes a card with data.bin and disc.png beside it, and returns its text.
+std::string writeGltf(const fs::path &path, const Bytes &png = discPng())
+{
+    const Bytes glb = cardGlb();
+    std::uint32_t length = 0;
+    std::memcpy(&length, &glb[12], sizeof length);
+    std::string json(glb.begin() + 20, glb.begin() + 20 + length);
+    const std::size_t view = json.rfind("\"byteLength\": ") + 14;
+    const auto bytes = static_cast<std::ptrdiff_t>(std::stoul(json.substr(view)));
+    json.replace(json.find(R"("buffers": [{)"), 13, R"("buffers": [{"uri": "data.bin", )");
+    json.replace(json.find(R"({"mimeType": "image/png", "bufferView": 3})"), 42, R"({"uri": "disc.png"})");
+    fs::create_directories(path.parent_path());
+    writeFile(path.parent_path() / "data.bin", {glb.begin() + 28 + length, glb.begin() + 28 + length + bytes});
+    writeFile(path.parent_path() / "disc.png", png);
+    writeFile(path, {json.begin(), json.end()});
+    return json;
+}
+
 } // namespace
 
 TEST(BakeCommand, WritesBesideTheInput)
@@ -142,6 +160,8 @@ TEST(BakeCommand, AsksForWhatIsClear)
         {"bake", a, "-o", out, "--budget", "2T"},
         {"bake", a, "-o", out, "--worthwhile", "7"},
         {"bake", a, "-o", out, "--report", "--json"},
+        {"bake", a, "-o", out, "--exact", "--value-tolerance", "0.1"},
+        {"verify", a, "--exact", "--subtexel-tolerance", "0.1"},
     };
     for (const std::vector<std::string> &arguments : cases) {
         const Outcome outcome = runVellum(arguments);
@@ -156,25 +176,21 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     const TemporaryFolder folder;
     fs::create_directories(folder / "in/textures");
     fs::create_directories(folder / "out");
-    const Bytes glb = cardGlb();
-    std::uint32_t length = 0;
-    std::memcpy(&length, &glb[12], sizeof length);
-    std::string json(glb.begin() + 20, glb.begin() + 20 + length);
-    const std::size_t view = json.rfind("\"byteLength\": ") + 14;
-    const auto bytes = static_cast<std::ptrdiff_t>(std::stoul(json.substr(view)));
-    json.replace(json.find(R"("buffers": [{)"), 13, R"("buffers": [{"uri": "data.bin", )");
-    json.replace(json.find(R"({"mimeType": "image/png", "bufferView": 3})"), 42, R"({"uri": "textures/a%20disc.png"})");
-    writeFile(folder / "in/data.bin", {glb.begin() + 28 + length, glb.begin() + 28 + length + bytes});
-    writeFile(folder / "in/textures/a disc.png", discPng());
+    std::string json = writeGltf(folder / "in/tree.gltf");
+    json.replace(json.find("disc.png"), 8, "textures/a%20disc.png");
+    fs::rename(folder / "in/disc.png", folder / "in/textures/a disc.png");
     writeFile(folder / "in/tree.gltf", {json.begin(), json.end()});
     const std::vector<std::string> bake = {"bake", (folder / "in/tree.gltf").string(), "-o", (folder / "out").string()};
     const Outcome outcome = runVellum(bake);
     EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
-    EXPECT_EQ(entries(folder / "out"),
-              (std::vector<std::string>{"data.bin", "textures", "textures/a disc.png", "tree.gltf", "tree.omm.bin"}));
+    const std::vector<std::string> out = entries(folder / "out");
+    EXPECT_EQ(std::vector<std::string>(out.begin(), out.end() - 1),
+              (std::vector<std::string>{"data.bin", "textures", "textures/a disc.png", "tree.gltf"}));
+    EXPECT_TRUE(out.back().starts_with("tree.omm-")) << out.back();
     EXPECT_EQ(readFile(folder / "out/textures/a disc.png"), discPng());
     EXPECT_EQ(bakedPrimitives(folder / "out/tree.gltf"), 1u);
     EXPECT_EQ(runVellum(bake).exitCode, 0); // again
+    EXPECT_EQ(entries(folder / "out"), out);
     // What is there and different is not replaced.
     writeFile(folder / "out/data.bin", {'x'});
     const Outcome refused = runVellum(bake);
@@ -190,6 +206,129 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
         runVellum({"bake", (folder / "in/tree.gltf").string(), "-o", (folder / "other/deep/").string()});
     EXPECT_EQ(outside.exitCode, 1);
     EXPECT_TRUE(entries(folder / "other").empty());
+}
+
+TEST(BakeCommand, NothingThatIsReadIsWritten)
+{
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "a/sub");
+    fs::create_directories(folder / "b/sub");
+    const Bytes other = cardGlb({{"\"leaf\"", "\"oak\""}});
+    writeFile(folder / "a/sub/x.glb", cardGlb());
+    writeFile(folder / "b/sub/x.glb", other);
+    fs::create_symlink("b", folder / "link");
+    for (const char *output : {"b", "link"}) {
+        const Outcome outcome =
+            runVellum({"bake", (folder / "a").string(), (folder / "b/sub").string(), "-o", (folder / output).string()});
+        EXPECT_EQ(outcome.exitCode, 1);
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_NE(outcome.errors.find("a/sub/x.glb: the output"), std::string::npos) << outcome.errors;
+        EXPECT_EQ(readFile(folder / "b/sub/x.glb"), other);
+        EXPECT_EQ(bakedPrimitives(folder / "b/x.glb"), 1u); // the other one is baked
+    }
+    // What another input names is read, too.
+    std::string json = writeGltf(folder / "c/tree.gltf");
+    json.replace(json.find("disc.png"), 8, "disc.glb");
+    fs::rename(folder / "c/disc.png", folder / "c/disc.glb");
+    writeFile(folder / "c/tree.gltf", {json.begin(), json.end()});
+    writeFile(folder / "a/disc.glb", cardGlb());
+    const Outcome named = runVellum(
+        {"bake", (folder / "c/tree.gltf").string(), (folder / "a/disc.glb").string(), "-o", (folder / "c").string()});
+    EXPECT_EQ(named.exitCode, 1);
+    EXPECT_EQ(named.errorLines(), 2) << named.errors;
+    EXPECT_EQ(readFile(folder / "c/disc.glb"), discPng());
+}
+
+TEST(BakeCommand, TheFirstOfTwoDifferentFilesWins)
+{
+    const Bytes png = discPng();
+    Bytes longer = png;
+    longer.push_back(0);
+    for (const char *threads : {"1", "4"}) {
+        const TemporaryFolder folder;
+        writeGltf(folder / "a/a.gltf", longer);
+        writeGltf(folder / "b/b.gltf", png);
+        writeGltf(folder / "c/c.gltf", longer);
+        const Outcome outcome = runVellum({"bake", (folder / "a").string(), (folder / "b").string(),
+                                           (folder / "c").string(), "-o", (folder / "out").string(), "-j", threads});
+        EXPECT_EQ(outcome.exitCode, 1);
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_NE(outcome.errors.find("b/b.gltf: "), std::string::npos) << outcome.errors;
+        EXPECT_EQ(readFile(folder / "out/disc.png"), longer);
+        EXPECT_EQ(bakedPrimitives(folder / "out/a.gltf"), 1u);
+        EXPECT_EQ(bakedPrimitives(folder / "out/c.gltf"), 1u);
+        EXPECT_FALSE(fs::exists(folder / "out/b.gltf"));
+    }
+}
+
+TEST(BakeCommand, WhatWasBakedMayLieBesideIt)
+{
+    const TemporaryFolder folder;
+    writeGltf(folder / "in/tree.gltf");
+    EXPECT_EQ(runVellum({"bake", (folder / "in/tree.gltf").string(), "--level", "2"}).exitCode, 0);
+    const Outcome outcome = runVellum({"bake", (folder / "in").string(), "-o", (folder / "out").string()});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_EQ(bakedPrimitives(folder / "out/tree.gltf"), 1u);
+    EXPECT_EQ(bakedPrimitives(folder / "out/tree.omm.gltf"), 1u);
+}
+
+TEST(BakeCommand, AFolderBelowTheOutputIsSearched)
+{
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "b/sub");
+    writeFile(folder / "b/sub/x.glb", cardGlb());
+    for (int i = 0; i < 2; ++i) {
+        const Outcome outcome = runVellum({"bake", (folder / "b/sub").string(), "-o", (folder / "b").string()});
+        EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+        EXPECT_EQ(entries(folder / "b"), (std::vector<std::string>{"sub", "sub/x.glb", "x.glb"}));
+    }
+    // And what is baked into a folder of the input is not baked again.
+    for (int i = 0; i < 2; ++i)
+        EXPECT_EQ(runVellum({"bake", (folder / "b/sub").string(), "-o", (folder / "b/sub/out").string()}).exitCode, 0);
+    EXPECT_EQ(entries(folder / "b/sub"), (std::vector<std::string>{"out", "out/x.glb", "x.glb"}));
+}
+
+TEST(BakeCommand, SaysThatStdoutCannotBeWritten)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb());
+    const std::string tree = (folder / "tree.glb").string();
+    const std::vector<std::vector<std::string>> cases = {
+        {"bake", tree}, {"bake", tree, "--json"}, {"verify", tree}, {"bake", "--help"}, {"--version"}};
+    for (const std::vector<std::string> &arguments : cases) {
+        const Outcome outcome = runVellumToFullDevice(arguments);
+        EXPECT_EQ(outcome.exitCode, 1) << arguments.back();
+        EXPECT_EQ(outcome.errors, "vellum: stdout cannot be written\n") << arguments.back();
+    }
+}
+
+TEST(BakeCommand, NamesThatAreNotUtf8AreReplacedInJson)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "caf\xe9 \xc3\xa9.glb", cardGlb());
+    const Outcome outcome = runVellum({"bake", (folder / "caf\xe9 \xc3\xa9.glb").string(), "--json"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_NE(outcome.output.find("/caf\xef\xbf\xbd \xc3\xa9.glb\""), std::string::npos) << outcome.output;
+    EXPECT_EQ(outcome.output.find('\xe9'), std::string::npos);
+}
+
+TEST(BakeCommand, SaysWhatLosesItsMicromap)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb());
+    EXPECT_EQ(runVellum({"bake", (folder / "tree.glb").string()}).exitCode, 0);
+    const std::vector<std::string> bake = {
+        "bake", (folder / "tree.omm.glb").string(), "-o", (folder / "out.glb").string(), "--leave-material", "leaf"};
+    for (const auto &[option, text] : {std::pair{"", "left out (1 lost its micromap)"},
+                                       {"--report", "as asked for; its micromap was removed"},
+                                       {"--json", "\"hadMicromap\": true"}}) {
+        std::vector<std::string> arguments = bake;
+        if (*option != 0)
+            arguments.emplace_back(option);
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+        EXPECT_NE(outcome.output.find(text), std::string::npos) << outcome.output;
+    }
 }
 
 TEST(BakeCommand, AnInterruptedBakeLeavesNothing)

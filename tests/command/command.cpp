@@ -67,7 +67,7 @@ namespace
 template <typename InChild, typename Meanwhile>
 Outcome run(const std::vector<std::string> &arguments,
             const std::vector<std::pair<std::string, std::string>> &environment, InChild &&inChild,
-            Meanwhile &&meanwhile)
+            Meanwhile &&meanwhile, const std::filesystem::path &device = {})
 {
     const TemporaryFolder folder;
     std::fflush(nullptr); // else the child would write what is buffered once more
@@ -76,7 +76,7 @@ Outcome run(const std::vector<std::string> &arguments,
         throw std::runtime_error("no process");
     if (child == 0) {
         inChild();
-        execute(arguments, environment, folder / "output", folder / "errors");
+        execute(arguments, environment, device.empty() ? folder / "output" : device, folder / "errors");
     }
     meanwhile(child);
     int status = 0;
@@ -114,6 +114,12 @@ Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsign
             setrlimit(RLIMIT_FSIZE, &limit);
         },
         [](pid_t) {});
+}
+
+Outcome runVellumToFullDevice(const std::vector<std::string> &arguments)
+{
+    return run(
+        arguments, {}, [] {}, [](pid_t) {}, "/dev/full");
 }
 
 } // namespace vellum::test

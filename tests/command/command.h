@@ -28,4 +28,7 @@ Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, i
 // No file that it writes may become larger than this.
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);
 
+// Its stdout takes nothing: /dev/full.
+Outcome runVellumToFullDevice(const std::vector<std::string> &arguments);
+
 } // namespace vellum::test

@@ -261,6 +261,26 @@ TEST(DocumentBake, TransformsAreAsExactAsTheirTerms)
     EXPECT_EQ(knownWith(4194304), 0u);
 }
 
+TEST(DocumentBake, AnOpaqueMaterialIsNotLeftOutWhateverItsTexture)
+{
+    const DocumentBake bake = bakeCard({{R"("alphaMode": "MASK", )", ""}, {R"({"source": 0, "sampler": 0})", "{}"}});
+    EXPECT_TRUE(bake.primitives.empty());
+    EXPECT_TRUE(bake.left.empty());
+    EXPECT_EQ(bakeCard({{R"({"source": 0, "sampler": 0})", "{}"}}).left.size(), 1u);
+}
+
+TEST(DocumentBake, SaysWhatLosesItsMicromap)
+{
+    const Replacements stored = {
+        {kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
+                         R"(, "extensions": {"EXT_mesh_opacity_micromap": {"micromap": 0}}})"}};
+    DocumentBakeOptions options = optionsOf();
+    EXPECT_TRUE(bakeCard(stored, options).left.empty());
+    options.leaveMaterials = {"leaf"};
+    EXPECT_TRUE(bakeCard(stored, options).left.at(0).hadMicromap);
+    EXPECT_FALSE(bakeCard({}, options).left.at(0).hadMicromap);
+}
+
 TEST(DocumentBake, AVariantWithTheSameMaterialIsNoChange)
 {
     EXPECT_EQ(bakeCard({{kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +

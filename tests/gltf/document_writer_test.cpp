@@ -7,6 +7,7 @@
 #include "glb_file.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_tree.h"
+#include "gltf/file/relative_uri.h"
 #include "gltf/micromaps/file_bake.h"
 #include "gltf/micromaps/stored_micromaps.h"
 #include "gltf/primitive.h"
@@ -55,6 +56,13 @@ void replaceOnce(std::string &text, const std::string &from, const std::string &
     ASSERT_NE(place, std::string::npos) << from;
     ASSERT_EQ(text.find(from, place + 1), std::string::npos) << from;
     text.replace(place, from.size(), to);
+}
+
+// The URI of the last buffer.
+std::string bufferOf(const Bytes &gltf)
+{
+    const std::string text(gltf.begin(), gltf.end());
+    return JsonTree(text).root()["buffers"].children().back()["uri"].string().value_or("");
 }
 
 // Bakes files in a folder of their own.
@@ -169,14 +177,67 @@ TEST(DocumentWriter, AGltfGetsAFileBesideIt)
     writeFile(bench.folder / "card data.bin", split.binary);
     const Bytes output = bench.bake(Bench::text(split.json + "\n \n"), "in.gltf", "the tree.gltf");
     const std::string text(output.begin(), output.end());
-    EXPECT_NE(text.find(R"(,{"uri":"the%20tree.omm.bin","byteLength":)"), std::string::npos);
+    const std::string name = bufferOf(output);
+    EXPECT_EQ(name.size(), std::string("the%20tree.omm-0123456789abcdef.bin").size());
+    EXPECT_TRUE(name.starts_with("the%20tree.omm-"));
     EXPECT_TRUE(text.ends_with("\n \n"));
-    EXPECT_TRUE(std::filesystem::exists(bench.folder / "the tree.omm.bin"));
+    EXPECT_TRUE(std::filesystem::exists(bench.folder / percentDecoded(name)));
     EXPECT_EQ(bench.micromaps("the tree.gltf").primitives.size(), 1u);
-    // A file that is named like it and belongs to the input is not written over.
-    const Bytes again = bench.bake(readFile(bench.folder / "the tree.gltf"), "the tree.omm.gltf", "the tree.gltf");
-    EXPECT_NE(std::string(again.begin(), again.end()).find("the%20tree.omm-2.bin"), std::string::npos);
-    EXPECT_EQ(bench.micromaps("the tree.gltf").primitives.size(), 1u);
+    // Other micromaps have another name, and the same ones the same.
+    const Bytes old = readFile(bench.folder / percentDecoded(name));
+    bench.options.bake.level = 2;
+    const Bytes other = bench.bake(Bench::text(split.json), "in.gltf", "the tree.omm.gltf");
+    EXPECT_TRUE(bufferOf(other).starts_with("the%20tree.omm-"));
+    EXPECT_NE(bufferOf(other), name);
+    EXPECT_EQ(readFile(bench.folder / percentDecoded(name)), old);
+    bench.options.bake.level = 3;
+    const Bytes before = bench.bake(Bench::text(split.json), "in.gltf", "the tree.gltf");
+    EXPECT_EQ(bufferOf(before), name);
+    // Nobody else's file is written over.
+    writeFile(bench.folder / percentDecoded(name), {'x'});
+    EXPECT_THROW(bench.bake(Bench::text(split.json), "in.gltf", "the tree.gltf"), GltfError);
+    EXPECT_EQ(readFile(bench.folder / percentDecoded(name)), Bytes{'x'});
+    EXPECT_EQ(readFile(bench.folder / "the tree.gltf"), before);
+}
+
+TEST(DocumentWriter, TheInputsOwnFilesAreNotWritten)
+{
+    Bench bench;
+    Split split = splitCard();
+    replaceOnce(split.json, "card%20data.bin", "./tree.omm.bin");
+    writeFile(bench.folder / "tree.omm.bin", split.binary);
+    bench.bake(Bench::text(split.json), "in.gltf", "tree.gltf");
+    EXPECT_EQ(readFile(bench.folder / "tree.omm.bin"), split.binary);
+    EXPECT_EQ(bench.micromaps("tree.gltf").primitives.size(), 1u);
+    // Nor as the output.
+    replaceOnce(split.json, "./tree.omm.bin", "data.gltf");
+    writeFile(bench.folder / "data.gltf", split.binary);
+    std::filesystem::create_symlink("data.gltf", bench.folder / "alias.gltf");
+    for (const char *output : {"data.gltf", "alias.gltf"})
+        EXPECT_THROW(bench.bake(Bench::text(split.json), "in.gltf", output), GltfError);
+    EXPECT_EQ(readFile(bench.folder / "data.gltf"), split.binary);
+}
+
+TEST(DocumentWriter, ANameThatIsNotUtf8IsEscaped)
+{
+    Bench bench;
+    const Split split = splitCard();
+    writeFile(bench.folder / "card data.bin", split.binary);
+    const std::string name = "caf\xe9 \xc3\xa9.gltf";
+    const std::string buffer = bufferOf(bench.bake(Bench::text(split.json), "in.gltf", name));
+    EXPECT_TRUE(buffer.starts_with("caf%E9%20\xc3\xa9.omm-")) << buffer;
+    EXPECT_EQ(bench.micromaps(name).primitives.size(), 1u);
+}
+
+TEST(DocumentWriter, ExtensionsThatAreNoListsAreRefused)
+{
+    for (const char *list : {"extensionsUsed", "extensionsRequired"})
+        for (const char *value : {"{}", "{\"a\": 1}", "\"ab\"", "5", "null"}) {
+            Bench bench;
+            const std::string member = std::string("\"") + list + "\": " + value + ",\n\"scene\": 0";
+            EXPECT_THROW(bench.bake(cardGlb({{"\"scene\": 0", member}})), GltfError) << member;
+            EXPECT_FALSE(std::filesystem::exists(bench.folder / "out.glb")) << member;
+        }
 }
 
 TEST(DocumentWriter, EmbedsOnRequest)
@@ -186,7 +247,8 @@ TEST(DocumentWriter, EmbedsOnRequest)
     const Split split = splitCard();
     writeFile(bench.folder / "card data.bin", split.binary);
     bench.bake(Bench::text(split.json), "in.gltf", "out.gltf");
-    EXPECT_FALSE(std::filesystem::exists(bench.folder / "out.omm.bin"));
+    for (const auto &entry : std::filesystem::directory_iterator(bench.folder.path()))
+        EXPECT_EQ(entry.path().string().find(".omm"), std::string::npos);
     bench.options.embed = false;
     bench.bake(Bench::text(split.json), "in.gltf", "other.gltf");
     const StoredMicromaps embedded = bench.micromaps("out.gltf");

@@ -101,6 +101,44 @@ TEST(OutputFiles, CopiesDoNotReplaceWhatIsDifferent)
     EXPECT_EQ(textOf(folder / "different"), "d");
 }
 
+TEST(OutputFiles, WhatIsWrittenOnceIsNeverReplaced)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "old", {'o'});
+    writeFile(folder / "same", {'s'});
+    {
+        OutputFiles files(kNever);
+        files.writeOnce(folder / "same", contentOf("s"));
+        files.writeOnce(folder / "new", contentOf("n"));
+        files.write(folder / "old", contentOf("newer"));
+        files.publish();
+    }
+    EXPECT_EQ(textOf(folder / "new"), "n");
+    EXPECT_EQ(textOf(folder / "old"), "newer");
+    OutputFiles files(kNever);
+    files.writeOnce(folder / "other", contentOf("o"));
+    files.writeOnce(folder / "same", contentOf("different"));
+    files.write(folder / "old", contentOf("newest"));
+    EXPECT_THROW(files.publish(), GltfError);
+    EXPECT_EQ(textOf(folder / "same"), "s");
+    EXPECT_EQ(textOf(folder / "old"), "newer");
+    EXPECT_FALSE(std::filesystem::exists(folder / "other"));
+}
+
+TEST(OutputFiles, WhatIsReplacedKeepsItsMode)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "old", {'o'});
+    const auto mode =
+        std::filesystem::perms::owner_read | std::filesystem::perms::owner_write | std::filesystem::perms::group_read;
+    std::filesystem::permissions(folder / "old", mode);
+    OutputFiles files(kNever);
+    files.write(folder / "old", contentOf("newer"));
+    files.publish();
+    EXPECT_EQ(textOf(folder / "old"), "newer");
+    EXPECT_EQ(std::filesystem::status(folder / "old").permissions(), mode);
+}
+
 TEST(OutputFiles, WhatIsNoFileIsNotReplaced)
 {
     const TemporaryFolder folder;

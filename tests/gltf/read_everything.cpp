@@ -36,7 +36,7 @@ void rewrite(const Document &document, const DocumentBake &bake)
 {
     RewrittenFile written;
     try {
-        written = withMicromaps(document, bake, "micromaps.bin");
+        written = withMicromaps(document, bake, "micromaps");
     } catch (const GltfError &) {
         return; // the JSON is not what tinygltf made of it
     }

@@ -37,6 +37,8 @@ std::filesystem::path temporaryName(const std::filesystem::path &path)
     return folderOf(path) / name;
 }
 
+} // namespace
+
 bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b)
 {
     std::error_code error;
@@ -56,8 +58,6 @@ bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b)
     }
     return one.eof() && other.eof();
 }
-
-} // namespace
 
 std::uint64_t FileContent::size() const
 {
@@ -135,6 +135,11 @@ void OutputFiles::put(const Pending &pending, std::span<const std::uint8_t> byte
 
 void OutputFiles::finish(const Pending &pending) const
 {
+    // Who may read it stays. Where a file system knows no modes there is nothing to keep.
+    struct stat old {
+    };
+    if (pending.existing == Existing::Replace && stat(pending.path.c_str(), &old) == 0)
+        static_cast<void>(fchmod(pending.descriptor, old.st_mode & 0777));
     // EINVAL: something that cannot be synchronized.
     if (fsync(pending.descriptor) != 0 && errno != EINVAL)
         fail(pending.path, "cannot be written", errno);
@@ -142,7 +147,17 @@ void OutputFiles::finish(const Pending &pending) const
 
 void OutputFiles::write(const std::filesystem::path &path, const FileContent &content)
 {
-    const Pending &pending = open(path, Existing::Replace);
+    write(path, content, Existing::Replace);
+}
+
+void OutputFiles::writeOnce(const std::filesystem::path &path, const FileContent &content)
+{
+    write(path, content, Existing::Keep);
+}
+
+void OutputFiles::write(const std::filesystem::path &path, const FileContent &content, Existing existing)
+{
+    const Pending &pending = open(path, existing);
     for (const auto &piece : content.pieces())
         put(pending, piece);
     finish(pending);

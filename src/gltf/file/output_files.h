@@ -27,6 +27,9 @@ private:
     std::vector<std::span<const std::uint8_t>> m_pieces;
 };
 
+// Whether both can be read and are the same file or have the same bytes.
+bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b);
+
 class OutputFiles
 {
 public:
@@ -40,10 +43,13 @@ public:
     // GltfError, with the path in front. Until then nothing can be seen of the file; on file systems that cannot do
     // that, a hidden temporary file.
     void write(const std::filesystem::path &path, const FileContent &content);
+    // The same for a file that is never replaced: one that is there already, then or when publish() is called, must
+    // have the same bytes. GltfError otherwise.
+    void writeOnce(const std::filesystem::path &path, const FileContent &content);
     // Copies a file. One that is at `to` already must have the same bytes: GltfError otherwise.
     void copy(const std::filesystem::path &from, const std::filesystem::path &to);
     // Lets the files appear, in the order in which they were written. Where that fails those that are new are removed
-    // again.
+    // again. What was replaced does not come back: write() at most one file, as the last one.
     void publish();
 
 private:
@@ -55,6 +61,7 @@ private:
         int descriptor = -1;
         std::filesystem::path temporary; // its name, where it has one
     };
+    void write(const std::filesystem::path &path, const FileContent &content, Existing existing);
     Pending &open(const std::filesystem::path &path, Existing existing);
     void makeFolders(const std::filesystem::path &folder);
     void put(const Pending &pending, std::span<const std::uint8_t> bytes) const;

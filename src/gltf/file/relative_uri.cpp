@@ -1,9 +1,9 @@
 #include "gltf/file/relative_uri.h"
 
-#include <cctype>
 #include <cstdio>
 
 #include "gltf/file/json_tree.h"
+#include "gltf/file/utf8.h"
 
 namespace vellum
 {
@@ -12,7 +12,7 @@ namespace
 
 bool isKept(unsigned char c)
 {
-    return std::isalnum(c) != 0 || c >= 0x80 ||
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
            std::string_view("-._~/").find(static_cast<char>(c)) != std::string_view::npos;
 }
 
@@ -39,14 +39,17 @@ void collect(const JsonValue &value, std::vector<std::filesystem::path> &paths)
 std::string encodedUri(std::string_view name)
 {
     std::string uri;
-    for (const char c : name) {
-        if (isKept(static_cast<unsigned char>(c))) {
-            uri += c;
+    while (!name.empty()) {
+        const std::size_t sequence = utf8Sequence(name);
+        if (sequence > 1 || isKept(static_cast<unsigned char>(name[0]))) {
+            uri += name.substr(0, sequence);
+            name.remove_prefix(sequence);
             continue;
         }
         char escape[4];
-        std::snprintf(escape, sizeof escape, "%%%02X", static_cast<unsigned>(static_cast<unsigned char>(c)));
+        std::snprintf(escape, sizeof escape, "%%%02X", static_cast<unsigned>(static_cast<unsigned char>(name[0])));
         uri += escape;
+        name.remove_prefix(1);
     }
     return uri;
 }

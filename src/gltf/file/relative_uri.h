@@ -11,7 +11,7 @@ namespace vellum
 {
 
 // A file's name as a URI: what is neither a letter, a digit, one of -._~/ nor part of a longer UTF-8 sequence is
-// percent-encoded.
+// percent-encoded, bytes that are not UTF-8 among them.
 std::string encodedUri(std::string_view name);
 
 // Percent-encoding resolved. A percent sign that is not followed by two digits is itself: not every program encodes the

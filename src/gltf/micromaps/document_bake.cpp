@@ -4,7 +4,6 @@
 #include <cmath>
 #include <fnmatch.h>
 #include <map>
-#include <set>
 #include <tuple>
 
 #include "gltf/file/tinygltf.h"
@@ -66,7 +65,7 @@ public:
 
 private:
     void addPrimitive(PrimitivePlace place);
-    void leave(PrimitivePlace place, const Material &material, const std::string &reason);
+    void leave(PrimitivePlace place, const std::string &material, const std::string &reason);
     Source &sourceOf(const Material &material, float uvTerms);
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
@@ -95,9 +94,12 @@ std::string DocumentBaker::withoutPath(const GltfError &error) const
     return text.starts_with(prefix) ? text.substr(prefix.size()) : text;
 }
 
-void DocumentBaker::leave(PrimitivePlace place, const Material &material, const std::string &reason)
+void DocumentBaker::leave(PrimitivePlace place, const std::string &material, const std::string &reason)
 {
-    m_result.left.push_back({place, material.name, reason});
+    const auto &extensions = m_document.model().meshes[place.mesh].primitives[place.primitive].extensions;
+    const bool had =
+        extensions.contains("EXT_mesh_opacity_micromap") || extensions.contains("KHR_mesh_opacity_micromap");
+    m_result.left.push_back({place, material, reason, had});
 }
 
 Source &DocumentBaker::sourceOf(const Material &material, float uvTerms)
@@ -142,6 +144,12 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     const tinygltf::Model &model = m_document.model();
     const tinygltf::Mesh &mesh = model.meshes[place.mesh];
     const tinygltf::Primitive &source = mesh.primitives[place.primitive];
+    // Nothing else about an opaque material matters here, whether it can be read or not.
+    if (source.material >= 0 && static_cast<std::size_t>(source.material) < model.materials.size()) {
+        const std::string &mode = model.materials[static_cast<std::size_t>(source.material)].alphaMode;
+        if (mode != "MASK" && mode != "BLEND")
+            return;
+    }
     if (!m_materials.contains(source.material)) {
         Material material = readMaterial(m_document, source.material);
         if (material.alphaMode == AlphaMode::Blend)
@@ -152,34 +160,35 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     if (!material.masked())
         return;
     if (material.alphaMode == AlphaMode::Blend && !m_options.blend)
-        return leave(place, material, "its alphaMode is BLEND");
+        return leave(place, material.name, "its alphaMode is BLEND");
     if (matches(mesh.name, m_options.leaveMeshes) || matches(material.name, m_options.leaveMaterials))
-        return leave(place, material, "as asked for");
+        return leave(place, material.name, "as asked for");
     if (const auto reason = m_changing.reason(place))
-        return leave(place, material, *reason);
+        return leave(place, material.name, *reason);
     const bool list = source.mode == -1 || source.mode == TINYGLTF_MODE_TRIANGLES;
     if (!list && source.extensions.contains("KHR_draco_mesh_compression"))
-        return leave(place, material, "it is a strip with KHR_draco_mesh_compression");
+        return leave(place, material.name, "it is a strip with KHR_draco_mesh_compression");
     // The extension counts triangles by the indices, or else the positions.
     if (source.indices < 0 && !source.attributes.contains("POSITION"))
-        return leave(place, material, "it has neither indices nor positions");
+        return leave(place, material.name, "it has neither indices nor positions");
     if (!material.unreadImage.empty() && !m_options.fallbackImages)
-        return leave(place, material, "its texture has an image that is not read here (" + material.unreadImage + ")");
+        return leave(place, material.name,
+                     "its texture has an image that is not read here (" + material.unreadImage + ")");
     Primitive primitive = readPrimitive(m_document, place, Positions::Leave);
     if (material.image >= 0 && primitive.uvs.empty())
-        return leave(place, material,
+        return leave(place, material.name,
                      "it has no texture coordinates (TEXCOORD_" + std::to_string(material.uvSet) + ")");
     if (primitive.morphed)
-        return leave(place, material, "morph targets change its texture coordinates or alphas");
+        return leave(place, material.name, "morph targets change its texture coordinates or alphas");
     if (primitive.indices.empty())
-        return leave(place, material, "it has no triangles");
+        return leave(place, material.name, "it has no triangles");
     if (primitive.twofold)
-        return leave(place, material, "its uncompressed data has other triangles than its compressed data");
+        return leave(place, material.name, "its uncompressed data has other triangles than its compressed data");
     const std::size_t declared = source.indices < 0
                                      ? primitive.indices.size()
                                      : model.accessors.at(static_cast<std::size_t>(source.indices)).count;
     if (source.extensions.contains("KHR_draco_mesh_compression") && declared / 3 != primitive.triangleCount())
-        return leave(place, material,
+        return leave(place, material.name,
                      "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
                          std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");
     addTriangles(sourceOf(material, primitive.uvTerms), primitive);
@@ -257,7 +266,7 @@ AlphaTexture DocumentBaker::textureOf(Source &source)
         source.unreadable = true;
         for (const std::uint32_t primitive : source.primitives) {
             const BakedPrimitive &baked = m_result.primitives[primitive];
-            m_result.left.push_back({baked.place, baked.material, withoutPath(error)});
+            leave(baked.place, baked.material, withoutPath(error));
         }
         return {};
     }
@@ -321,12 +330,15 @@ DocumentBake DocumentBaker::bake()
         for (Source &source : m_sources)
             bakeSources({&source, 1});
     }
-    std::set<std::uint32_t> dropped;
+    std::vector<bool> dropped(m_result.primitives.size());
     for (const Source &source : m_sources)
-        if (source.unreadable)
-            dropped.insert(source.primitives.begin(), source.primitives.end());
-    for (auto number = dropped.rbegin(); number != dropped.rend(); ++number)
-        m_result.primitives.erase(m_result.primitives.begin() + *number);
+        for (const std::uint32_t primitive : source.primitives)
+            dropped[primitive] = source.unreadable;
+    std::vector<BakedPrimitive> kept;
+    for (std::size_t i = 0; i < dropped.size(); ++i)
+        if (!dropped[i])
+            kept.push_back(std::move(m_result.primitives[i]));
+    m_result.primitives = std::move(kept);
     std::sort(m_result.left.begin(), m_result.left.end(),
               [](const LeftPrimitive &a, const LeftPrimitive &b) { return a.place < b.place; });
     return std::move(m_result);

@@ -40,7 +40,8 @@ struct BakedPrimitive {
 struct LeftPrimitive {
     PrimitivePlace place;
     std::string material;
-    std::string reason; // "it has no texture coordinates (TEXCOORD_1)"
+    std::string reason;       // "it has no texture coordinates (TEXCOORD_1)"
+    bool hadMicromap = false; // which goes: those of a file are replaced all together
 };
 
 struct DocumentBake {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <map>
+#include <stdexcept>
 
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_edit.h"
@@ -73,6 +74,18 @@ std::string dataUri(std::span<const std::uint8_t> bytes)
     return text;
 }
 
+// 64 bits of FNV-1a in hexadecimal digits: the same bytes have the same name.
+std::string digest(std::span<const std::uint8_t> bytes)
+{
+    std::uint64_t hash = 0xcbf29ce484222325;
+    for (const std::uint8_t byte : bytes)
+        hash = (hash ^ byte) * 0x100000001b3;
+    std::string text;
+    for (int shift = 60; shift >= 0; shift -= 4)
+        text += "0123456789abcdef"[hash >> shift & 15];
+    return text;
+}
+
 std::string listOf(const std::vector<MicromapUsage> &usages, std::uint32_t (*member)(const MicromapUsage &))
 {
     std::string text = "[";
@@ -84,8 +97,8 @@ std::string listOf(const std::vector<MicromapUsage> &usages, std::uint32_t (*mem
 class Writer
 {
 public:
-    Writer(const Document &document, const DocumentBake &bake, const std::string &bufferName)
-        : m_document(document), m_bake(bake), m_bufferName(bufferName), m_tree(document.json()), m_root(m_tree.root()),
+    Writer(const Document &document, const DocumentBake &bake, const std::string &bufferStem)
+        : m_document(document), m_bake(bake), m_bufferStem(bufferStem), m_tree(document.json()), m_root(m_tree.root()),
           m_edit(m_tree)
     {
     }
@@ -110,7 +123,7 @@ private:
 
     const Document &m_document;
     const DocumentBake &m_bake;
-    const std::string &m_bufferName;
+    const std::string &m_bufferStem;
     JsonTree m_tree;
     JsonValue m_root;
     JsonEdit m_edit;
@@ -135,6 +148,7 @@ void Writer::checkNumbers() const
             throw GltfError(std::string("\"") + name + "\" has elements that cannot be read");
     }
     checkOnce(m_root, "extensionsUsed");
+    checkOnce(m_root, "extensionsRequired");
     const std::vector<JsonValue> meshes = m_root["meshes"].children();
     for (std::size_t m = 0; m < meshes.size(); ++m) {
         checkOnce(meshes[m], "primitives");
@@ -289,6 +303,8 @@ void Writer::setUsed(bool used)
 {
     for (const char *name : {"extensionsUsed", "extensionsRequired"}) {
         const JsonValue list = m_root[name];
+        if (list.exists() && !list.isArray())
+            throw GltfError("\"" + std::string(name) + "\" is not an array");
         std::size_t theirs = 0;
         bool listed = false;
         for (const JsonValue &element : list.children()) {
@@ -316,23 +332,39 @@ void Writer::placeData(RewrittenFile &result)
     if (m_data.empty())
         return;
     const std::size_t length = m_dataBegin + m_data.size();
+    if (length > kMostBytes)
+        throw GltfError("with micromaps it would be larger than 2 GiB");
     if (m_inChunk && m_root["buffers"].exists() && !m_root["buffers"].children().empty()) {
         m_edit.set(m_root["buffers"].children()[0], "byteLength", number(length));
         return;
     }
     std::string buffer = "{";
     if (!m_inChunk) {
-        const bool embedded = m_document.binary() || m_bufferName.empty();
-        buffer += joined("\"uri\":", quotedJson(embedded ? dataUri(m_data) : encodedUri(m_bufferName)), ",");
+        const bool embedded = m_document.binary() || m_bufferStem.empty();
+        if (!embedded)
+            result.bufferName = joined(m_bufferStem, "-", digest(m_data), ".bin");
+        buffer += joined("\"uri\":", quotedJson(embedded ? dataUri(m_data) : encodedUri(result.bufferName)), ",");
         if (!embedded)
             result.buffer.keep(std::move(m_data));
     }
     appendAll("buffers", {joined(buffer, "\"byteLength\":", number(length), "}")});
 }
 
+// Nobody gets a file that is broken, whatever was overlooked here.
+void checkEdited(const std::string &json)
+{
+    try {
+        if (JsonTree(json).root().end() == json.size())
+            return;
+    } catch (const GltfError &) {
+    }
+    throw std::logic_error("its JSON cannot be changed");
+}
+
 void Writer::assemble(RewrittenFile &result)
 {
     const std::string json = m_edit.apply();
+    checkEdited(json);
     const std::string_view original = m_document.json();
     std::vector<std::uint8_t> text(json.begin(), json.end());
     if (!m_document.binary()) {
@@ -392,8 +424,6 @@ RewrittenFile Writer::write()
     appendAll("bufferViews", m_views);
     appendAll("accessors", m_accessors);
     placeData(result);
-    if (m_data.size() > kMostBytes)
-        throw GltfError("with micromaps it would be larger than 2 GiB");
     assemble(result);
     return result;
 }
@@ -407,7 +437,7 @@ bool hasMicromaps(const Document &document)
     return extensions[kExtension].exists() || extensions[kEarlier].exists();
 }
 
-RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferName)
+RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferStem)
 {
     return document.named([&] {
         RewrittenFile result;
@@ -416,7 +446,7 @@ RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, 
             result.file.add(document.bytes());
             return result;
         }
-        return Writer(document, bake, bufferName).write();
+        return Writer(document, bake, bufferStem).write();
     });
 }
 

@@ -12,8 +12,9 @@ namespace vellum
 
 struct RewrittenFile {
     FileContent file;
-    // Of a .gltf: what has to lie beside it under the name that was given; empty where nothing has to.
+    // Of a .gltf: what has to lie beside it under this name; empty where nothing has to.
     FileContent buffer;
+    std::string bufferName;
 };
 
 // Whether the extension, in either spelling, is in the root of the document.
@@ -23,8 +24,8 @@ bool hasMicromaps(const Document &document);
 // spelling; byte for byte the same where there are none before and after.
 //
 // A GLB gets the data in its binary chunk, or, where its first buffer is not that chunk, in a data URI. A .gltf gets it
-// in a file of the name `bufferName`, or in a data URI if that is empty. The document must outlive the result. Throws
-// GltfError.
-RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferName);
+// in a file whose name is `bufferStem`, a dash, a digest of its bytes in 16 hexadecimal digits and `.bin`, or in a data
+// URI if `bufferStem` is empty. The document must outlive the result. Throws GltfError.
+RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferStem);
 
 } // namespace vellum

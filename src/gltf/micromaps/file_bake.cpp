@@ -26,39 +26,13 @@ bool isGltf(const std::filesystem::path &path)
     return extension == ".gltf";
 }
 
-// A name for the file of micromaps that no other file of the document has.
-std::string bufferName(const std::filesystem::path &output, const std::vector<std::filesystem::path> &named)
+// The first part of the name of the file of micromaps: `tree.omm` for `tree.gltf` and `tree.omm.gltf`.
+std::string bufferStem(const std::filesystem::path &output)
 {
-    const std::filesystem::path first = bufferPath(output).filename();
-    std::filesystem::path name = first;
-    for (int i = 2; std::find(named.begin(), named.end(), name) != named.end(); ++i)
-        name = first.stem().string() + "-" + std::to_string(i) + first.extension().string();
-    return name.string();
-}
-
-// Copies the files that a document names to where its output will look for them.
-std::vector<std::filesystem::path> copyNamed(const Document &document, const std::filesystem::path &output,
-                                             const std::vector<std::filesystem::path> &named, OutputFiles &files)
-{
-    const std::filesystem::path from = folderOf(document.path());
-    const std::filesystem::path to = folderOf(output);
-    std::vector<std::filesystem::path> copied;
-    std::error_code error;
-    if (std::filesystem::equivalent(from, to, error))
-        return copied;
-    std::set<std::filesystem::path> seen;
-    for (const std::filesystem::path &name : named) {
-        const std::filesystem::path normal = name.lexically_normal();
-        if (!seen.insert(normal).second || !std::filesystem::is_regular_file(from / normal, error))
-            continue;
-        if (normal.is_absolute() || normal.begin()->string() == "..")
-            throw GltfError("it names the file " + name.string() +
-                            ", which is not in its folder or below it, so that " + output.string() +
-                            " cannot have a copy");
-        files.copy(from / normal, to / normal);
-        copied.push_back(normal);
-    }
-    return copied;
+    std::filesystem::path stem = output.stem();
+    if (stem.extension() != ".omm")
+        stem += ".omm";
+    return stem.string();
 }
 
 void checkPaths(const Document &document, const std::filesystem::path &output)
@@ -74,12 +48,30 @@ void checkPaths(const Document &document, const std::filesystem::path &output)
 
 } // namespace
 
-std::filesystem::path bufferPath(const std::filesystem::path &output)
+FilesBeside filesBeside(std::string_view json, const std::filesystem::path &input, const std::filesystem::path &output)
 {
-    std::filesystem::path stem = output.stem();
-    if (stem.extension() != ".omm")
-        stem += ".omm";
-    return folderOf(output) / (stem.string() + ".bin");
+    const std::filesystem::path from = folderOf(input);
+    const std::filesystem::path to = folderOf(output);
+    FilesBeside files;
+    std::error_code error;
+    const bool sameFolder = std::filesystem::equivalent(from, to, error);
+    std::set<std::filesystem::path> seen;
+    for (const std::filesystem::path &name : namedFiles(json)) {
+        const std::filesystem::path normal = name.lexically_normal();
+        if (!seen.insert(normal).second || !std::filesystem::is_regular_file(from / normal, error))
+            continue;
+        files.read.push_back(from / normal);
+        if (std::filesystem::equivalent(files.read.back(), output, error))
+            throw GltfError("the output is the file " + name.string() + ", which it names");
+        if (sameFolder)
+            continue;
+        if (normal.is_absolute() || normal.begin()->string() == "..")
+            throw GltfError("it names the file " + name.string() +
+                            ", which is not in its folder or below it, so that " + output.string() +
+                            " cannot have a copy");
+        files.copies.push_back({from / normal, to / normal});
+    }
+    return files;
 }
 
 FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::path &output,
@@ -96,14 +88,16 @@ FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::pat
             result.names.push_back(document.nameOf(primitive.place));
         for (const LeftPrimitive &primitive : result.bake.left)
             result.leftNames.push_back(document.nameOf(primitive.place));
-        const std::vector<std::filesystem::path> named = namedFiles(document.json());
-        const std::string name = document.binary() || options.embed ? "" : bufferName(output, named);
-        const RewrittenFile rewritten = withMicromaps(document, result.bake, name);
+        const FilesBeside beside = filesBeside(document.json(), input, output);
+        const RewrittenFile rewritten =
+            withMicromaps(document, result.bake, document.binary() || options.embed ? "" : bufferStem(output));
         result.outputBytes = rewritten.file.size() + rewritten.buffer.size();
+        // The output comes last: as long as it is what it was, so is all that belongs to it.
         OutputFiles files(options.bake.cancelled);
-        result.copied = copyNamed(document, output, named, files);
+        for (const FilesBeside::Copy &copy : beside.copies)
+            files.copy(copy.from, copy.to);
         if (rewritten.buffer.size() != 0)
-            files.write(folderOf(output) / name, rewritten.buffer);
+            files.writeOnce(folderOf(output) / rewritten.bufferName, rewritten.buffer);
         files.write(output, rewritten.file);
         files.publish();
         return result;

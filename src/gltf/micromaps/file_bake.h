@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string_view>
 
 #include "gltf/micromaps/document_bake.h"
 
@@ -15,20 +16,31 @@ struct FileBakeOptions : DocumentBakeOptions {
 
 struct FileBake {
     DocumentBake bake;
-    std::vector<std::string> names;            // of bake.primitives: `mesh 2 "leaves" primitive 0`
-    std::vector<std::string> leftNames;        // of bake.left
-    bool replaced = false;                     // the input had micromaps
-    std::uint64_t inputBytes = 0;              // of the file itself
-    std::uint64_t outputBytes = 0;             // and with the file of micromaps beside it
-    std::vector<std::filesystem::path> copied; // the files beside the input that were taken along
+    std::vector<std::string> names;     // of bake.primitives: `mesh 2 "leaves" primitive 0`
+    std::vector<std::string> leftNames; // of bake.left
+    bool replaced = false;              // the input had micromaps
+    std::uint64_t inputBytes = 0;       // of the file itself
+    std::uint64_t outputBytes = 0;      // and with the file of micromaps beside it
 };
 
-// The file of a .gltf's micromaps: `tree.omm.bin` beside `tree.gltf` and `tree.omm.gltf`.
-std::filesystem::path bufferPath(const std::filesystem::path &output);
+// The files that a document names, as far as they exist.
+struct FilesBeside {
+    struct Copy {
+        std::filesystem::path from;
+        std::filesystem::path to;
+    };
+    std::vector<std::filesystem::path> read;
+    std::vector<Copy> copies; // of all of them where the output is in another folder
+};
 
-// Bakes `input` and writes `output`, which must be another file; .glb becomes .glb and .gltf becomes .gltf. What a
-// .gltf names beside it is copied where the output is in another folder. Either all files are written or none. Throws
-// GltfError, BakeError.
+// Throws GltfError, without the path of the input, where the output is one of them or a copy would be outside of the
+// output's folder.
+FilesBeside filesBeside(std::string_view json, const std::filesystem::path &input, const std::filesystem::path &output);
+
+// Bakes `input` and writes `output`, which must be another file; .glb becomes .glb and .gltf becomes .gltf, with its
+// micromaps in `tree.omm-0123456789abcdef.bin` beside `tree.gltf`, where the digits are a digest of them: no other
+// file has that name unless it has the same bytes. What a .gltf names beside it is copied where the output is in
+// another folder. Either all files are written or none. Throws GltfError, BakeError.
 FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::path &output,
                   const FileBakeOptions &options);
 

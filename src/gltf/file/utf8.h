@@ -1,0 +1,18 @@
+// Names of files are bytes, and JSON is UTF-8.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace vellum
+{
+
+// The length of the character at the beginning of a text, or 0 where there is none that is well-formed (the Unicode
+// Standard, table 3-7).
+std::size_t utf8Sequence(std::string_view text);
+
+// The text with U+FFFD for each byte that does not belong to a well-formed character.
+std::string toUtf8(std::string_view text);
+
+} // namespace vellum
