@@ -82,7 +82,8 @@ VELLUM_FN uint resolveHit(VELLUM_IN uint state, VELLUM_IN bool geometryOpaque, V
 }
 
 // hitInInstance() of all states for one instance: two bits for each but kStateTransparent, which is always ignored, in
-// the upper 8 bits of a word.
+// the upper 8 bits of a word. 0 stands for kHitNonOpaque, so that a record of zeros, which nobody wrote, decides
+// nothing.
 VELLUM_CONST uint kHitTableShift = 24u;
 VELLUM_FN uint hitTable(VELLUM_IN uint instanceFlags)
 {
@@ -92,12 +93,14 @@ VELLUM_FN uint hitTable(VELLUM_IN uint instanceFlags)
         hitInInstance(twoState ? kStateTransparent : kStateUnknownTransparent, instanceFlags);
     const uint unknownOpaque = hitInInstance(twoState ? kStateOpaque : kStateUnknownOpaque, instanceFlags);
     const uint none = hitInInstance(kStateNone, instanceFlags);
-    return (opaque | (unknownTransparent << 2u) | (unknownOpaque << 4u) | (none << 6u)) << kHitTableShift;
+    const uint hits = opaque | (unknownTransparent << 2u) | (unknownOpaque << 4u) | (none << 6u);
+    return (hits ^ (kHitNonOpaque * 0x55u)) << kHitTableShift;
 }
 
 VELLUM_FN uint hitInTable(VELLUM_IN uint word, VELLUM_IN uint state)
 {
-    return state == kStateTransparent ? kHitIgnored : (word >> (kHitTableShift - 2u + 2u * state)) & 3u;
+    return state == kStateTransparent ? kHitIgnored
+                                      : ((word >> (kHitTableShift - 2u + 2u * state)) & 3u) ^ kHitNonOpaque;
 }
 
 VELLUM_SHARED_END

@@ -123,12 +123,14 @@ VELLUM_CONST uint kMicromapNameWords = 4u;
 // --- instance record ---
 // word 0: instanceCustomIndex in the low 24 bits. Of instances of boxes: bit kInstanceBoxes, and in bits 24..27 the
 //         instance flags 2..5. Of others: in the upper 8 bits hitTable() of the instance's flags (opacity.h); of no
-//         flags where the BLAS has no geometry records, for then the driver has seen them
-// word 1: of instances of boxes: which geometries are opaque, see word 7 of the cell
+//         flags where the BLAS has no geometry records, for then the driver has seen them. In the table of no flags the
+//         bit kInstanceBoxes is not set, so whoever has met a box knows by it whether the record is one of boxes
+// word 1: of instances of boxes: 0, so that a shader that looks a triangle up there follows no address
 //         of others: word 0 of the BLAS's geometry record, where it has one geometry, so that no load of that record
 //         stands between this one and the triangle's; 0 where it has none. Of several geometries: kManyGeometries, and
 //         a mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
-// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none
+// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. Of instances of boxes:
+//         word 2: which geometries are opaque, see word 7 of the cell
 // What an update of the BLAS may change, such as where the data is, is not repeated: the TLAS need not be built again.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceRecordLog2 = 4u; // bytes

@@ -51,9 +51,8 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
     out.put(spv::OpBitcast, {type, result, out.value(spv::OpFunctionCall, uint, {function, asUint})});
 }
 
-BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix,
-                   std::optional<PipelineStage> stage)
-    : module_(module), types_(types), linker_(linker), prefix_(prefix), stage_(stage)
+BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, const RewriteOptions &options)
+    : module_(module), types_(types), linker_(linker), prefix_(prefix), options_(options), stage_(options.pipelineStage)
 {
     for (const Instruction in : module.section(Section::Decorations)) {
         if (in.opcode != spv::OpDecorate || module.word(in, 2) != spv::DecorationBuiltIn)
@@ -113,27 +112,34 @@ void BuiltIns::readKnownIndex(Instruction in, Code &out)
         out.put(spv::OpBitcast, {type, result, out.value(spv::OpLoad, uint, {knownIndex_})});
 }
 
-void BuiltIns::restore(Instruction in, Restored what, Code &out)
+bool BuiltIns::restore(Instruction in, Restored what, Code &out)
 {
     if (what == Restored::CustomIndex && stage_ && stage_->decides == Decides::TriangleHits) {
         readKnownIndex(in, out);
-        return;
+        return true;
     }
+    // Rays of pipelines without micromaps have bits to decode only if the driver carries them (TraceRays::idleFlags).
+    if (what == Restored::RayFlags && !stage_ && !options_.pipelinesCarryFlagBits())
+        return false;
     const HiddenFlags hidden = stage_ ? stage_->hidden : HiddenFlags{};
     if (what == Restored::CustomIndex || hidden.way == HiddenFlags::Way::Carried) {
         const Id function =
             linker_.function(what == Restored::CustomIndex ? "vellumCustomIndex" : "vellumApplicationFlags");
         restoreResult(module_, types_, function, in, out);
-        return;
+        return true;
     }
+    const bool inPayload = hidden.way == HiddenFlags::Way::InPayload && receivesPayload(stage_->executionModel);
+    if (!inPayload && hidden.constant == 0)
+        return false;
     Id bits = 0;
-    if (hidden.way == HiddenFlags::Way::InPayload && receivesPayload(stage_->executionModel))
+    if (inPayload)
         bits = out.value(spv::OpLoad, types_.uint32(), {prefix_.keptFlags()});
     else
         bits = types_.uintConstant(hidden.constant);
     const Id driver = module_.newId();
     out.out.push_back(module_.with(in, 2, driver));
     out.put(spv::OpBitwiseOr, {module_.word(in, 1), module_.word(in, 2), driver, bits}); // of either signedness
+    return true;
 }
 
 bool BuiltIns::replace(Instruction in, Code &out)
@@ -143,31 +149,29 @@ bool BuiltIns::replace(Instruction in, Code &out)
     case spv::OpLoad: what = pointedTo(module_.word(in, 3)); break;
     case spv::OpCopyMemory:
         what = pointedTo(module_.word(in, 2));
-        if (what != Restored::Nothing)
-            copy(in, what, out);
-        return what != Restored::Nothing;
+        return what != Restored::Nothing && copy(in, what, out);
     case kOpHitObjectGetInstanceCustomIndexNV:
     case kOpHitObjectGetInstanceCustomIndexEXT: what = Restored::CustomIndex; break;
     case kOpHitObjectGetRayFlagsEXT: what = Restored::RayFlags; break;
     default: break;
     }
-    if (what != Restored::Nothing)
-        restore(in, what, out);
-    return what != Restored::Nothing;
+    return what != Restored::Nothing && restore(in, what, out);
 }
 
 // A copy from memory to memory becomes a load, which is restored, and a store.
-void BuiltIns::copy(Instruction in, Restored what, Code &out)
+bool BuiltIns::copy(Instruction in, Restored what, Code &out)
 {
     const Id pointerType = module_.resultType(module_.definition(module_.word(in, 2)));
     const Id type = module_.word(module_.definition(pointerType), 3);
     const Id value = module_.newId();
-    restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), what, out);
+    if (!restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), what, out))
+        return false;
     std::vector<std::uint32_t> store{module_.word(in, 1), value};
     // The first operands are the target's.
     for (std::uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)
         store.push_back(module_.word(in, i));
     out.put(spv::OpStore, std::move(store));
+    return true;
 }
 
 } // namespace vellum::spirv

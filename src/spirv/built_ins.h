@@ -23,7 +23,7 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
 class BuiltIns
 {
 public:
-    BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, std::optional<PipelineStage> stage);
+    BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, const RewriteOptions &options);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
     // An intersection shader reads ray flags, and their hidden bits are where it cannot see them. After its entry point
@@ -38,16 +38,17 @@ private:
     enum class Restored { Nothing, CustomIndex, RayFlags };
     // What `pointer` points to.
     [[nodiscard]] Restored pointedTo(Id pointer) const;
-    // An instruction whose result is restored.
-    void restore(Instruction in, Restored what, Code &out);
+    // An instruction whose result is restored. False if it stays as it is.
+    bool restore(Instruction in, Restored what, Code &out);
     void readKnownIndex(Instruction in, Code &out);
-    void copy(Instruction in, Restored what, Code &out);
+    bool copy(Instruction in, Restored what, Code &out);
 
     Module &module_;
     Types &types_;
     Linker &linker_;
     PayloadPrefix &prefix_;
-    std::optional<PipelineStage> stage_;
+    const RewriteOptions &options_;
+    const std::optional<PipelineStage> &stage_;
     Id knownIndex_ = 0;
     std::set<Id> customIndex_;
     std::set<Id> incomingFlags_;

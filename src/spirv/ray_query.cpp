@@ -301,6 +301,11 @@ bool RayQueries::getAabbOpaque(Instruction in, Code &out)
     if (!mode_.hidden) {
         const Id uint = types_.uint32();
         const Id flags = queryFlags_.inUse() ? queryFlags_.pointer(query, out) : 0;
+        if (queryFlags_.inUse() && flags == 0) {
+            error_ = "OpRayQueryGetIntersectionCandidateAABBOpaqueKHR on a ray query that is not reached through a "
+                     "variable or parameter";
+            return false;
+        }
         const Id bit =
             out.value(spv::OpBitwiseAnd, uint,
                       {candidates_.opacityFlags(out, {query, flags}), types_.uintConstant(shared::kRayOpaque)});

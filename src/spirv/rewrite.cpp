@@ -151,7 +151,7 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     PayloadPrefix prefix(*module, types);
     if (hidden.way == HiddenFlags::Way::InPayload && !prefix.widen())
         return failed(prefix.error());
-    BuiltIns builtIns(*module, types, linker, prefix, options.pipelineStage);
+    BuiltIns builtIns(*module, types, linker, prefix, options);
     // Of a pipeline without micromaps only the ray flag that the driver does not know is hidden. It needs the
     // capability.
     TraceRays traces(*module, types, linker, prefix, options);

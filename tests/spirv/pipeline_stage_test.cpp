@@ -114,6 +114,16 @@ TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
     const std::string text = disassemble(result.words);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 1u);
+
+    // What such a driver shows there nobody has hidden.
+    const auto dropping =
+        spirv::rewrite(loadShader("any_hit.rahit", "v15"), {.pipelinesCarryFlagBits = [] { return false; }});
+    ASSERT_EQ(dropping.status, Status::Rewritten);
+    EXPECT_EQ(validate(dropping.words), "");
+    const std::string seen = disassemble(dropping.words);
+    EXPECT_EQ(count(seen, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
+    EXPECT_EQ(count(seen, "vellumApplicationFlags"), 0u);
+    EXPECT_EQ(count(seen, "OpBitwiseOr"), count(disassemble(loadShader("any_hit.rahit", "v15")), "OpBitwiseOr"));
 }
 
 // Where the driver gives unused bits back, or not, or where nothing has to travel.

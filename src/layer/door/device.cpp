@@ -253,6 +253,18 @@ VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
     return link && link->u.pLayerInfo ? link : nullptr;
 }
 
+// A family may be named twice, for protected queues.
+std::shared_ptr<const std::vector<uint32_t>> queueFamiliesIn(const VkDeviceCreateInfo &info)
+{
+    std::vector<uint32_t> families;
+    for (uint32_t i = 0; i < info.queueCreateInfoCount; ++i) {
+        const uint32_t family = info.pQueueCreateInfos[i].queueFamilyIndex;
+        if (std::ranges::find(families, family) == families.end())
+            families.push_back(family);
+    }
+    return std::make_shared<const std::vector<uint32_t>>(std::move(families));
+}
+
 } // namespace
 
 Device *deviceOfKey(void *key)
@@ -329,6 +341,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (device->driver.emulated) {
         device->buffers.gpu.device = *handle;
         device->buffers.gpu.next = &device->driver.next;
+        device->buffers.gpu.queueFamilies = queueFamiliesIn(*info);
         device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->pipelines.anyHitModules.create(device->buffers.gpu);

@@ -46,6 +46,15 @@ std::vector<uint32_t> memoryTypes(const VkPhysicalDeviceMemoryProperties &memory
     return types;
 }
 
+void share(VkBufferCreateInfo &info, const GpuContext &context)
+{
+    if (!context.queueFamilies || context.queueFamilies->size() < 2) // VUID-VkBufferCreateInfo-sharingMode-00914
+        return;
+    info.sharingMode = VK_SHARING_MODE_CONCURRENT;
+    info.queueFamilyIndexCount = static_cast<uint32_t>(context.queueFamilies->size());
+    info.pQueueFamilyIndices = context.queueFamilies->data();
+}
+
 } // namespace
 
 GpuBuffer &GpuBuffer::operator=(GpuBuffer &&other) noexcept
@@ -99,6 +108,7 @@ VkResult GpuBuffer::make(const GpuContext &context, VkDeviceSize bytes, VkBuffer
         bufferInfo.pNext = &bufferAddress;
         bufferAddress.opaqueCaptureAddress = replay->buffer;
     }
+    share(bufferInfo, context);
     VkResult result = next.CreateBuffer(context.device, &bufferInfo, nullptr, &buffer_);
     if (result != VK_SUCCESS) {
         buffer_ = VK_NULL_HANDLE;
@@ -164,6 +174,7 @@ VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags 
     VkBufferCreateInfo bufferInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, &external};
     bufferInfo.size = bytes;
     bufferInfo.usage = kUsage | extraUsage;
+    share(bufferInfo, context_);
     VkResult result = next.CreateBuffer(context_.device, &bufferInfo, nullptr, &buffer_);
     if (result != VK_SUCCESS)
         return result;

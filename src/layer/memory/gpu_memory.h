@@ -2,6 +2,9 @@
 // GPU reads.
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include <vulkan/vulkan.h>
 
 #include "layer/ground/dispatch.h"
@@ -15,6 +18,8 @@ struct GpuContext {
     VkDevice device = VK_NULL_HANDLE;
     const DeviceTable *next = nullptr;
     VkPhysicalDeviceMemoryProperties memory{};
+    // The device's, each once: command buffers of all of them use the layer's buffers, and nobody transfers those.
+    std::shared_ptr<const std::vector<uint32_t>> queueFamilies;
     bool importsHostMemory = false; // VK_EXT_external_memory_host is enabled, and device addresses may be the host's
     bool replaysAddresses = false;  // bufferDeviceAddressCaptureReplay is enabled, and not by the application
 };

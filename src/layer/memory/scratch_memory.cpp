@@ -16,15 +16,14 @@ constexpr VkDeviceSize kKept = 32 * 1024 * 1024; // between recordings
 
 VkBufferUsageFlags scratchUsage(const GpuContext &context)
 {
-    VkBufferUsageFlags usage =
-        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
+    VkBufferUsageFlags usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
     // A flag of the extension, that has to be enabled for it.
     if (context.next->CreateRayTracingPipelinesKHR)
         usage |= VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
     return usage;
 }
 
-ScratchMemory::Place ScratchMemory::place(VkDeviceSize bytes)
+VkDeviceAddress ScratchMemory::allocate(VkDeviceSize bytes)
 {
     const VkDeviceSize needed = alignUp(bytes, kScratchAlignment);
     const VkDeviceSize had = pieces_.empty() ? 0 : pieces_.back().bytes();
@@ -32,14 +31,13 @@ ScratchMemory::Place ScratchMemory::place(VkDeviceSize bytes)
         // Larger by half than the last one, so that copies of growing structures make few.
         PooledMemory piece(pool_, std::max(needed + had + had / 2, kLeast));
         if (!piece.address())
-            return {};
+            return 0;
         pieces_.push_back(std::move(piece));
         next_ = 0;
     }
-    const PooledMemory &piece = pieces_.back();
-    const Place place{piece.address() + next_, piece.buffer(), piece.offset() + next_};
+    const VkDeviceAddress address = pieces_.back().address() + next_;
     next_ += needed;
-    return place;
+    return address;
 }
 
 void ScratchMemory::reset()

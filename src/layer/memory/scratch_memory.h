@@ -1,5 +1,5 @@
 // Memory that recorded commands use for themselves: scratch memory of builds that the application did not ask for,
-// results that are put together before they are copied, hit records that were changed.
+// serialized data of the driver's, hit records that were changed.
 #pragma once
 
 #include <vector>
@@ -20,15 +20,9 @@ public:
 
     // For the next command: what was allocated before may be used again.
     void restart() { next_ = 0; }
-    // That many bytes for shaders, builds, traces and transfers, at an address that is a multiple of 256; 0 where there
+    // That many bytes for shaders, builds and traces, at an address that is a multiple of 256; 0 where there
     // is no memory. The content is undefined.
-    struct Place {
-        VkDeviceAddress address = 0;
-        VkBuffer buffer = VK_NULL_HANDLE;
-        VkDeviceSize offset = 0;
-    };
-    Place place(VkDeviceSize bytes);
-    VkDeviceAddress allocate(VkDeviceSize bytes) { return place(bytes).address; }
+    VkDeviceAddress allocate(VkDeviceSize bytes);
     // When the commands are gone: the last piece is kept for the next ones, unless it is a large one.
     void reset();
 

@@ -22,8 +22,7 @@ struct Notice {
 constexpr Notice kNoticeTexts[kNotices] = {
     {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
      "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the "
-     "layer, "
-     "or from a device without the layer. The structure has no geometry now"},
+     "layer, or from a device without the layer. The structure has no geometry now"},
     {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960",
      "vkCmdCopyMemoryToAccelerationStructureKHR: the memory does not hold serialized data, or not all of it, or it was "
      "changed. The structure has no geometry now"},
@@ -38,8 +37,7 @@ constexpr Notice kNoticeTexts[kNotices] = {
      "a copied or deserialized top-level structure names a bottom-level structure that does not exist; such instances "
      "are inactive"},
     {"VELLUM-copy-unbuilt-reference", "a top-level structure was copied or deserialized before the bottom-level "
-                                      "structures were built that it names; such "
-                                      "instances are inactive"},
+                                      "structures were built that it names; such instances are inactive"},
     {"VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419",
      "vkCmdCopyAccelerationStructureKHR: dst is too small for the copy, and has no geometry now"},
     {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
@@ -79,7 +77,9 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
     if (!place.cell.address) {
         place.reference = reference;
         place.cell = device.root.acquireCell(reference);
-    } else if (reference != place.reference && device.root.addReference(reference, place.reference)) {
+    } else if (reference != place.reference) {
+        if (!device.root.addReference(reference, place.reference))
+            return place.cell; // which the next one who asks tries again
         place.otherReferences.push_back(reference);
     }
     structure.hasReference = place.cell.address != 0;

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <new>
 
+#include "core/opacity.h"
 #include "core/records.h"
 #include "layer/ground/align.h"
 
@@ -18,6 +19,10 @@ using namespace shared;
 constexpr uint32_t kSlots = 1u << 24; // instanceCustomIndex has 24 bits
 constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
+// A record of zeros leaves every hit but those in transparent micro-triangles to the shader.
+static_assert(hitInTable(0, kStateNone) == kHitNonOpaque && hitInTable(0, kStateOpaque) == kHitNonOpaque);
+// A shader that meets boxes takes a record of triangles for none of boxes (vellumCullsBox in lookup.comp).
+static_assert((hitTable(0) & kInstanceBoxes) == 0);
 static_assert(kFirstSlots <= kSlotsPerPage && kDirectoryPages * kSlotsPerPage == kSlots);
 constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
 constexpr uint32_t kFirstBuckets = 1024;
@@ -113,7 +118,8 @@ VkResult RootTable::createKnownTable(GpuBuffer &buffer, std::size_t table)
     if (kept_.isOpen()) {
         ReplayAddress address = kept_.known(table);
         if (buffer.createAgain(context_, bytes, address) == VK_SUCCESS) {
-            kept_.set(table, address);
+            // Where a table cannot stay, it is not to lie in the next run either.
+            kept_.set(table, crossesWord(buffer.address(), bytes) ? ReplayAddress{} : address);
             return VK_SUCCESS;
         }
     }
@@ -225,10 +231,17 @@ void RootTable::releaseCell(VkDeviceAddress key)
 bool RootTable::addReference(VkDeviceAddress reference, VkDeviceAddress known)
 {
     std::lock_guard lock(mutex_);
-    if (!cells_.contains(known) || cells_.contains(reference) ||
-        ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable()))
+    const auto leads = cells_.find(known);
+    if (leads == cells_.end())
         return false;
-    Cell &cell = cells_.at(known);
+    if (const auto it = cells_.find(reference); it != cells_.end()) {
+        const bool same = it->second.pool == leads->second.pool && it->second.index == leads->second.index;
+        it->second.users += same ? 1 : 0;
+        return same;
+    }
+    if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
+        return false;
+    Cell &cell = leads->second;
     if (!cell.keys)
         cell.keys = std::make_shared<uint32_t>(1);
     ++*cell.keys;

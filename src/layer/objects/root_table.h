@@ -61,8 +61,8 @@ public:
     // is 0 where there is no memory.
     CellPlace acquireCell(VkDeviceAddress reference);
     void releaseCell(VkDeviceAddress reference);
-    // Another reference that leads to the cell of a known one; paired with a releaseCell. False where it leads to a cell
-    // already, or there is no memory.
+    // Another reference that leads to the cell of a known one; paired with a releaseCell. False where it leads to
+    // another cell already, or there is no memory.
     bool addReference(VkDeviceAddress reference, VkDeviceAddress known);
     // Says that there is a micromap of so many bytes at an address; returns the key to release its cell by, 0 where
     // there is no memory.

@@ -58,8 +58,7 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
         device.driver.report().warning(
             "VELLUM-queries-without-micromaps",
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every hit "
-            "on "
-            "their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
+            "on their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
     if (result.lacksHiddenFlags)
         device.driver.report().warning(
             "VELLUM-intersection-ray-flags",

@@ -274,8 +274,7 @@ void cmdCopyQueryPoolResults(DeviceQueries &device, VkCommandBuffer commandBuffe
     if (!pool)
         return device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first, count, buffer, offset,
                                                           stride, flags);
-    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdCopyQueryPoolResults") ||
-        InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyQueryPoolResults of this type of queries"))
+    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdCopyQueryPoolResults"))
         return;
     InjectedWork work(device.commands, commandBuffer);
     // The barrier waits for all that came before on this queue, which is the command's first synchronization scope:

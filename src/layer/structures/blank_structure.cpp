@@ -67,7 +67,7 @@ private:
 
 } // namespace
 
-const BlankStructure &blankStructure(DeviceStructures &device)
+BlankFacts blankStructure(DeviceStructures &device)
 {
     BlankStructure &blank = device.blank;
     std::lock_guard lock(blank.mutex);
@@ -75,7 +75,9 @@ const BlankStructure &blankStructure(DeviceStructures &device)
     if (!blank.tried)
         blank.tried = !device.driver.asked.structures || !device.commands.trials.exists() ||
                       device.commands.trials.run(std::make_unique<SerializationTrial>(device));
-    return blank;
+    if (blank.units == 0)
+        return {.wholeCopies = blank.wholeCopies};
+    return {blank.memory.address(), blank.memory.words(), blank.units, blank.structureBytes, blank.wholeCopies};
 }
 
 } // namespace vellum::layer

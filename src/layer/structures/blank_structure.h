@@ -24,7 +24,16 @@ struct BlankStructure {
     bool wholeCopies = false;
 };
 
+// What is known of it, as it was when somebody asked: a trial that is repeated may add to it.
+struct BlankFacts {
+    VkDeviceAddress address = 0;     // of its bytes, which the host sees as `words`; only where there is one
+    const uint32_t *words = nullptr; // lives as long as the device
+    uint32_t units = 0;
+    VkDeviceSize structureBytes = 0;
+    bool wholeCopies = false;
+};
+
 // There is none where the application did not enable acceleration structures, or has no queue that can build them.
-const BlankStructure &blankStructure(DeviceStructures &device);
+BlankFacts blankStructure(DeviceStructures &device);
 
 } // namespace vellum::layer

@@ -94,7 +94,7 @@ struct Restore {
         std::array<uint32_t, kSerializedHeaderWords> words;
         if (!device.buffers.host.peek(place.buffer, place.offset, words.data(), kBytes))
             return std::nullopt;
-        const uint32_t *blank = blankStructure(device).memory.words();
+        const uint32_t *blank = blankStructure(device).words;
         for (uint32_t w = 0; w < 2 * VK_UUID_SIZE / 4; ++w) {
             if (words[w] != (w < VK_UUID_SIZE / 4 ? blank[w] : blank[w] ^ kCompatibilityWord))
                 return std::nullopt;
@@ -119,13 +119,13 @@ struct Restore {
 
     [[nodiscard]] StructureRestorePush pushFor(VkDeviceAddress cell, VkDeviceSize stagingBytes) const
     {
-        const BlankStructure &blank = blankStructure(device);
+        const BlankFacts blank = blankStructure(device);
         StructureRestorePush push{};
         push.blob = info.src.deviceAddress;
         push.cell = cell;
         push.begin = beginOf(device.driver, *target);
         push.root = device.objects.root.address();
-        push.blank = blank.memory.address();
+        push.blank = blank.address;
         push.blankUnits = blank.units;
         push.capacity = unitsOf(readable());
         push.stagingUnits = unitsOf(stagingBytes);

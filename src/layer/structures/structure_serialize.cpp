@@ -38,7 +38,7 @@ void saveTopLevel(InjectedWork &work, DeviceStructures &device, const Accelerati
     push.begin = beginOf(device.driver, source);
     push.blob = target;
     push.root = device.objects.root.address();
-    push.blank = blankStructure(device).memory.address();
+    push.blank = blankStructure(device).address;
     push.structureUnits = unitsOf(source.size);
     push.leastUnits = unitsOf(topLevelTailOffset(device.driver, 0, 0));
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(target));
@@ -67,7 +67,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
     device.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
     work.barrier();
-    const BlankStructure &blank = blankStructure(device);
+    const BlankFacts blank = blankStructure(device);
     StructureSavePush push{};
     push.cell = cell;
     push.begin = beginOf(device.driver, source);
@@ -147,8 +147,8 @@ void getDeviceAccelerationStructureCompatibility(DeviceStructures &device, VkDev
     device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, &driverInfo, compatibility);
     if (*compatibility != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
         return;
-    const BlankStructure &blank = blankStructure(device);
-    if (blank.units == 0 || std::memcmp(words, blank.memory.words(), sizeof words) != 0)
+    const BlankFacts blank = blankStructure(device);
+    if (blank.units == 0 || std::memcmp(words, blank.words, sizeof words) != 0)
         *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 

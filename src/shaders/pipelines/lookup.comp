@@ -34,7 +34,7 @@ layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer In
     Eight words;
     Quads geometries;
 };
-layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer InstanceWords { uint w[2]; };
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer InstanceWords { uint w[3]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Geometry
 {
     uint triangles;
@@ -161,7 +161,7 @@ bool vellumCullsBox(const in uint slot, const in uint geometry, const in uint ra
     if ((word & kInstanceBoxes) == 0u)
         return false;
     const uint flags = ((word >> kInstanceBoxFlagsShift) & kInstanceFlagsMask) << kInstanceFlagsShift;
-    const uint opaque = InstanceWords(vellumRecord(slot)).w[1];
+    const uint opaque = InstanceWords(vellumRecord(slot)).w[2];
     return resolveHit(kStateNone, ((opaque >> (geometry & 31u)) & 1u) != 0u, flags, rayFlags) == kHitIgnored;
 }
 

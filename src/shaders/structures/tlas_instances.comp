@@ -80,7 +80,8 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
     if (found.boxes) {
         const uint recordFlags = (flags >> kInstanceFlagsShift) & kInstanceFlagsMask;
         record.w[0] = customIndex | kInstanceBoxes | (recordFlags << kInstanceBoxFlagsShift);
-        record.w[1] = found.opaqueBoxes;
+        record.w[1] = 0u;
+        record.w[2] = found.opaqueBoxes;
         return;
     }
     const bool recorded = any(notEqual(found.records, uvec2(0)));

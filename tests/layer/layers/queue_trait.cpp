@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <map>
 #include <memory>
+#include <set>
 #include <vector>
 
 namespace
@@ -91,6 +92,27 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
             queues[{*device, asked.queueFamilyIndex}] = std::make_unique<Queue>(Queue{nullptr, asked.queueFamilyIndex});
     }
     return result;
+}
+
+// What several families use is shared between those that the device has (VUID-VkBufferCreateInfo-sharingMode-00914,
+// -01419).
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+{
+    VkBufferCreateInfo below = *info;
+    if (info->sharingMode == VK_SHARING_MODE_CONCURRENT) {
+        const std::set<std::uint32_t> families(info->pQueueFamilyIndices,
+                                               info->pQueueFamilyIndices + info->queueFamilyIndexCount);
+        if (families.size() < 2 || families.size() != info->queueFamilyIndexCount)
+            tell("vkCreateBuffer: VUID-VkBufferCreateInfo-sharingMode-00914 or -01419");
+        std::lock_guard lock(mutex);
+        for (const std::uint32_t family : families) {
+            if (!queues.contains({handle, family}))
+                tell("vkCreateBuffer: the device has no queue of family " + std::to_string(family));
+        }
+        below.sharingMode = VK_SHARING_MODE_EXCLUSIVE; // there is one family below
+    }
+    return DRIVER_NEXT(vkCreateBuffer)(handle, &below, allocator, buffer);
 }
 
 VkQueue queueOf(VkDevice handle, std::uint32_t family)
@@ -284,6 +306,7 @@ driver::LevelRows driver::queueRows()
         {"vkQueueSubmit2", DRIVER_FUNCTION(submit2)},
         {"vkQueueWaitIdle", DRIVER_FUNCTION(waitIdle)},
         {"vkDeviceWaitIdle", DRIVER_FUNCTION(deviceWaitIdle)},
+        {"vkCreateBuffer", DRIVER_FUNCTION(createBuffer)},
         {"vkCreateCommandPool", DRIVER_FUNCTION(createPool)},
         {"vkAllocateCommandBuffers", DRIVER_FUNCTION(allocateCommands)},
         {"vkCmdPipelineBarrier", DRIVER_FUNCTION(cmdBarrier)},
