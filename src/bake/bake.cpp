@@ -76,6 +76,8 @@ void check(const BakeInput &input, const BakeOptions &options)
         throw BakeError("there is no alpha texture");
     for (const AlphaTexture &texture : input.textures)
         check(texture);
+    if (!(input.uvTerms >= 0 && std::isfinite(input.uvTerms)))
+        throw BakeError("what texture coordinates were computed from is not in its range");
     if (std::isnan(input.cutoff.value_or(options.cutoff)))
         throw BakeError("the alpha cutoff is not a number");
     if (!input.levels.empty() && input.levels.size() != input.triangles.size())
@@ -94,8 +96,8 @@ void check(const BakeInput &input, const BakeOptions &options)
 class Material
 {
 public:
-    Material(std::span<const AlphaTexture> textures, double cutoff, const BakeOptions &options)
-        : m_source(textures), m_cutoff(cutoff), m_options(options),
+    Material(std::span<const AlphaTexture> textures, double cutoff, double uvTerms, const BakeOptions &options)
+        : m_source(textures), m_cutoff(cutoff), m_uvTerms(uvTerms), m_options(options),
           m_swapped(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
     {
         // alpha < cutoff is the contrary of alpha >= cutoff, and alpha <= cutoff is -alpha >= -cutoff.
@@ -111,12 +113,13 @@ public:
             textures = m_negated;
         }
         for (const AlphaTexture &texture : textures)
-            m_levels.push_back(std::make_unique<Classifier>(texture, m_options));
+            m_levels.push_back(std::make_unique<Classifier>(texture, m_options, uvTerms));
     }
 
-    [[nodiscard]] bool is(std::span<const AlphaTexture> textures, double cutoff) const
+    [[nodiscard]] bool is(std::span<const AlphaTexture> textures, double cutoff, double uvTerms) const
     {
-        return textures.data() == m_source.data() && textures.size() == m_source.size() && cutoff == m_cutoff;
+        return textures.data() == m_source.data() && textures.size() == m_source.size() && cutoff == m_cutoff &&
+               uvTerms == m_uvTerms;
     }
     [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const { return m_levels.front()->levelFor(uvs); }
 
@@ -140,6 +143,7 @@ public:
 private:
     std::span<const AlphaTexture> m_source;
     double m_cutoff;
+    double m_uvTerms;
     BakeOptions m_options;
     bool m_swapped;
     std::vector<AlphaTexture> m_negated;
@@ -190,9 +194,9 @@ private:
     {
         const double cutoff = input.cutoff.value_or(options.cutoff);
         for (std::size_t i = 0; i < m_materials.size(); ++i)
-            if (m_materials[i]->is(input.textures, cutoff))
+            if (m_materials[i]->is(input.textures, cutoff, input.uvTerms))
                 return static_cast<std::uint32_t>(i);
-        m_materials.push_back(std::make_unique<Material>(input.textures, cutoff, options));
+        m_materials.push_back(std::make_unique<Material>(input.textures, cutoff, input.uvTerms, options));
         return static_cast<std::uint32_t>(m_materials.size() - 1);
     }
 

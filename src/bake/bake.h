@@ -112,6 +112,9 @@ struct BakeInput {
     std::span<const Format> formats{};
     // Instead of that of the options.
     std::optional<double> cutoff{};
+    // What the coordinates were computed from in single precision: interpolationTolerance is relative to this, where it
+    // is more than the largest coordinate of a triangle. Finite, and not below 0.
+    double uvTerms = 0;
 };
 
 struct BakeStatistics {

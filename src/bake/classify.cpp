@@ -69,7 +69,7 @@ public:
          ClassifierScratch &scratch)
         : m_texture(classifier.m_texture), m_cutoff(classifier.m_options.cutoff), m_map(classifier.m_map),
           m_cancelled(classifier.m_options.cancelled), m_uvs(uvs), m_level(level), m_packed(packed), m_scratch(scratch),
-          m_place(m_texture, m_map, classifier.m_options, uvs, level),
+          m_place(m_texture, m_map, classifier.m_options, uvs, level, classifier.m_uvTerms),
           m_piece(m_place, m_texture.filter, classifier.m_thresholds)
     {
     }
@@ -543,9 +543,9 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
     return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;
 }
 
-Classifier::Classifier(const AlphaTexture &texture, const BakeOptions &options)
-    : m_texture(texture), m_options(options), m_thresholds{options.cutoff - options.valueTolerance,
-                                                           options.cutoff + options.valueTolerance},
+Classifier::Classifier(const AlphaTexture &texture, const BakeOptions &options, double uvTerms)
+    : m_texture(texture), m_options(options), m_uvTerms(uvTerms), m_thresholds{options.cutoff - options.valueTolerance,
+                                                                               options.cutoff + options.valueTolerance},
       m_map(texture, m_thresholds)
 {
 }

@@ -23,7 +23,8 @@ class Classifier
 {
 public:
     // Both must outlive the classifier. The options must have been checked.
-    Classifier(const AlphaTexture &texture, const BakeOptions &options);
+    // `uvTerms`: that of BakeInput.
+    Classifier(const AlphaTexture &texture, const BakeOptions &options, double uvTerms = 0);
 
     [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const;
     // Writes the 4-state data of a triangle: packedBytes(level, Format::FourState) bytes, which must be 0. Safe to call
@@ -35,6 +36,7 @@ private:
 
     const AlphaTexture &m_texture;
     const BakeOptions &m_options;
+    double m_uvTerms;
     Thresholds m_thresholds;
     CellMap m_map;
 };

@@ -26,7 +26,7 @@ bool usable(const TriangleUvs &uvs, const AlphaTexture &texture)
 }
 
 Placement::Placement(const AlphaTexture &texture, const CellMap &map, const BakeOptions &options,
-                     const TriangleUvs &uvs, std::uint32_t level)
+                     const TriangleUvs &uvs, std::uint32_t level, double uvTerms)
 {
     // A texture coordinate times the size is exact: 24 and 25 bits.
     std::array<Point, 3> vertices;
@@ -52,7 +52,8 @@ Placement::Placement(const AlphaTexture &texture, const CellMap &map, const Bake
     // Where a sample can fall around the exact place: sub-texel precision; single-precision interpolation, whose
     // products and sums are as large as the coordinates themselves; and hits beside the micro-triangle.
     const auto margin = [&](float TexCoord::*axis, double texels) {
-        const double largest = std::max({std::abs(uvs[0].*axis), std::abs(uvs[1].*axis), std::abs(uvs[2].*axis)});
+        const double largest =
+            std::max<double>({std::abs(uvs[0].*axis), std::abs(uvs[1].*axis), std::abs(uvs[2].*axis), uvTerms});
         const double slope =
             std::abs(double{uvs[1].*axis} - uvs[0].*axis) + std::abs(double{uvs[2].*axis} - uvs[0].*axis);
         return options.subtexelTolerance +

@@ -30,7 +30,7 @@ struct SubTriangle {
 struct Placement {
     // `uvs` must be usable(): finite, and not too far away.
     Placement(const AlphaTexture &texture, const CellMap &map, const BakeOptions &options, const TriangleUvs &uvs,
-              std::uint32_t level);
+              std::uint32_t level, double uvTerms = 0);
 
     [[nodiscard]] Point at(std::int32_t i, std::int32_t j) const
     {

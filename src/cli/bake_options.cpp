@@ -60,6 +60,9 @@ void declareWhat(CLI::App &command, BakeCommandOptions &options)
                        "[NAME.omm.glb or NAME.omm.gltf beside the input]");
     command.add_flag("--embed", options.bake.embed, "Put the micromaps of a .gltf into the file itself (data URI)");
     command.add_flag("--blend", options.bake.blend, "Bake alphaMode BLEND, too, as if it were MASK");
+    command.add_flag("--fallback-images", options.bake.fallbackImages,
+                     "Bake from the PNG or JPEG of textures that also have a KTX2, AVIF or DDS image,\n"
+                     "which renderers that read it take instead");
     command.add_option("--blend-cutoff", options.bake.blendCutoff, "The alpha cutoff for --blend [0.5]");
     command
         .add_option("--leave-material", options.bake.leaveMaterials,

@@ -17,8 +17,8 @@ namespace
 {
 
 constexpr const char *kVerifyDetails = R"(
-Says of every micro-triangle whether its state is true of the texture, by a method that shares nothing with the baker's,
-and checks the structure of the micromaps. A claim (opaque or transparent) is wrong if there is any point of the
+Says of every micro-triangle whether its state is true of the texture, by a method of its own (the file is read, and its
+images are decoded, by the code that vellum bake uses), and checks the structure of the micromaps. A claim (opaque or transparent) is wrong if there is any point of the
 micro-triangle, edges included, where the alpha test comes out otherwise in exact arithmetic. Claims that are true, but
 not of what GPUs may do around the micro-triangle, are counted on their own, as is what is unknown without need. 2-state
 data is an approximation: how good a one is printed.
@@ -28,7 +28,8 @@ Exit codes, of several the smallest:
   1  something cannot be read, or not be verified
   2  the structure is broken
   3  wrong claims
-  4  with --strict: claims outside the margins, or left open
+  4  with --strict: claims outside the margins or left open, or cautions (animated alpha, variants, morph targets,
+     other images or data for other renderers)
   5  with --strict: needlessly unknown
   6  with --strict: no micromaps
 

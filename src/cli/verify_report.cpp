@@ -1,5 +1,6 @@
 #include "cli/verify_report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 #include <rapidjson/prettywriter.h>
@@ -57,6 +58,13 @@ void print(const PrimitiveReport &primitive, const Finding &f)
                primitive.cutoff);
 }
 
+// As wide as it is printed, as far as that can be told.
+std::size_t codePoints(const std::string &text)
+{
+    return static_cast<std::size_t>(
+        std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+}
+
 struct Row {
     std::string name;
     std::size_t triangles;
@@ -71,7 +79,7 @@ void printTable(const std::vector<Row> &rows)
     };
     std::size_t width = 9;
     for (const Row &row : rows)
-        width = std::max(width, row.name.size());
+        width = std::max(width, codePoints(row.name));
     fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", "primitive", width, "triangles",
                "micro-triangles", "opaque", "transparent", "unknown", "wrong", "outside", "needlessly");
     fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", "", width, "", "", "", "", "",
@@ -302,7 +310,9 @@ Judgement judgementOf(const VerifiedFile &file, bool strict)
         return Judgement::AllRight;
     if (report.extension.empty())
         return Judgement::NoMicromaps;
-    if (sum.of(Kind::OutsideMargins) + sum.open > 0)
+    const bool cautious = std::any_of(report.primitives.begin(), report.primitives.end(),
+                                      [](const PrimitiveReport &p) { return !p.caution.empty(); });
+    if (cautious || sum.of(Kind::OutsideMargins) + sum.open > 0)
         return Judgement::OutsideMargins;
     return sum.of(Kind::Needless) > 0 ? Judgement::Needless : Judgement::AllRight;
 }

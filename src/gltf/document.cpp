@@ -2,6 +2,7 @@
 
 #include "gltf/file/container.h"
 #include "gltf/file/model.h"
+#include "gltf/file/printable.h"
 #include "gltf/file/tinygltf.h"
 
 namespace vellum
@@ -38,7 +39,7 @@ std::string Document::nameOf(PrimitivePlace place) const
 {
     std::string name = "mesh " + std::to_string(place.mesh);
     if (place.mesh < m_model->meshes.size() && !m_model->meshes[place.mesh].name.empty())
-        name += " \"" + m_model->meshes[place.mesh].name + "\"";
+        name += " \"" + printable(m_model->meshes[place.mesh].name) + "\"";
     return name + " primitive " + std::to_string(place.primitive);
 }
 
@@ -52,10 +53,7 @@ std::string Document::withPath(std::string message) const
         return message;
     if (message.size() > kMostBytes)
         message = message.substr(0, kMostBytes / 2) + " ... " + message.substr(message.size() - kMostBytes / 2);
-    for (char &c : message)
-        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
-            c = '?';
-    return prefix + message;
+    return prefix + printable(std::move(message));
 }
 
 } // namespace vellum

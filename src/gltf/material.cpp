@@ -2,6 +2,7 @@
 
 #include "gltf/data/image.h"
 #include "gltf/file/outside_file.h"
+#include "gltf/file/printable.h"
 #include "gltf/file/tinygltf.h"
 #include "gltf/primitive.h"
 
@@ -53,18 +54,27 @@ Wrap wrapOf(int mode)
 
 // The image that a renderer takes which reads what is read here: that of EXT_texture_webp; the texture's own, also in
 // place of what is not read here; else one of the latter, so that the error is about it.
-int imageOf(const tinygltf::Texture &texture, int index)
+int imageOf(const tinygltf::Texture &texture, int index, Material &material)
 {
     const auto sourceOf = [&](const char *extension) {
         const auto found = texture.extensions.find(extension);
         const bool there = found != texture.extensions.end() && found->second.Get("source").IsInt();
         return there ? found->second.Get("source").Get<int>() : -1;
     };
-    if (const int webp = sourceOf("EXT_texture_webp"); webp >= 0)
+    constexpr std::array kUnread = {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"};
+    const int webp = sourceOf("EXT_texture_webp");
+    if (webp >= 0 || texture.source >= 0)
+        for (const char *extension : kUnread)
+            if (sourceOf(extension) >= 0)
+                material.unreadImage = extension;
+    if (webp >= 0) {
+        if (texture.source >= 0 && texture.source != webp)
+            material.otherImage = "EXT_texture_webp";
         return webp;
+    }
     if (texture.source >= 0)
         return texture.source;
-    for (const char *extension : {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"})
+    for (const char *extension : kUnread)
         if (const int source = sourceOf(extension); source >= 0)
             return source;
     throw GltfUnsupported("texture " + std::to_string(index) + " has no image that is known here");
@@ -75,7 +85,7 @@ void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info
     if (static_cast<std::size_t>(info.index) >= model.textures.size())
         throw GltfError("texture " + std::to_string(info.index) + " does not exist");
     const tinygltf::Texture &texture = model.textures[static_cast<std::size_t>(info.index)];
-    material.image = imageOf(texture, info.index);
+    material.image = imageOf(texture, info.index, material);
     if (static_cast<std::size_t>(material.image) >= model.images.size())
         throw GltfError("image " + std::to_string(material.image) + " does not exist");
     readTransform(info, material);
@@ -115,7 +125,7 @@ Material readMaterial(const Document &document, int index)
             throw GltfError("material " + std::to_string(index) + " does not exist");
         const tinygltf::Material &source = model.materials[static_cast<std::size_t>(index)];
         const tinygltf::PbrMetallicRoughness &pbr = source.pbrMetallicRoughness;
-        material.name = source.name.empty() ? std::to_string(index) : source.name;
+        material.name = source.name.empty() ? std::to_string(index) : printable(source.name);
         if (source.alphaMode == "MASK") {
             material.alphaMode = AlphaMode::Mask;
             material.alphaCutoff = static_cast<float>(source.alphaCutoff);

@@ -1,6 +1,7 @@
 #include "gltf/primitive.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <optional>
@@ -72,6 +73,7 @@ private:
     void readIndices();
     void readUvs(const Material &material);
     void readColors();
+    [[nodiscard]] bool differsFromFallback(const Material &material) const;
     [[nodiscard]] bool morphs(const std::string &name) const;
 
     const Document &m_document;
@@ -208,6 +210,7 @@ void PrimitiveReader::readUvs(const Material &material)
     const std::array<double, 6> &m = material.uvTransform;
     const bool identity = m == std::array<double, 6>{1, 0, 0, 0, 1, 0};
     m_primitive.uvs.reserve(m_vertices);
+    double terms = 0;
     for (std::size_t i = 0; i < m_vertices; ++i) {
         const float u = uvs[2 * i];
         const float v = uvs[2 * i + 1];
@@ -216,7 +219,14 @@ void PrimitiveReader::readUvs(const Material &material)
         else
             m_primitive.uvs.push_back(
                 {static_cast<float>(m[0] * u + m[1] * v + m[2]), static_cast<float>(m[3] * u + m[4] * v + m[5])});
+        for (const std::size_t row : {0u, 3u}) {
+            const double sum = std::abs(m[row] * u) + std::abs(m[row + 1] * v) + std::abs(m[row + 2]);
+            if (!identity && std::isfinite(sum))
+                terms = std::max(terms, sum);
+        }
     }
+    if (terms > 0)
+        m_primitive.uvTerms = static_cast<float>(std::exp2(std::clamp(std::ceil(std::log2(terms)), -100.0, 100.0)));
     m_primitive.morphed |= morphs(name);
 }
 
@@ -234,6 +244,41 @@ void PrimitiveReader::readColors()
         alphas.clear();
 }
 
+// Of what decides a micromap: the triangles, their order and corners, and where the texture is read.
+bool PrimitiveReader::differsFromFallback(const Material &material) const
+{
+    const tinygltf::Model &model = m_document.model();
+    const std::string uvName = "TEXCOORD_" + std::to_string(material.uvSet);
+    const int uvAccessor = attribute(uvName);
+    std::vector<int> accessors{m_source.indices, uvAccessor, attribute("COLOR_0")};
+    std::erase_if(accessors, [&](int a) { return a < 0 || static_cast<std::size_t>(a) >= model.accessors.size(); });
+    const auto viewOf = [&](int a) { return model.accessors[static_cast<std::size_t>(a)].bufferView; };
+    if (!m_draco)
+        return std::any_of(accessors.begin(), accessors.end(), [&](int a) {
+            return viewOf(a) >= 0 && m_views.differsFromFallback(viewOf(a), named("fallback"));
+        });
+    const auto &required = model.extensionsRequired;
+    if (std::find(required.begin(), required.end(), "KHR_draco_mesh_compression") != required.end() ||
+        m_source.indices < 0 || viewOf(m_source.indices) < 0)
+        return false;
+    const std::vector<std::uint32_t> corners = m_draco->indices();
+    const std::vector<std::uint32_t> others = vellum::readIndices(m_views, m_source.indices, named("indices"));
+    if (corners.size() != others.size())
+        return true;
+    if (uvAccessor < 0)
+        return corners != others;
+    const std::vector<float> uvs = floatsOf(uvName, 2);
+    const std::vector<float> otherUvs = readFloats(m_views, uvAccessor, 2, named(uvName));
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+        const std::size_t here = 2 * std::size_t{corners[i]};
+        const std::size_t there = 2 * std::size_t{others[i]};
+        if (here + 1 >= uvs.size() || there + 1 >= otherUvs.size() || uvs[here] != otherUvs[there] ||
+            uvs[here + 1] != otherUvs[there + 1])
+            return true;
+    }
+    return false;
+}
+
 Primitive PrimitiveReader::read(Positions positions)
 {
     m_primitive.material = m_source.material;
@@ -242,8 +287,10 @@ Primitive PrimitiveReader::read(Positions positions)
     if (positions == Positions::Read)
         readPositions();
     readIndices();
-    readUvs(readMaterial(m_document, m_source.material));
+    const Material material = readMaterial(m_document, m_source.material);
+    readUvs(material);
     readColors();
+    m_primitive.twofold = material.masked() && differsFromFallback(material);
     return std::move(m_primitive);
 }
 

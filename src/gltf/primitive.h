@@ -32,6 +32,12 @@ struct Material {
     Filter filter = Filter::Bilinear; // magFilter: what mip level 0 is read with
 
     // Alpha-tested: alphaMode MASK, or BLEND, which is treated as a mask.
+    // The texture has another image, too, for those who know an extension that is not known here
+    // ("KHR_texture_basisu"), or for those who do not know one that is (EXT_texture_webp). Empty where there is one
+    // image for all.
+    std::string unreadImage;
+    std::string otherImage;
+
     [[nodiscard]] bool masked() const { return alphaMode != AlphaMode::Opaque; }
 };
 
@@ -42,6 +48,10 @@ struct Primitive {
     // Of the material's base colour texture, uvTransform applied; one for each vertex; none where the material has no
     // texture or the primitive no such set.
     std::vector<TexCoord> uvs;
+    // Renderers apply uvTransform in single precision, with errors that are relative to the terms that are added up,
+    // and those may cancel out. No sum of a vertex' terms, signs left out, is larger than this power of two; 0 without
+    // a transform.
+    float uvTerms = 0;
     // COLOR_0's alpha, which the texture's is multiplied with; none where it is 1 all over.
     std::vector<float> alphas;
     // Three for each triangle, all below the number of vertices; strips and fans are unfolded into triangles in the
@@ -50,6 +60,9 @@ struct Primitive {
     // A morph target changes `uvs` or `alphas`, which are those of no morphing at all: a micromap of them would be
     // wrong as soon as it is animated.
     bool morphed = false;
+    // There is uncompressed data for those who do not know its compression, and in that triangles have another order,
+    // or their corners, or other values: one micromap cannot be right for both.
+    bool twofold = false;
 
     [[nodiscard]] std::size_t triangleCount() const { return indices.size() / 3; }
 };

@@ -125,6 +125,7 @@ void Reader::addPrimitive(PrimitivePlace place, const MeshKey &key, const std::v
     geometry.material = use;
     geometry.positions = std::move(primitive.positions);
     geometry.uvs = std::move(primitive.uvs);
+    geometry.uvTerms = primitive.uvTerms;
     geometry.uvs.resize(geometry.positions.size());
     geometry.indices = std::move(primitive.indices);
     geometry.alphas = std::move(primitive.alphas);

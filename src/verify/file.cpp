@@ -1,9 +1,11 @@
 #include "verify/file.h"
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
+#include <string_view>
 
 #include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/changing_alpha.h"
@@ -23,6 +25,7 @@ std::vector<TriangleCorners> cornersOf(const Primitive &primitive, bool tested)
             if (!primitive.uvs.empty()) {
                 triangles[t].u[corner] = primitive.uvs[vertex].u;
                 triangles[t].v[corner] = primitive.uvs[vertex].v;
+                triangles[t].terms = primitive.uvTerms;
             }
             if (tested && !primitive.alphas.empty())
                 triangles[t].alpha[corner] = primitive.alphas[vertex];
@@ -45,13 +48,21 @@ private:
     void verifyMaterial(int number, const std::vector<PrimitivePlace> &places);
     void verifyPrimitive(PrimitivePlace place, const Material &material, const Texels &texels);
     void leave(PrimitivePlace place, const std::string &reason);
+    [[nodiscard]] std::string cautionFor(PrimitivePlace place, const Primitive &primitive,
+                                         const Material &material) const;
+    // One that has the same triangles and says the same of them; nothing where there is none.
+    [[nodiscard]] const PrimitiveReport *twinOf(PrimitivePlace place, const std::vector<TriangleCorners> &triangles,
+                                                const Material &material);
 
     const Document &m_document;
     const FileOptions &m_options;
     ChangingAlpha m_changing;
     StoredMicromaps m_stored;
     FileReport m_report;
-    std::size_t m_done = 0; // triangles
+    // Of the primitives with one material, by a hash of what decides their results: into m_report.primitives.
+    std::map<std::uint64_t, std::size_t> m_verified;
+    std::uint64_t m_work = 0; // that is left
+    std::size_t m_done = 0;   // triangles
     std::size_t m_total = 0;
 };
 
@@ -60,7 +71,9 @@ void FileVerifier::describe()
 {
     m_report.extension = m_stored.extension;
     m_report.micromaps = m_stored.micromaps.size();
+    m_work = m_options.fileWork;
     for (const StoredMicromap &micromap : m_stored.micromaps) {
+        m_work += m_options.workForByte * micromap.data.size();
         for (const MicromapTriangle &t : micromap.triangles) {
             int &level = t.format == Format::TwoState ? m_report.level2State : m_report.level4State;
             level = std::max<int>(level, t.subdivisionLevel);
@@ -82,6 +95,43 @@ void FileVerifier::leave(PrimitivePlace place, const std::string &reason)
         {place, m_document.nameOf(place), reason.starts_with(prefix) ? reason.substr(prefix.size()) : reason});
 }
 
+std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &primitive, const Material &material) const
+{
+    std::string caution;
+    const auto add = [&](const std::string &reason) { caution += (caution.empty() ? "" : "; ") + reason; };
+    if (primitive.morphed)
+        add("a morph target changes its texture coordinates or alpha");
+    if (const auto reason = m_changing.reason(place))
+        add(*reason);
+    if (primitive.twofold)
+        add("its uncompressed data has other triangles than its compressed data");
+    if (material.masked() && !material.unreadImage.empty())
+        add("its texture has an image that is not read here (" + material.unreadImage + ")");
+    if (material.masked() && !material.otherImage.empty())
+        add("its texture has another image for those who do not know " + material.otherImage);
+    return caution;
+}
+
+const PrimitiveReport *FileVerifier::twinOf(PrimitivePlace place, const std::vector<TriangleCorners> &triangles,
+                                            const Material &material)
+{
+    const PrimitiveMicromap &stored = m_stored.primitives.at(place);
+    const auto hash = [](const auto &values) {
+        return std::hash<std::string_view>()(
+            {reinterpret_cast<const char *>(values.data()), values.size() * sizeof(values.front())});
+    };
+    const std::uint64_t key = hash(triangles) ^ (hash(stored.indices) * 31 + stored.micromap);
+    const auto [found, isNew] = m_verified.try_emplace(key, m_report.primitives.size());
+    if (isNew)
+        return nullptr;
+    const PrimitiveReport &other = m_report.primitives[found->second];
+    const PrimitiveMicromap &its = m_stored.primitives.at(other.place);
+    const bool same =
+        its.micromap == stored.micromap && its.baseTriangle == stored.baseTriangle && its.indices == stored.indices &&
+        cornersOf(readPrimitive(m_document, other.place, Positions::Leave), material.masked()) == triangles;
+    return same ? &other : nullptr;
+}
+
 void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &material, const Texels &texels)
 {
     const Primitive primitive = readPrimitive(m_document, place, Positions::Leave);
@@ -91,7 +141,10 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
                         std::to_string(stored.indices.size()) + " micromap indices");
     if (material.masked() && material.image >= 0 && primitive.uvs.empty())
         return leave(place, "it has no texture coordinates (TEXCOORD_" + std::to_string(material.uvSet) + ")");
-    const std::optional<Micromap> micromap = m_stored.of(place);
+    const std::vector<TriangleCorners> triangles = cornersOf(primitive, material.masked());
+    if (m_work == 0)
+        return leave(place, "the file takes too long to verify");
+    const PrimitiveReport *twin = twinOf(place, triangles, material);
     Options options = m_options;
     // Without an alpha test everything is opaque.
     options.cutoff = material.alphaMode == AlphaMode::Mask    ? double{material.alphaCutoff}
@@ -107,11 +160,19 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     report.material = material.name;
     report.cutoff = options.cutoff;
     report.triangles = stored.indices.size();
-    report.caution = primitive.morphed ? "a morph target changes its texture coordinates or alpha"
-                                       : m_changing.reason(place).value_or("");
+    report.caution = cautionFor(place, primitive, material);
     report.special = static_cast<std::size_t>(
         std::count_if(stored.indices.begin(), stored.indices.end(), [](std::int32_t index) { return index < 0; }));
-    report.result = verify(texels, cornersOf(primitive, material.masked()), *micromap, options);
+    if (twin != nullptr) {
+        report.result = twin->result;
+        if (m_options.progress)
+            m_options.progress(m_done + stored.indices.size(), m_total);
+    } else {
+        options.work = m_work;
+        report.result = verify(texels, triangles, *m_stored.of(place), options);
+        m_report.work += report.result.work;
+        m_work -= std::min(m_work, report.result.work);
+    }
     m_report.primitives.push_back(std::move(report));
 }
 
@@ -134,6 +195,7 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
     } catch (const GltfError &error) {
         reason = error.what();
     }
+    m_verified.clear();
     for (const PrimitivePlace place : places) {
         try {
             if (texels)

@@ -15,6 +15,10 @@ namespace vellum::verify
 struct FileOptions : Options {
     // The cutoff is the material's; that of alphaMode BLEND, which has none, is this.
     double blendCutoff = 0.5;
+    // The most work for a file, beside what the size of its micromaps is worth: a small file that says one thing of
+    // many triangles could take hours. About a minute; what is left then is not verified.
+    std::uint64_t fileWork = std::uint64_t{1} << 29;
+    std::uint64_t workForByte = 256; // of micromap data: 64 for each micro-triangle of 4-state data
     // Most offences of structure that are listed.
     std::size_t maxOffences = 100;
 };
@@ -52,6 +56,7 @@ struct FileReport {
     // Special indices stand beside others in a primitive, so that a pipeline must not be created with
     // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR.
     bool mixedSpecialIndices = false;
+    std::uint64_t work = 0; // that was done, as of Result
 
     [[nodiscard]] Counts counts() const;
 };

@@ -87,15 +87,15 @@ Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tole
     for (std::size_t i = 0; i < 3; ++i)
         m_corners[i] = {double{triangle.u[i]} * texture.width, double{triangle.v[i]} * texture.height};
     // What interpolation and the barycentrics of a hit may add to an interpolated number of these three.
-    const auto moved = [&](const std::array<float, 3> &values) {
-        const double largest = std::max({std::abs(values[0]), std::abs(values[1]), std::abs(values[2])});
+    const auto moved = [&](const std::array<float, 3> &values, float terms) {
+        const double largest = std::max({std::abs(values[0]), std::abs(values[1]), std::abs(values[2]), terms});
         const double slope = std::abs(double{values[1]} - values[0]) + std::abs(double{values[2]} - values[0]);
         return largest * tolerances.interpolation + slope * tolerances.barycentric;
     };
-    m_marginX = tolerances.subtexel + texture.width * moved(triangle.u);
-    m_marginY = tolerances.subtexel + texture.height * moved(triangle.v);
+    m_marginX = tolerances.subtexel + texture.width * moved(triangle.u, triangle.terms);
+    m_marginY = tolerances.subtexel + texture.height * moved(triangle.v, triangle.terms);
     m_exact = tolerances.value == 0 && m_marginX == 0 && m_marginY == 0;
-    m_factorMargin = m_even ? 0 : moved(triangle.alpha);
+    m_factorMargin = m_even ? 0 : moved(triangle.alpha, 0);
 
     double furthest = 0;
     double largestFactor = 0;

@@ -12,6 +12,9 @@ struct TriangleCorners {
     std::array<float, 3> u{};
     std::array<float, 3> v{};
     std::array<float, 3> alpha{1, 1, 1}; // what the texture's value is multiplied with, interpolated
+    // What u and v were computed from by a renderer in single precision: margins are relative to this, where it is more
+    // than the largest coordinate.
+    float terms = 0;
     bool operator==(const TriangleCorners &) const = default;
 };
 

@@ -24,7 +24,7 @@ struct Groups {
 
 Groups groupsOf(std::span<const TriangleCorners> triangles, const Micromap &micromap)
 {
-    static_assert(sizeof(TriangleCorners) == 9 * sizeof(float)); // no padding
+    static_assert(sizeof(TriangleCorners) == 10 * sizeof(float)); // no padding
     const auto compare = [&](std::uint32_t a, std::uint32_t b) {
         if (micromap.indices[a] != micromap.indices[b])
             return micromap.indices[a] < micromap.indices[b] ? -1 : 1;
@@ -110,21 +110,34 @@ private:
     std::size_t m_next = 0;
 };
 
+// What became of a group.
+struct Looked {
+    Counts counts;
+    std::uint64_t limit = 0; // of its work
+    std::uint64_t work = 0;
+};
+
+// Groups are looked at in blocks, so that what one may cost does not depend on which thread is first.
+constexpr std::size_t kBlock = 256;
+
 // Goes through the triangles with findings once more, until there are enough.
 std::vector<Finding> list(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
-                          const Options &options, const Groups &groups, const std::vector<Counts> &counts)
+                          const Options &options, const Groups &groups, const std::vector<Looked> &looked,
+                          std::uint64_t &work)
 {
     std::vector<Finding> findings;
     std::array<std::size_t, kKinds> listed{};
     for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-        const Counts &its = counts[groups.of[t]];
+        const Counts &its = looked[groups.of[t]].counts;
         bool wanted = false;
         for (std::size_t kind = 0; kind < kKinds; ++kind)
             wanted = wanted || (its.findings[kind] > 0 && listed[kind] < options.maxFindings);
-        if (!wanted)
+        if (!wanted || work >= options.work)
             continue;
         std::vector<Finding> here;
-        TriangleWalk(texels, triangles[t], claimsOf(micromap, t), options, &here)();
+        TriangleWalk walk(texels, triangles[t], claimsOf(micromap, t), options, looked[groups.of[t]].limit, &here);
+        walk();
+        work += walk.worked();
         for (Finding &finding : here) {
             if (listed[static_cast<std::size_t>(finding.kind)]++ >= options.maxFindings)
                 continue;
@@ -172,20 +185,37 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
                                     std::to_string(triangles.size()) + " triangles");
 
     const Groups groups = groupsOf(triangles, micromap);
-    std::vector<Counts> counts(groups.first.size());
-    Telling telling(options, counts.size());
+    std::vector<Looked> looked(groups.first.size());
+    Telling telling(options, looked.size());
     const unsigned threads = options.threads == 0 ? std::max(1u, std::thread::hardware_concurrency()) : options.threads;
-    forAll(counts.size(), threads, [&](std::size_t i) {
-        const std::uint32_t t = groups.first[i];
-        counts[i] = TriangleWalk(texels, triangles[t], claimsOf(micromap, t), options, nullptr)();
-        telling.done();
-    });
-
+    const auto claims = [&](std::size_t group) { return claimsOf(micromap, groups.first[group]); };
     Result result;
-    result.distinct = counts.size();
+    std::size_t first = 0;
+    while (first < looked.size() && result.work < options.work) {
+        const std::uint64_t left = options.work - result.work;
+        std::size_t count = 0;
+        for (std::uint64_t least = 0; count < kBlock && first + count < looked.size() && (count == 0 || least < left);)
+            least += TriangleWalk::leastWork(claims(first + count++));
+        forAll(count, threads, [&](std::size_t i) {
+            Looked &group = looked[first + i];
+            group.limit = left / count;
+            const std::uint32_t t = groups.first[first + i];
+            TriangleWalk walk(texels, triangles[t], claims(first + i), options, group.limit, nullptr);
+            group.counts = walk();
+            group.work = walk.worked();
+            telling.done();
+        });
+        for (std::size_t i = first; i < first + count; ++i)
+            result.work += looked[i].work;
+        first += count;
+    }
+    for (; first < looked.size(); ++first)
+        looked[first].counts.open = microTriangleCount(claims(first).level);
+
+    result.distinct = looked.size();
     for (const std::uint32_t group : groups.of)
-        result.counts += counts[group];
-    result.findings = list(texels, triangles, micromap, options, groups, counts);
+        result.counts += looked[group].counts;
+    result.findings = list(texels, triangles, micromap, options, groups, looked, result.work);
     return result;
 }
 

@@ -30,6 +30,9 @@ struct Options {
     std::size_t maxFindings = 20;
     // 0 takes one for each processor. The result does not depend on it.
     unsigned threads = 0;
+    // The most work to do for all triangles together, in parts of triangles looked at; a fraction of a microsecond
+    // each. What is left then is counted as open, and not by what it says.
+    std::uint64_t work = ~std::uint64_t{0};
     // Called now and then, by one thread at a time, with triangles done and in all.
     std::function<void(std::size_t done, std::size_t total)> progress;
 };
@@ -80,6 +83,7 @@ struct Result {
     Counts counts;
     std::vector<Finding> findings; // the first of each kind, by triangle and micro-triangle
     std::size_t distinct = 0;      // triangles that differ in coordinates or index
+    std::uint64_t work = 0;        // that was done
 };
 
 // `micromap` must be valid and have an index for each triangle, the texture a value for each texel and at least one

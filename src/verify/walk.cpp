@@ -12,6 +12,8 @@ constexpr Tolerances kNone{0, 0, 0, 0};
 // How many parts of one triangle may be looked at: more than any that is not made to take long needs.
 constexpr std::uint64_t kWork = std::uint64_t{1} << 22;
 constexpr std::uint64_t kWorkForMicroTriangle = 64;
+// Going by is cheaper than looking.
+constexpr std::uint64_t kMicroTrianglesForWork = 4;
 
 LatticePoint between(const LatticePoint &a, const LatticePoint &b)
 {
@@ -41,11 +43,22 @@ std::array<MicroCorners, 4> childrenOnCurve(const MicroCorners &corners)
 }
 
 TriangleWalk::TriangleWalk(const Texels &texels, const TriangleCorners &triangle, const Claims &claims,
-                           const Options &options, std::vector<Finding> *list)
+                           const Options &options, std::uint64_t work, std::vector<Finding> *list)
     : m_texels(texels), m_claims(claims), m_options(options), m_list(list),
-      m_region(texels, triangle, options.tolerances, options.cutoff), m_bare(texels, triangle, kNone, options.cutoff)
+      m_region(texels, triangle, options.tolerances, options.cutoff), m_bare(texels, triangle, kNone, options.cutoff),
+      m_work(std::min(work, kWork + kWorkForMicroTriangle * microTriangleCount(claims.level)))
 {
-    m_region.work = m_bare.work = kWork + kWorkForMicroTriangle * microTriangleCount(claims.level);
+    m_region.work = m_bare.work = m_work;
+}
+
+std::uint64_t TriangleWalk::leastWork(const Claims &claims)
+{
+    return microTriangleCount(claims.level) / kMicroTrianglesForWork + 1;
+}
+
+std::uint64_t TriangleWalk::worked() const
+{
+    return leastWork(m_claims) + 2 * m_work - m_region.work - m_bare.work;
 }
 
 Counts TriangleWalk::operator()()
@@ -130,14 +143,15 @@ void TriangleWalk::settled(const Branch &branch, State truth)
         count(state);
         if (state == truth || (isUnknown(state) && m_region.far()))
             continue;
+        const Kind kind = isUnknown(state) ? Kind::Needless : Kind::Wrong;
         Witness witness;
-        if (m_list != nullptr) {
+        if (m_list != nullptr && m_counts.of(kind) < m_options.maxFindings) {
             MicroCorners corners = branch.corners;
             for (std::uint32_t level = m_claims.level - branch.level; level-- > 0;)
                 corners = childrenOnCurve(corners)[(i >> (2 * level)) & 3];
             witness = m_region.valueAt(m_region.part(corners, m_claims.level));
         }
-        report(isUnknown(state) ? Kind::Needless : Kind::Wrong, branch.first + i, state, witness);
+        report(kind, branch.first + i, state, witness);
     }
 }
 
@@ -171,10 +185,10 @@ void TriangleWalk::judgeClaim(const Branch &leaf, State state)
     const Verdict bare = m_bare(leaf.corners, leaf.level, ask);
     if (contradicted(bare) == Answer::Yes)
         report(Kind::Wrong, leaf.first, state, witness(bare));
-    else if (contradicted(wide) == Answer::Yes)
-        report(Kind::OutsideMargins, leaf.first, state, witness(wide));
     else if (contradicted(bare) == Answer::Open)
         ++m_counts.open;
+    else if (contradicted(wide) == Answer::Yes)
+        report(Kind::OutsideMargins, leaf.first, state, witness(wide));
 }
 
 void TriangleWalk::judgeUnknown(const Branch &leaf, State state)

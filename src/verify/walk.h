@@ -22,10 +22,13 @@ struct Claims {
 class TriangleWalk
 {
 public:
-    // `list` may be null.
+    // No more than `work` is done, as of Options. `list` may be null.
     TriangleWalk(const Texels &texels, const TriangleCorners &triangle, const Claims &claims, const Options &options,
-                 std::vector<Finding> *list);
+                 std::uint64_t work, std::vector<Finding> *list);
     Counts operator()();
+    // What it took, and what it takes at least.
+    [[nodiscard]] std::uint64_t worked() const;
+    [[nodiscard]] static std::uint64_t leastWork(const Claims &claims);
 
 private:
     struct Branch {
@@ -53,6 +56,7 @@ private:
     std::vector<Finding> *m_list;
     Region m_region; // with tolerances
     Region m_bare;   // without
+    std::uint64_t m_work;
     Counts m_counts;
 };
 

@@ -177,3 +177,13 @@ TEST_F(VerifyCommand, PrintsJsonForMachines)
     const JsonTree broken(text);
     EXPECT_EQ(broken.root()["files"].children().at(0)["code"].integer(), 2);
 }
+
+// What was verified is not all that can be drawn.
+TEST_F(VerifyCommand, StrictTakesCautionsForOpenClaims)
+{
+    card.material += R"(, "extensions": {"KHR_materials_pbrSpecularGlossiness": {"glossinessFactor": 1}})";
+    EXPECT_EQ(verify(card).exitCode, 0);
+    const Outcome strict = verify(card, {"--strict"});
+    EXPECT_EQ(strict.exitCode, 4);
+    EXPECT_TRUE(has(strict.output, "caution: mesh 0 \"leaves\" primitive 0")) << strict.output;
+}

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "compressed.h"
+#include "gltf/micromaps/document_bake.h"
 #include "gltf/primitive.h"
 
 using namespace vellum;
@@ -198,4 +199,101 @@ TEST(GltfCompressed, Meshopt)
                       "newer way than the library here can read");
         }
     }
+}
+
+namespace
+{
+
+// The reason for which a masked primitive is left, or none.
+std::string leftFor(std::string json, const Bytes &binary)
+{
+    json.replace(json.find("{\"pbr"), 1, "{\"alphaMode\": \"MASK\", ");
+    json.replace(json.find("none.png"), 8, "disc.png");
+    const TemporaryFolder folder;
+    writeFile(folder / "disc.png", discPng());
+    writeFile(folder / "test.glb", packGlb(json, binary));
+    const DocumentBake bake = bakeDocument(Document(folder / "test.glb"), {});
+    return bake.left.empty() ? "none" : bake.left[0].reason;
+}
+
+// A file whose primitive is compressed by Draco and is there uncompressed, too.
+std::string bothJson(std::size_t dracoBytes, int indices, bool required)
+{
+    const std::size_t at = (dracoBytes + 3) / 4 * 4;
+    std::string json = glbOf(
+        R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0, "extensions":
+            {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0, "TEXCOORD_0": 1}}}})",
+        R"({"bufferView": 1, "componentType": 5126, "count": 6, "type": "VEC3"},
+           {"bufferView": 2, "componentType": 5126, "count": 6, "type": "VEC2"},
+           {"bufferView": 3, "componentType": 5125, "count": )" +
+            std::to_string(indices) + R"(, "type": "SCALAR"})",
+        "{\"buffer\": 0, \"byteLength\": " + std::to_string(dracoBytes) + "}, {\"buffer\": 0, \"byteOffset\": " +
+            std::to_string(at) + ", \"byteLength\": 72}, {\"buffer\": 0, \"byteOffset\": " + std::to_string(at + 72) +
+            ", \"byteLength\": 48}, {\"buffer\": 0, \"byteOffset\": " + std::to_string(at + 120) +
+            ", \"byteLength\": " + std::to_string(4 * indices) + "}",
+        at + 120 + 4 * static_cast<std::size_t>(indices), 1);
+    if (required)
+        json.replace(1, 0, "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], ");
+    return json;
+}
+
+} // namespace
+
+// A renderer that does not know the compression draws the uncompressed data: one micromap must be right for both.
+TEST(GltfCompressed, UncompressedDataThatDiffersIsNotBaked)
+{
+    const std::string other = "its uncompressed data has other triangles than its compressed data";
+    const Bytes encoded = dracoTriangles(kPositions, kUvs, true);
+    const Primitive decoded = readFirst(dracoJson(encoded.size()), encoded);
+    Bytes binary = encoded;
+    binary.resize((binary.size() + 3) / 4 * 4);
+    std::vector<float> positions;
+    std::vector<float> uvs;
+    for (const std::uint32_t i : decoded.indices) { // a vertex of its own for each corner
+        positions.insert(positions.end(), decoded.positions[i].begin(), decoded.positions[i].end());
+        uvs.insert(uvs.end(), {decoded.uvs[i].u, decoded.uvs[i].v});
+    }
+    ASSERT_EQ(uvs.size(), 12u);
+    append(binary, positions);
+    append(binary, uvs);
+    Bytes turned = binary;
+    std::vector<std::uint32_t> indices = {0, 1, 2, 3, 4, 5};
+    append(binary, indices);
+    std::rotate(indices.begin(), indices.begin() + 1, indices.begin() + 3);
+    append(turned, indices);
+    EXPECT_EQ(leftFor(bothJson(encoded.size(), 6, false), binary), "none");
+    EXPECT_EQ(leftFor(bothJson(encoded.size(), 6, false), turned), other);
+    EXPECT_EQ(leftFor(bothJson(encoded.size(), 6, true), turned), "none");
+    // What the file says of the number of triangles is what a micromap is counted by.
+    EXPECT_EQ(leftFor(bothJson(encoded.size(), 3, true), binary),
+              "it has 1 triangles by its indices, and 2 by KHR_draco_mesh_compression");
+    EXPECT_EQ(leftFor(bothJson(encoded.size(), 3, false), binary), other);
+}
+
+TEST(GltfCompressed, UncompressedDataThatDiffersFromMeshoptIsNotBaked)
+{
+    const std::vector<std::uint32_t> indices = {0, 1, 2, 3, 4, 5};
+    Bytes binary = meshoptIndices(indices);
+    const std::size_t encoded = binary.size();
+    binary.resize((binary.size() + 3) / 4 * 4);
+    const std::size_t at = binary.size();
+    for (std::size_t i = 0; i < 6; ++i)
+        append<float>(binary, {kPositions[i][0], kPositions[i][1], kPositions[i][2], kUvs[i][0], kUvs[i][1]});
+    Bytes turned = binary;
+    append<std::uint16_t>(binary, {0, 1, 2, 3, 4, 5});
+    append<std::uint16_t>(turned, {1, 2, 0, 3, 4, 5});
+    std::string json = glbOf(
+        R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})",
+        R"({"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"},
+                 {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 6, "type": "VEC2"},
+                 {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"})",
+        "{\"buffer\": 0, \"byteOffset\": " + std::to_string(at) +
+            R"(, "byteLength": 120, "byteStride": 20}, {"buffer": 0, "byteOffset": )" + std::to_string(at + 120) +
+            R"(, "byteLength": 12, "extensions": {"EXT_meshopt_compression": {"buffer": 0, "byteOffset": 0, )" +
+            "\"byteLength\": " + std::to_string(encoded) + R"(, "byteStride": 2, "count": 6, "mode": "INDICES"}}})",
+        binary.size(), 1);
+    EXPECT_EQ(leftFor(json, binary), "none");
+    EXPECT_EQ(leftFor(json, turned), "its uncompressed data has other triangles than its compressed data");
+    json.replace(1, 0, "\"extensionsRequired\": [\"EXT_meshopt_compression\"], ");
+    EXPECT_EQ(leftFor(json, turned), "none");
 }

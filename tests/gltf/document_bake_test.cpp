@@ -1,6 +1,7 @@
 // Which primitives are baked, and against what.
 #include "gltf/micromaps/document_bake.h"
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <gtest/gtest.h>
@@ -194,6 +195,70 @@ TEST(DocumentBake, PrimitivesThatCannotBeBakedAreLeft)
               "its material's alpha is animated (KHR_animation_pointer)");
     EXPECT_EQ(bakeCard(animated("/materials/0/emissiveFactor")).primitives.size(), 1u);
     EXPECT_EQ(bakeCard(animated("/materials/1/alphaCutoff")).primitives.size(), 1u);
+}
+
+// The extension counts triangles by the indices, or else by the positions.
+TEST(DocumentBake, WithoutIndicesAndPositionsThereIsNoNumberOfTriangles)
+{
+    EXPECT_EQ(reasonFor({{kPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})"}}),
+              "it has neither indices nor positions");
+    EXPECT_EQ(
+        bakeCard({{kPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "indices": 2, "material": 0})"}}).primitives.size(),
+        1u);
+}
+
+// A renderer that reads the other image would sample that.
+TEST(DocumentBake, FallbackImagesOnRequest)
+{
+    for (const std::string extension : {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"}) {
+        const Replacements both = {
+            {R"({"source": 0, "sampler": 0})",
+             R"({"source": 0, "sampler": 0, "extensions": {")" + extension + R"(": {"source": 1}}})"},
+            {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "none"}])"}};
+        EXPECT_EQ(reasonFor(both), "its texture has an image that is not read here (" + extension + ")");
+        DocumentBakeOptions options = optionsOf();
+        options.fallbackImages = true;
+        expectSame(bakeCard(both, options), bakeDirectly(0.25));
+    }
+}
+
+// The offset cancels out what makes the coordinates large: the sum is small, and a renderer's error is not.
+TEST(DocumentBake, TransformsAreAsExactAsTheirTerms)
+{
+    const auto knownWith = [](float shift) {
+        Bytes bytes =
+            cardGlb({{R"("baseColorTexture": {"index": 0})",
+                      R"("baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [)" +
+                          std::to_string(-shift) + ", 0]}}}"}});
+        const std::array<float, 8> uvs = {0, 1, 1, 1, 1, 0, 0, 0};
+        const auto *first = reinterpret_cast<const std::uint8_t *>(uvs.data());
+        const auto found = std::search(bytes.begin(), bytes.end(), first, first + sizeof uvs);
+        for (std::ptrdiff_t i = 0; i < 8; i += 2) {
+            const float moved = uvs[static_cast<std::size_t>(i)] + shift;
+            std::memcpy(&found[4 * i], &moved, sizeof moved);
+        }
+        const TemporaryFolder folder;
+        writeFile(folder / "test.glb", bytes);
+        const DocumentBake bake = bakeDocument(Document(folder / "test.glb"), optionsOf());
+        std::size_t known = 0;
+        for (const std::int32_t index : bake.primitives.at(0).micromap.indices) {
+            if (const auto state = specialState(index)) {
+                known += *state == State::Opaque || *state == State::Transparent ? 256u : 0u;
+                continue;
+            }
+            const StoredMicromap &micromap = bake.micromaps.at(0);
+            const MicromapTriangle &t = micromap.triangles.at(static_cast<std::size_t>(index));
+            for (std::uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i) {
+                const State state = readState(&micromap.data[t.dataOffset], i, t.format);
+                known += state == State::Opaque || state == State::Transparent ? 1u : 0u;
+            }
+        }
+        return known;
+    };
+    EXPECT_GT(knownWith(0), 200u);
+    EXPECT_EQ(knownWith(1), knownWith(0));
+    EXPECT_LT(knownWith(65536), knownWith(0));
+    EXPECT_EQ(knownWith(4194304), 0u);
 }
 
 TEST(DocumentBake, AnOpaqueMaterialIsNotLeftOutWhateverItsTexture)

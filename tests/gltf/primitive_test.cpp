@@ -295,3 +295,14 @@ TEST(GltfPrimitive, MorphingOfWhatIsReadIsKnown)
     EXPECT_FALSE(morphed(R"([{"POSITION": 0, "NORMAL": 0, "TEXCOORD_1": 1}])"));
     EXPECT_TRUE(morphed(R"([{"POSITION": 0}, {"TEXCOORD_0": 1}])"));
 }
+
+TEST(Gltf, NamesAreShownWithoutControlCharacters)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb",
+              cardGlb({{"{\"primitives\"", R"({"name": "a\n\u001b[31m\u009bb\u00e9", "primitives")"},
+                       {"\"leaf\"", R"("l\tf")"}}));
+    const Document document(folder / "test.glb");
+    EXPECT_EQ(document.nameOf({0, 0}), "mesh 0 \"a??[31m?b\xc3\xa9\" primitive 0");
+    EXPECT_EQ(readMaterial(document, 0).name, "l?f");
+}

@@ -1,6 +1,7 @@
 // Verification of files: what is read of them, and to what it leads.
 #include "verify/file.h"
 
+#include <cstring>
 #include <gtest/gtest.h>
 
 #include "card_file.h"
@@ -195,4 +196,51 @@ TEST(VerifyFile, TellsWhatADeviceMustHave)
     card.bake(options);
     EXPECT_EQ(verifyCard(card).level2State, 2);
     EXPECT_EQ(verifyCard(card).level4State, -1);
+}
+
+// Primitives that are the same and say the same are looked at once.
+TEST(VerifyFile, LooksAtTheSameOnce)
+{
+    CardFile card = bakedCard();
+    const FileReport one = verifyCard(card);
+    card.cards = 50;
+    const FileReport many = verifyCard(card);
+    ASSERT_EQ(many.primitives.size(), 50u);
+    EXPECT_EQ(many.work, one.work);
+    EXPECT_EQ(many.counts().microTriangles(), 50 * one.counts().microTriangles());
+}
+
+// A file cannot ask for more than a bounded amount of work.
+TEST(VerifyFile, LeavesOpenWhatTakesTooLong)
+{
+    CardFile card = bakedCard(8);
+    FileOptions options;
+    options.fileWork = 100;
+    options.workForByte = 0;
+    FileReport report = verifyCard(card, options);
+    ASSERT_EQ(report.primitives.size(), 1u);
+    EXPECT_GT(report.counts().open, 0u);
+    for (const unsigned threads : {1u, 3u}) {
+        options.threads = threads;
+        EXPECT_EQ(verifyCard(card, options).counts().open, report.counts().open);
+    }
+    options.fileWork = 0;
+    report = verifyCard(card, options);
+    ASSERT_EQ(report.unverified.size(), 1u);
+    EXPECT_EQ(report.unverified[0].reason, "the file takes too long to verify");
+}
+
+TEST(VerifyFile, CautionsOfAnotherImage)
+{
+    Bytes bytes = bakedCard().bytes();
+    EXPECT_EQ(verifyCard(bakedCard()).primitives.at(0).caution, "");
+    std::uint32_t length = 0;
+    std::memcpy(&length, &bytes[12], sizeof length);
+    std::string json(bytes.begin() + 20, bytes.begin() + 20 + length);
+    const std::string texture = R"("textures": [{"source": 0)";
+    json.insert(json.find(texture) + texture.size(), R"(, "extensions": {"KHR_texture_basisu": {"source": 0}})");
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", packGlb(json, Bytes(bytes.begin() + 28 + length, bytes.end())));
+    const FileReport report = verify::verifyDocument(Document(folder / "card.glb"), {});
+    EXPECT_EQ(report.primitives.at(0).caution, "its texture has an image that is not read here (KHR_texture_basisu)");
 }

@@ -415,3 +415,27 @@ TEST(Verify, RefusesWhatItCannotRead)
     micromap.indices = {-1, -2};
     EXPECT_THROW(verify::verify({}, triangles, micromap, {}), std::invalid_argument);
 }
+
+// What a coordinate was computed from in single precision moves the margins.
+TEST(Verify, MarginsFollowTheTermsOfCoordinates)
+{
+    const AlphaTexture texture = leaves(64);
+    BakeOptions bakeOptions;
+    bakeOptions.level = 5;
+    const Micromap micromap = bake(texture, kCard, bakeOptions).micromap;
+    std::vector<TriangleCorners> corners = toCorners(kCard);
+    EXPECT_EQ(verify::verify(texture, corners, micromap, {}).counts.of(Kind::OutsideMargins), 0u);
+    BakeInput input;
+    input.textures = {&texture, 1};
+    input.triangles = kCard;
+    for (const float terms : {4096.0f, 65536.0f}) {
+        for (TriangleCorners &triangle : corners)
+            triangle.terms = terms;
+        EXPECT_GT(verify::verify(texture, corners, micromap, {}).counts.of(Kind::OutsideMargins), 0u);
+        input.uvTerms = static_cast<double>(terms);
+        const verify::Counts counts =
+            verify::verify(texture, corners, bake({&input, 1}, bakeOptions).micromap, {}).counts;
+        EXPECT_EQ(counts.of(Kind::OutsideMargins), 0u);
+        EXPECT_EQ(counts.of(Kind::Needless), 0u);
+    }
+}

@@ -1,6 +1,9 @@
 #include "cli/scene/baked_scene.h"
 
+#include <algorithm>
 #include <map>
+
+#include "gltf/file/gltf_error.h"
 
 namespace vellum::cli
 {
@@ -109,27 +112,39 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options)
         const Material &m = scene.materials[material];
         options.cutoff = static_cast<double>(m.alphaCutoff);
         std::vector<TriangleUvs> triangles;
+        BakeInput input;
         for (const std::size_t i : geometries) {
             const Geometry &g = scene.geometries[i];
+            input.uvTerms = std::max(input.uvTerms, static_cast<double>(g.uvTerms));
             for (std::size_t t = 0; t + 2 < g.indices.size(); t += 3)
                 triangles.push_back({g.uvs[g.indices[t]], g.uvs[g.indices[t + 1]], g.uvs[g.indices[t + 2]]});
         }
-        divide(scene, geometries,
-               bake(alphaTexture(m, scene.images[static_cast<std::size_t>(m.image)]), triangles, options), baked);
+        const AlphaTexture texture = alphaTexture(m, scene.images[static_cast<std::size_t>(m.image)]);
+        input.textures = {&texture, 1};
+        input.triangles = triangles;
+        divide(scene, geometries, bake({&input, 1}, options), baked);
     }
     return baked;
 }
 
-BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored)
+BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, std::uint64_t mostBytes)
 {
     BakedScene baked;
+    std::uint64_t bytes = 0;
     baked.extension = stored.extension;
     for (const Geometry &g : scene.geometries) {
         baked.results.emplace_back();
         if (!g.place || !scene.materials[g.material].masked())
             continue;
-        if (auto micromap = stored.of(*g.place))
+        if (auto micromap = stored.of(*g.place)) {
+            bytes += micromap->data.size() + micromap->triangles.size() * sizeof(MicromapTriangle);
+            if (bytes > mostBytes)
+                throw GltfError("mesh " + std::to_string(g.place->mesh) + " primitive " +
+                                std::to_string(g.place->primitive) +
+                                ": the micromaps of all primitives have more than " + std::to_string(mostBytes) +
+                                " bytes together");
             baked.results.back() = resultOf(std::move(*micromap));
+        }
     }
     return baked;
 }

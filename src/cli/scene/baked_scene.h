@@ -32,7 +32,9 @@ struct BakedScene {
 BakedScene bakeScene(const Scene &scene, BakeOptions options);
 
 // The micromaps that the scene's file has for its masked geometries. A solid one is drawn as it is, whatever the file
-// says of it.
-BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored);
+// says of it. Primitives may share what the file has, and each gets a copy, for a device too: throws GltfError where
+// those have more than `mostBytes` together.
+BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored,
+                       std::uint64_t mostBytes = std::uint64_t{512} << 20);
 
 } // namespace vellum::cli

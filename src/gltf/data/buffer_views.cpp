@@ -1,5 +1,7 @@
 #include "gltf/data/buffer_views.h"
 
+#include <algorithm>
+
 #include "gltf/data/decompress.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/tinygltf.h"
@@ -59,6 +61,24 @@ std::span<const std::uint8_t> BufferViews::decompressed(int index, const std::st
     } catch (const GltfError &error) {
         throw GltfError(name + " " + error.what());
     }
+}
+
+bool BufferViews::differsFromFallback(int view, const std::string &what) const
+{
+    if (view < 0 || static_cast<std::size_t>(view) >= m_model.bufferViews.size())
+        return false;
+    const tinygltf::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(view)];
+    if (!isCompressed(parent) || parent.buffer < 0 ||
+        static_cast<std::size_t>(parent.buffer) >= m_model.buffers.size() ||
+        m_model.buffers[static_cast<std::size_t>(parent.buffer)].data.empty())
+        return false;
+    const auto &required = m_model.extensionsRequired;
+    for (const char *name : {"EXT_meshopt_compression", "KHR_meshopt_compression"})
+        if (parent.extensions.contains(name) && std::find(required.begin(), required.end(), name) != required.end())
+            return false;
+    const auto fallback = stored(parent.buffer, parent.byteOffset, parent.byteLength, what);
+    const auto here = bytes(view, what);
+    return !std::equal(here.begin(), here.end(), fallback.begin(), fallback.end());
 }
 
 std::span<const std::uint8_t> BufferViews::bytes(int view, const std::string &what) const

@@ -30,6 +30,10 @@ public:
     // cannot be decompressed.
     [[nodiscard]] std::span<const std::uint8_t> bytes(int view, const std::string &what) const;
 
+    // Whether a compressed view has uncompressed data beside it, for those who do not know the compression, and that is
+    // other data.
+    [[nodiscard]] bool differsFromFallback(int view, const std::string &what) const;
+
 private:
     [[nodiscard]] std::span<const std::uint8_t> stored(int buffer, std::size_t offset, std::size_t length,
                                                        const std::string &name) const;

@@ -16,12 +16,12 @@ namespace
 {
 
 // What decides the alpha at a texture coordinate, and which of it is opaque.
-using SourceKey = std::tuple<int, Wrap, Wrap, Filter, float, float>;
+using SourceKey = std::tuple<int, Wrap, Wrap, Filter, float, float, float>;
 
-SourceKey keyOf(const Material &material)
+SourceKey keyOf(const Material &material, float uvTerms)
 {
-    return {material.image,  material.wrapU,        material.wrapV,
-            material.filter, material.baseColor[3], material.alphaCutoff};
+    return {material.image,        material.wrapU,       material.wrapV, material.filter,
+            material.baseColor[3], material.alphaCutoff, uvTerms};
 }
 
 // A triangle of a primitive that is baked.
@@ -38,6 +38,7 @@ struct Layer {
 
 struct Source {
     Material material;
+    float uvTerms = 0;
     std::map<float, Layer> layers;         // by the vertices' alpha
     std::vector<std::uint32_t> primitives; // into DocumentBake::primitives
     bool unreadable = false;
@@ -65,7 +66,7 @@ public:
 private:
     void addPrimitive(PrimitivePlace place);
     void leave(PrimitivePlace place, const std::string &material, const std::string &reason);
-    Source &sourceOf(const Material &material);
+    Source &sourceOf(const Material &material, float uvTerms);
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
     AlphaTexture textureOf(Source &source);
@@ -101,11 +102,11 @@ void DocumentBaker::leave(PrimitivePlace place, const std::string &material, con
     m_result.left.push_back({place, material, reason, had});
 }
 
-Source &DocumentBaker::sourceOf(const Material &material)
+Source &DocumentBaker::sourceOf(const Material &material, float uvTerms)
 {
-    const auto [found, isNew] = m_sourceOf.try_emplace(keyOf(material), m_sources.size());
+    const auto [found, isNew] = m_sourceOf.try_emplace(keyOf(material, uvTerms), m_sources.size());
     if (isNew)
-        m_sources.push_back({material, {}, {}, false});
+        m_sources.push_back({material, uvTerms, {}, {}, false});
     return m_sources[found->second];
 }
 
@@ -167,6 +168,12 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     const bool list = source.mode == -1 || source.mode == TINYGLTF_MODE_TRIANGLES;
     if (!list && source.extensions.contains("KHR_draco_mesh_compression"))
         return leave(place, material.name, "it is a strip with KHR_draco_mesh_compression");
+    // The extension counts triangles by the indices, or else the positions.
+    if (source.indices < 0 && !source.attributes.contains("POSITION"))
+        return leave(place, material.name, "it has neither indices nor positions");
+    if (!material.unreadImage.empty() && !m_options.fallbackImages)
+        return leave(place, material.name,
+                     "its texture has an image that is not read here (" + material.unreadImage + ")");
     Primitive primitive = readPrimitive(m_document, place, Positions::Leave);
     if (material.image >= 0 && primitive.uvs.empty())
         return leave(place, material.name,
@@ -175,7 +182,16 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return leave(place, material.name, "morph targets change its texture coordinates or alphas");
     if (primitive.indices.empty())
         return leave(place, material.name, "it has no triangles");
-    addTriangles(sourceOf(material), primitive);
+    if (primitive.twofold)
+        return leave(place, material.name, "its uncompressed data has other triangles than its compressed data");
+    const std::size_t declared = source.indices < 0
+                                     ? primitive.indices.size()
+                                     : model.accessors.at(static_cast<std::size_t>(source.indices)).count;
+    if (source.extensions.contains("KHR_draco_mesh_compression") && declared / 3 != primitive.triangleCount())
+        return leave(place, material.name,
+                     "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
+                         std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");
+    addTriangles(sourceOf(material, primitive.uvTerms), primitive);
     BakedPrimitive &baked = m_result.primitives.back();
     baked.place = place;
     baked.material = material.name;
@@ -271,6 +287,7 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
             BakeInput &input = inputs.emplace_back();
             input.textures = {&textures.back(), 1};
             input.triangles = layer.uvs;
+            input.uvTerms = static_cast<double>(source.uvTerms);
             // The shader compares the product of both alphas with the cutoff.
             input.cutoff =
                 std::clamp(static_cast<double>(source.material.alphaCutoff), -1e30, 1e30) / static_cast<double>(alpha);

@@ -18,6 +18,9 @@ struct DocumentBakeOptions {
     // Bakes alphaMode BLEND, too, as a mask with this cutoff.
     bool blend = false;
     float blendCutoff = 0.5f;
+    // Bakes primitives whose texture has an image of a kind that is not read here (KTX2, AVIF, DDS) and another for
+    // those who do not read it either, from the latter.
+    bool fallbackImages = false;
     // Materials and meshes with such a name (shell patterns: * ? [...]) are left as they are.
     std::vector<std::string> leaveMaterials;
     std::vector<std::string> leaveMeshes;
