@@ -238,6 +238,8 @@ TEST_P(CompilerModules, ShadersOfTheRewritersTests)
     for (const ModuleFile &module : modulesIn(fs::path(VELLUM_TEST_BUILD) / "tests/spirv")) {
         if (module.name.starts_with("short_attributes")) // which the layer refuses, as its test says
             continue;
+        if (module.name.starts_with("kept_flags")) // RADV crashes on its arrays of arrays, without the layer as well
+            continue;
         compile(module);
     }
 }
