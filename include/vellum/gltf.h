@@ -163,10 +163,9 @@ typedef struct VellumGltfBakeInfo {
 // stays as it was. The input is never written, and the output is all there or not at all. docs/gltf.md says what is
 // baked.
 //
-//   input, output  paths of two different files; .glb becomes .glb, and .gltf becomes .gltf. The micromaps of tree.gltf
-//   lie
-//                  beside it, in tree.omm.bin; what a .gltf names beside it is copied where the output is in another
-//                  folder. An output that is there is replaced.
+//   input, output  paths of two different files; .glb becomes .glb, and .gltf becomes .gltf. The micromaps of
+//                  tree.gltf lie beside it, in tree.omm-<hash of them>.bin; what a .gltf names beside it is copied
+//                  where the output is in another folder. An output that is there is replaced.
 //   bake           null for the defaults, and no callbacks. The cutoff is the material's. compareOp must be
 //                  VELLUM_COMPARE_OP_GREATER_OR_EQUAL, which is glTF's, and flags 0. The budget is for the whole file,
 //                  maxDataSize for each micromap, or, with a budget, for all of them.
