@@ -6,6 +6,7 @@
 #include <rapidjson/prettywriter.h>
 #include <rapidjson/stringbuffer.h>
 
+#include "cli/base/numbers.h"
 #include "gltf/file/utf8.h"
 
 namespace vellum::cli
@@ -14,22 +15,6 @@ namespace
 {
 
 constexpr const char *kStateNames[] = {"transparent", "opaque", "unknownTransparent", "unknownOpaque"};
-
-// 1234567 -> 1,234,567
-std::string grouped(std::uint64_t number)
-{
-    std::string text = std::to_string(number);
-    for (std::size_t i = text.size(); i > 3;) {
-        i -= 3;
-        text.insert(i, 1, ',');
-    }
-    return text;
-}
-
-std::string percent(double share)
-{
-    return fmt::format("{:.1f} %", 100 * share);
-}
 
 // Shares of the states in each triangle of a micromap.
 std::vector<std::array<double, 4>> sharesOf(const StoredMicromap &micromap)

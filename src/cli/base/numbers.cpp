@@ -1,5 +1,7 @@
 #include "cli/base/numbers.h"
 
+#include <fmt/format.h>
+
 namespace vellum::cli
 {
 
@@ -11,6 +13,11 @@ std::string grouped(std::uint64_t number)
         text.insert(i, 1, ',');
     }
     return text;
+}
+
+std::string percent(double share)
+{
+    return fmt::format("{:.1f} %", 100 * share);
 }
 
 } // namespace vellum::cli

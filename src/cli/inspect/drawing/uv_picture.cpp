@@ -115,11 +115,6 @@ void drawScales(Picture &picture, const UvWindow &window, int x, int y)
         fill(picture, x + dx, y + dy, w, h, rgb(0xb8bcc2));
 }
 
-std::string percent(double share)
-{
-    return fmt::format("{:.1f} %", 100 * share);
-}
-
 void drawPanel(Picture &picture, const InspectedFile &file, const Panel &panel, const UvPictureOptions &options, int x,
                int y)
 {
