@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "bake/bake.h"
+#include "core/parallel.h"
 
 namespace vellum
 {
@@ -43,41 +44,15 @@ private:
     std::size_t m_next = 0;
 };
 
-// Calls function(i, state) for each i below `count`, in any order, on `threads` threads with a State of their own. The
-// first exception ends the work and is thrown on.
+// inParallel() of work that may be cancelled: then it throws BakeCancelled.
 template <typename State, typename Function>
 void inParallel(unsigned threads, std::size_t count, const std::function<bool()> &cancelled, Function &&function)
 {
-    std::atomic<std::size_t> next{0};
-    std::mutex failing;
-    std::exception_ptr failure;
-    const auto work = [&] {
-        try {
-            State state;
-            for (std::size_t i = next++; i < count; i = next++) {
-                if (cancelled && cancelled())
-                    throw BakeCancelled();
-                function(i, state);
-            }
-        } catch (...) {
-            const std::lock_guard lock(failing);
-            if (!failure)
-                failure = std::current_exception();
-            next = count;
-        }
-    };
-    {
-        std::vector<std::jthread> others;
-        try {
-            for (std::size_t i = 1; i < threads && i < count; ++i)
-                others.emplace_back(work);
-        } catch (const std::exception &) {
-            // Without memory or permission for another thread, those that there are do the work.
-        }
-        work();
-    }
-    if (failure)
-        std::rethrow_exception(failure);
+    inParallel<State>(threads, count, [&](std::size_t i, State &state) {
+        if (cancelled && cancelled())
+            throw BakeCancelled();
+        function(i, state);
+    });
 }
 
 } // namespace vellum

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "core/parallel.h"
 #include "verify/walk.h"
 
 namespace vellum::verify
@@ -53,38 +54,6 @@ Claims claimsOf(const Micromap &micromap, std::uint32_t triangle)
         return {nullptr, *special, 0, Format::FourState};
     const MicromapTriangle &t = micromap.triangles[static_cast<std::uint32_t>(index) + micromap.baseTriangle];
     return {micromap.data.data() + t.dataOffset, State::Opaque, t.subdivisionLevel, t.format};
-}
-
-// Calls function(i) for each i below `count` on several threads. The first exception ends the work and is thrown on.
-template <typename Function>
-void forAll(std::size_t count, unsigned threads, Function &&function)
-{
-    std::atomic<std::size_t> next{0};
-    std::mutex failing;
-    std::exception_ptr failure;
-    const auto work = [&] {
-        try {
-            for (std::size_t i = next++; i < count; i = next++)
-                function(i);
-        } catch (...) {
-            const std::lock_guard lock(failing);
-            if (!failure)
-                failure = std::current_exception();
-            next = count;
-        }
-    };
-    {
-        std::vector<std::jthread> others;
-        try {
-            for (std::size_t i = 1; i < threads && i < count; ++i)
-                others.emplace_back(work);
-        } catch (const std::exception &) {
-            // Those that there are do the work.
-        }
-        work();
-    }
-    if (failure)
-        std::rethrow_exception(failure);
 }
 
 class Telling
@@ -196,7 +165,9 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
         std::size_t count = 0;
         for (std::uint64_t least = 0; count < kBlock && first + count < looked.size() && (count == 0 || least < left);)
             least += TriangleWalk::leastWork(claims(first + count++));
-        forAll(count, threads, [&](std::size_t i) {
+        struct Nothing {
+        };
+        inParallel<Nothing>(threads, count, [&](std::size_t i, Nothing &) {
             Looked &group = looked[first + i];
             group.limit = left / count;
             const std::uint32_t t = groups.first[first + i];

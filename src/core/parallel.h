@@ -1,0 +1,48 @@
+// A loop on several threads.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace vellum
+{
+
+// Calls function(i, state) for each i below `count`, in any order, on `threads` threads with a State of their own. The
+// first exception ends the work and is thrown on.
+template <typename State, typename Function>
+void inParallel(unsigned threads, std::size_t count, Function &&function)
+{
+    std::atomic<std::size_t> next{0};
+    std::mutex failing;
+    std::exception_ptr failure;
+    const auto work = [&] {
+        try {
+            State state;
+            for (std::size_t i = next++; i < count; i = next++)
+                function(i, state);
+        } catch (...) {
+            const std::lock_guard lock(failing);
+            if (!failure)
+                failure = std::current_exception();
+            next = count;
+        }
+    };
+    {
+        std::vector<std::jthread> others;
+        try {
+            for (std::size_t i = 1; i < threads && i < count; ++i)
+                others.emplace_back(work);
+        } catch (const std::exception &) {
+            // Without memory or permission for another thread, those that there are do the work.
+        }
+        work();
+    }
+    if (failure)
+        std::rethrow_exception(failure);
+}
+
+} // namespace vellum
