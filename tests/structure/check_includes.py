@@ -32,10 +32,10 @@ ONLY = {
 }
 # Parts with rooms: the rooms, from the lowest to the highest. "" is the folder of the part itself.
 ROOMS = {
-    "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "address",
-              "door"),
+    "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "translation",
+              "address", "door"),
     "spirv": ("module", ""),
-    "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "gpubake"),
+    "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "translation", "gpubake"),
     "bake": ("numbers", "texture", ""),
     "gltf": ("file", "data", "", "micromaps"),
     "cli": ("base", "picture", "scene", "vulkan", "renderer", "info", "inspect", "", "reference"),

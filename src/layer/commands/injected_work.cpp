@@ -21,6 +21,7 @@
 #include "shaders/micromap_share.h"
 #include "shaders/micromap_stay.h"
 #include "shaders/micromap_sums.h"
+#include "shaders/micromap_triangles.h"
 #include "shaders/query_value.h"
 #include "shaders/ray_flag_probe.h"
 #include "shaders/structure_copy.h"
@@ -29,6 +30,7 @@
 #include "shaders/structure_size.h"
 #include "shaders/tlas_instances.h"
 #include "shaders/top_save.h"
+#include "shaders/wide_indices.h"
 
 namespace vellum::layer
 {
@@ -59,6 +61,8 @@ Code codeOf(InjectedShader shader)
     case InjectedShader::MicromapLossyChoose: return {micromap_lossy_choose, sizeof micromap_lossy_choose};
     case InjectedShader::MicromapMove: return {micromap_move, sizeof micromap_move};
     case InjectedShader::QueryValue: return {query_value, sizeof query_value};
+    case InjectedShader::MicromapTriangles: return {micromap_triangles, sizeof micromap_triangles};
+    case InjectedShader::WideIndices: return {wide_indices, sizeof wide_indices};
     case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
     case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};
     case InjectedShader::RayFlagProbe: return {ray_flag_probe, sizeof ray_flag_probe};

@@ -42,6 +42,8 @@ enum class InjectedShader {
     MicromapLossyChoose,
     MicromapMove,
     QueryValue,
+    MicromapTriangles,
+    WideIndices,
     Count
 };
 
@@ -110,6 +112,14 @@ struct HitRecordsPush {
 struct RayFlagProbePush {
     VkDeviceAddress scene, result;
     uint32_t rayFlags, padding;
+};
+struct MicromapTrianglesPush {
+    VkDeviceAddress source, target;
+    uint32_t stride, count, readable, shift;
+};
+struct WideIndicesPush {
+    VkDeviceAddress source, target;
+    uint32_t stride, count, readable, padding;
 };
 inline constexpr uint32_t kPushBytes = 128; // the least that every device has
 

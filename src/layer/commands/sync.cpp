@@ -37,20 +37,23 @@ VkAccessFlags2 driverAccess(VkAccessFlags2 access)
 }
 
 template <typename Barrier>
-void translate(Barrier &barrier)
+void translate(const Driver &driver, Barrier &barrier)
 {
+    if (!driver.emulated)
+        return;
     barrier.srcAccessMask = driverAccess(barrier.srcAccessMask);
     barrier.dstAccessMask = driverAccess(barrier.dstAccessMask);
     barrier.srcStageMask = driverStages(barrier.srcStageMask);
     barrier.dstStageMask = driverStages(barrier.dstStageMask);
 }
 
-// A copy of a dependency info with every barrier translated.
+// A copy of a dependency info with every barrier translated. Where micromaps are the driver's, so are their stages and
+// accesses: only ranges are changed.
 class DriverDependency
 {
 public:
     DriverDependency(const DeviceCommands &device, const VkDependencyInfo &application)
-        : info_(application), chain_(application.pNext),
+        : driver_(device.driver), info_(application), chain_(application.pNext),
           memory_(application.pMemoryBarriers, application.pMemoryBarriers + application.memoryBarrierCount),
           buffers_(application.pBufferMemoryBarriers,
                    application.pBufferMemoryBarriers + application.bufferMemoryBarrierCount),
@@ -69,10 +72,10 @@ public:
 
 private:
     template <typename Barrier>
-    static const Barrier *translated(std::vector<Barrier> &barriers, uint32_t &count)
+    const Barrier *translated(std::vector<Barrier> &barriers, uint32_t &count)
     {
         for (Barrier &barrier : barriers)
-            translate(barrier);
+            translate(driver_, barrier);
         count = static_cast<uint32_t>(barriers.size());
         return barriers.data();
     }
@@ -92,6 +95,7 @@ private:
         }
     }
 
+    const Driver &driver_;
     VkDependencyInfo info_;
     Chain chain_;
     std::vector<VkMemoryBarrier2> memory_;
@@ -214,7 +218,7 @@ VkResult createRenderPass2(DeviceCommands &device, VkDevice handle, const VkRend
     for (VkSubpassDependency2 &dependency : dependencies) {
         Chain &chain = chains.emplace_back(dependency.pNext);
         if (auto *barrier = chain.edit<VkMemoryBarrier2>(VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
-            translate(*barrier);
+            translate(device.driver, *barrier);
         dependency.pNext = chain.head();
     }
     driverInfo.pDependencies = dependencies.data();

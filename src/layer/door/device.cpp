@@ -78,6 +78,7 @@ Asked askedFor(const VkDeviceCreateInfo &info)
     asked.ext = asksFor(info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     asked.khr = asksFor(info, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
     asked.addressCommands = asksFor(info, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    asked.pipelineMicromaps = asksFor(info, newer::kPipelineOpacityMicromapExtension);
     if (const auto *features = extFeatures(info)) {
         asked.extFeature = features->micromap;
         asked.captureReplay = features->micromapCaptureReplay;
@@ -99,7 +100,9 @@ Asked askedFor(const VkDeviceCreateInfo &info)
 
 // What a device that is being made may need of the layer.
 struct Provided {
-    bool emulated = false; // there is something that the layer provides
+    // There is something that the layer provides, by emulation, or by the driver's VK_EXT_opacity_micromap.
+    bool emulated = false;
+    bool translated = false;
     Implementations have;
     std::vector<VkExtensionProperties> extensions; // the driver's; empty where nothing was asked for
 };
@@ -116,12 +119,22 @@ VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const
         return VK_SUCCESS;
     provided.extensions = driverExtensions(instance, physicalDevice);
     const Implementations have = provided.have = implementationsOf(instance, physicalDevice, provided.extensions);
-    bool &emulated = provided.emulated;
-    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i)
-        emulated |= have.of(info.ppEnabledExtensionNames[i]) == Implementation::Emulation;
-    if (hidden && (emulated || have.ext == Implementation::Emulation)) {
+    bool provides = false;
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
+        const Implementation implementation = have.of(info.ppEnabledExtensionNames[i]);
+        provides |= implementation == Implementation::Emulation || implementation == Implementation::Translation;
+    }
+    // A device of a driver with one of the two micromap extensions has the driver's micromaps, whichever it enables.
+    provided.translated = provides && have.khr == Implementation::Translation;
+    provided.emulated = provides && !provided.translated;
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
+        hidden = hiddenExtension(info.ppEnabledExtensionNames[i]);
+        if (!hidden || !(provided.emulated || have.ext == Implementation::Emulation ||
+                         (provided.translated && !hidden->besideTranslation)))
+            continue;
         instance.report.error("VELLUM-hidden-extension",
-                              std::string(hidden->name) + " is not there beside emulated micromaps: " + hidden->reason,
+                              std::string(hidden->name) + " is not there beside " +
+                                  (provided.translated ? "translated" : "emulated") + " micromaps: " + hidden->reason,
                               VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
@@ -170,15 +183,19 @@ std::string keptAddresses(const Instance &instance, VkPhysicalDevice physicalDev
 
 // The device as the driver is asked for it: without what the layer provides, with what the layer needs.
 struct DriverDeviceInfo {
-    DriverDeviceInfo(const VkDeviceCreateInfo &application, bool ownAddressCommands, const GpuContext &gpu)
+    DriverDeviceInfo(const VkDeviceCreateInfo &application, const Driver &driver, const Implementations &have,
+                     const GpuContext &gpu)
         : info(application), chain(application.pNext)
     {
-        const auto provided = [ownAddressCommands](const char *name) {
+        const bool ownAddressCommands = driver.ownAddressCommands;
+        const bool keepsExt = driver.translated;
+        const bool keepsPipelines = driver.translated && have.pipelines == Implementation::PassThrough;
+        const auto provided = [=](const char *name) {
             if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
                 return ownAddressCommands;
-            return std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
+            return (std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0 && !keepsExt) ||
                    std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
-                   std::strcmp(name, newer::kPipelineOpacityMicromapExtension) == 0;
+                   (std::strcmp(name, newer::kPipelineOpacityMicromapExtension) == 0 && !keepsPipelines);
         };
         for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {
             if (!provided(application.ppEnabledExtensionNames[i]))
@@ -186,14 +203,21 @@ struct DriverDeviceInfo {
         }
         if (gpu.importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
             extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
+        if (driver.translated && driver.asked.khr && !driver.asked.ext)
+            extensions.push_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
-        chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+        if (driver.translated)
+            setExtFeature(driver.asked.khr);
+        else
+            chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
         if (ownAddressCommands)
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
-        chain.remove(newer::kPipelineOpacityMicromapFeatures);
-        chain.remove(newer::kDisplacementMicromapFeatures);
+        if (!keepsPipelines)
+            chain.remove(newer::kPipelineOpacityMicromapFeatures);
+        if (!keepsExt)
+            chain.remove(newer::kDisplacementMicromapFeatures);
         // The tables are reached by address from every rewritten shader.
         if (auto *core =
                 chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
@@ -211,9 +235,24 @@ struct DriverDeviceInfo {
         }
         info.pNext = chain.head();
     }
+    // The driver's micromaps, for those of VK_KHR_opacity_micromap.
+    void setExtFeature(bool needed)
+    {
+        if (!needed)
+            return;
+        if (auto *own = chain.edit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+                VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
+            own->micromap = VK_TRUE;
+        } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
+            micromaps.micromap = VK_TRUE;
+            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&micromaps));
+        }
+    }
     VkDeviceCreateInfo info;
     Chain chain;
     std::vector<const char *> extensions;
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
     VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
 };
@@ -265,6 +304,37 @@ std::shared_ptr<const std::vector<uint32_t>> queueFamiliesIn(const VkDeviceCreat
     return std::make_shared<const std::vector<uint32_t>>(std::move(families));
 }
 
+VkResult createInjected(const DriverFacts &facts, Device &device)
+{
+    return device.commands.injected.create(device.buffers.gpu,
+                                           facts.isLavapipeBefore26 ? facts.maxPushConstantsSize : kPushBytes);
+}
+
+VkResult startEmulation(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info,
+                        const DriverFacts &facts, Device &device)
+{
+    device.pipelines.anyHitModules.create(device.buffers.gpu);
+    device.buffers.onAddress = [&objects = device.objects](VkBuffer buffer) { bufferHasAddress(objects, buffer); };
+    VkResult result = device.objects.root.create(device.buffers.gpu, keptAddresses(instance, physicalDevice));
+    if (result == VK_SUCCESS)
+        result = createInjected(facts, device);
+    if (result == VK_SUCCESS && instance.settings.validate)
+        result = device.commands.complaints.create(device.buffers.gpu);
+    if (result != VK_SUCCESS)
+        return result;
+    device.driver.threads = facts.isCpu ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
+    device.driver.queriesStructureSize = asksFor(info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+    device.commands.trials.choose(device.buffers.gpu, instance.report, device.driver.threads != 0,
+                                  queueFamiliesOf(instance, physicalDevice), info, loaderDataCallback(info));
+    return VK_SUCCESS;
+}
+
+VkResult startTranslation(const DriverFacts &facts, Device &device)
+{
+    device.buffers.onAddress = [](VkBuffer) {};
+    return createInjected(facts, device);
+}
+
 } // namespace
 
 Device *deviceOfKey(void *key)
@@ -306,21 +376,29 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         return result;
     auto device = std::make_unique<Device>();
     device->driver.emulated = provided.emulated;
+    device->driver.translated = provided.translated;
     DriverFacts facts;
-    if (provided.emulated) {
+    if (provided.emulated || provided.translated) {
         facts = driverFactsOf(instance, physicalDevice, provided.extensions);
         device->driver.asked = askedFor(*info);
+        device->driver.ownAddressCommands =
+            device->driver.asked.addressCommands && provided.have.addressCommands == Implementation::Emulation;
+    }
+    if (provided.translated) {
+        device->buffers.gpu.driversMicromaps = device->driver.asked.ext || device->driver.asked.khr;
+        device->translation.limits = driverLimits(instance, physicalDevice);
+        const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
+        result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
+    } else if (provided.emulated) {
         if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;
         }
-        device->driver.ownAddressCommands =
-            device->driver.asked.addressCommands && provided.have.addressCommands == Implementation::Emulation;
         device->buffers.gpu.importsHostMemory = facts.importsHostMemory;
         // An application that replays addresses has all of them to itself.
         device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
                                                replaysAddresses(instance, physicalDevice);
-        const DriverDeviceInfo driverInfo(*info, device->driver.ownAddressCommands, device->buffers.gpu);
+        const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -338,25 +416,16 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.reporter = &instance.report;
     device->driver.habits = &habitsOf(instance, physicalDevice);
     device->driver.next.load(*handle, nextDeviceGet);
-    if (device->driver.emulated) {
+    if (device->driver.emulated || device->driver.translated) {
+        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->buffers.gpu.device = *handle;
         device->buffers.gpu.next = &device->driver.next;
         device->buffers.gpu.queueFamilies = queueFamiliesIn(*info);
         device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
-        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
-        device->pipelines.anyHitModules.create(device->buffers.gpu);
-        device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) {
-            bufferHasAddress(objects, buffer);
-        };
-        result = device->objects.root.create(device->buffers.gpu, keptAddresses(instance, physicalDevice));
-        if (result == VK_SUCCESS)
-            result = device->commands.injected.create(
-                device->buffers.gpu, facts.isLavapipeBefore26 ? facts.maxPushConstantsSize : kPushBytes);
-        if (result == VK_SUCCESS && instance.settings.validate)
-            result = device->commands.complaints.create(device->buffers.gpu);
-        device->driver.threads = facts.isCpu ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
         device->driver.clearsWholeHandles = device->driver.keepsOldPushConstants = facts.isLavapipeBefore26;
         device->driver.driverUuid = facts.driverUuid;
+        result = device->driver.emulated ? startEmulation(instance, physicalDevice, *info, facts, *device)
+                                         : startTranslation(facts, *device);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
             const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
@@ -365,10 +434,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
             *handle = VK_NULL_HANDLE;
             return result;
         }
-        device->driver.queriesStructureSize = asksFor(*info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-        device->commands.trials.choose(device->buffers.gpu, instance.report, device->driver.threads != 0,
-                                       queueFamiliesOf(instance, physicalDevice), *info, loaderDataCallback(*info));
-        instance.report.info("VELLUM-device", "opacity micromaps are emulated on this device");
+        instance.report.info("VELLUM-device",
+                             device->driver.emulated
+                                 ? "opacity micromaps are emulated on this device"
+                                 : "VK_KHR_opacity_micromap is translated to the driver's VK_EXT_opacity_micromap on "
+                                   "this device");
     }
     std::unique_lock lock(devicesMutex);
     setPlace(nullptr, dispatchKey(*handle), device.get());

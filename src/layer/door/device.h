@@ -8,6 +8,7 @@
 #include "layer/address/device_addresses.h"
 #include "layer/door/instance.h"
 #include "layer/pipelines/device_pipelines.h"
+#include "layer/translation/device_translation.h"
 
 namespace vellum::layer
 {
@@ -24,6 +25,7 @@ struct Device {
     DeviceStructures structures{driver, buffers, objects, commands, micromaps};
     DeviceQueries queries{driver, buffers, objects, commands, structures};
     DevicePipelines pipelines{driver, buffers, objects, commands};
+    DeviceTranslation translation{driver, buffers, objects, commands, queries, pipelines};
     DeviceAddresses addresses{driver, buffers, commands, queries};
 };
 
@@ -42,7 +44,8 @@ template <typename Room>
 Room &roomOf(Device &device)
 {
     return std::get<Room &>(std::tie(device.driver, device.buffers, device.objects, device.commands, device.micromaps,
-                                     device.structures, device.queries, device.pipelines, device.addresses));
+                                     device.structures, device.queries, device.pipelines, device.translation,
+                                     device.addresses));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <iterator>
 #include <type_traits>
 
 #include <vulkan/vk_layer.h>
@@ -18,6 +19,7 @@
 #include "layer/structures/structure_build.h"
 #include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_create.h"
+#include "layer/translation/translation.h"
 
 namespace vellum::layer
 {
@@ -28,14 +30,18 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, const char *name);
 
 enum class Scope {
-    Global,   // before there is an instance
-    Instance, // where the next layer has it
-    Device,   // on every device
-    Debug,    // on every device, where the next layer has it; loaders call it through the instance's chain
-    Emulated, // on emulated devices, where the next layer has it
-    Own,      // on emulated devices: the commands of VK_EXT_opacity_micromap
-    Address,  // where VK_KHR_device_address_commands is enabled and the layer's
-    Create2,  // where VK_KHR_device_address_commands is enabled, whoever's it is
+    Global,            // before there is an instance
+    Instance,          // where the next layer has it
+    Device,            // on every device
+    Debug,             // on every device, where the next layer has it; loaders call it through the instance's chain
+    Emulated,          // on emulated devices, where the next layer has it
+    Translated,        // on devices whose VK_KHR_opacity_micromap is the driver's VK_EXT_opacity_micromap, likewise
+    Provided,          // on both, likewise
+    Own,               // on emulated devices: the commands of VK_EXT_opacity_micromap
+    Address,           // where VK_KHR_device_address_commands is enabled and the layer's
+    Create2,           // where VK_KHR_device_address_commands is enabled, whoever's it is
+    EmulatedCreate2,   // the same of emulated devices
+    TranslatedCreate2, // and of translated ones
 };
 
 struct Row {
@@ -112,32 +118,32 @@ const Row kRows[] = {
     row<getDeviceProcAddr>("vkGetDeviceProcAddr", Scope::Device),
     row<destroyDevice>("vkDestroyDevice", Scope::Device),
 
-    row<createBuffer>("vkCreateBuffer", Scope::Emulated),
-    row<destroyBuffer>("vkDestroyBuffer", Scope::Emulated),
-    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Emulated),
-    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Emulated),
+    row<createBuffer>("vkCreateBuffer", Scope::Provided),
+    row<destroyBuffer>("vkDestroyBuffer", Scope::Provided),
+    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Provided),
+    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Provided),
     row<allocateMemory>("vkAllocateMemory", Scope::Emulated),
     row<freeMemory>("vkFreeMemory", Scope::Emulated),
-    row<bindBufferMemory>("vkBindBufferMemory", Scope::Emulated),
-    row<bindBufferMemory2>("vkBindBufferMemory2", Scope::Emulated),
-    row<bindBufferMemory2>("vkBindBufferMemory2KHR", Scope::Emulated),
+    row<bindBufferMemory>("vkBindBufferMemory", Scope::Provided),
+    row<bindBufferMemory2>("vkBindBufferMemory2", Scope::Provided),
+    row<bindBufferMemory2>("vkBindBufferMemory2KHR", Scope::Provided),
     row<mapMemory>("vkMapMemory", Scope::Emulated),
     row<unmapMemory>("vkUnmapMemory", Scope::Emulated),
     row<mapMemory2>("vkMapMemory2", Scope::Emulated),
     row<mapMemory2>("vkMapMemory2KHR", Scope::Emulated),
     row<unmapMemory2>("vkUnmapMemory2", Scope::Emulated),
     row<unmapMemory2>("vkUnmapMemory2KHR", Scope::Emulated),
-    row<getBufferDeviceAddress>("vkGetBufferDeviceAddress", Scope::Emulated),
-    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressKHR", Scope::Emulated),
-    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Emulated),
-    row<cmdBindDescriptorBuffers>("vkCmdBindDescriptorBuffersEXT", Scope::Emulated),
-    row<createQueryPool>("vkCreateQueryPool", Scope::Emulated),
-    row<destroyQueryPool>("vkDestroyQueryPool", Scope::Emulated),
-    row<resetQueryPool>("vkResetQueryPool", Scope::Emulated),
-    row<resetQueryPool>("vkResetQueryPoolEXT", Scope::Emulated),
-    row<getQueryPoolResults>("vkGetQueryPoolResults", Scope::Emulated),
-    row<cmdResetQueryPool>("vkCmdResetQueryPool", Scope::Emulated),
-    row<cmdCopyQueryPoolResults>("vkCmdCopyQueryPoolResults", Scope::Emulated),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddress", Scope::Provided),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressKHR", Scope::Provided),
+    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Provided),
+    row<cmdBindDescriptorBuffers>("vkCmdBindDescriptorBuffersEXT", Scope::Provided),
+    row<createQueryPool>("vkCreateQueryPool", Scope::Provided),
+    row<destroyQueryPool>("vkDestroyQueryPool", Scope::Provided),
+    row<resetQueryPool>("vkResetQueryPool", Scope::Provided),
+    row<resetQueryPool>("vkResetQueryPoolEXT", Scope::Provided),
+    row<getQueryPoolResults>("vkGetQueryPoolResults", Scope::Provided),
+    row<cmdResetQueryPool>("vkCmdResetQueryPool", Scope::Provided),
+    row<cmdCopyQueryPoolResults>("vkCmdCopyQueryPoolResults", Scope::Provided),
     row<cmdWriteAccelerationStructuresProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
     row<writeAccelerationStructuresProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
     row<queueWaitIdle>("vkQueueWaitIdle", Scope::Emulated),
@@ -149,12 +155,12 @@ const Row kRows[] = {
     row<queueSubmit>("vkQueueSubmit", Scope::Emulated),
     row<queueBindSparse>("vkQueueBindSparse", Scope::Emulated),
     row<queuePresent>("vkQueuePresentKHR", Scope::Emulated),
-    row<setPrivateData>("vkSetPrivateData", Scope::Emulated),
-    row<setPrivateData>("vkSetPrivateDataEXT", Scope::Emulated),
-    row<getPrivateData>("vkGetPrivateData", Scope::Emulated),
-    row<getPrivateData>("vkGetPrivateDataEXT", Scope::Emulated),
-    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlot", Scope::Emulated),
-    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Emulated),
+    row<setPrivateData>("vkSetPrivateData", Scope::Provided),
+    row<setPrivateData>("vkSetPrivateDataEXT", Scope::Provided),
+    row<getPrivateData>("vkGetPrivateData", Scope::Provided),
+    row<getPrivateData>("vkGetPrivateDataEXT", Scope::Provided),
+    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlot", Scope::Provided),
+    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Provided),
     row<queueBeginDebugUtilsLabel>("vkQueueBeginDebugUtilsLabelEXT", Scope::Debug),
     row<queueEndDebugUtilsLabel>("vkQueueEndDebugUtilsLabelEXT", Scope::Debug),
     row<queueInsertDebugUtilsLabel>("vkQueueInsertDebugUtilsLabelEXT", Scope::Debug),
@@ -176,9 +182,9 @@ const Row kRows[] = {
     row<cmdTraceRays>("vkCmdTraceRaysKHR", Scope::Emulated),
     row<cmdTraceRaysIndirect>("vkCmdTraceRaysIndirectKHR", Scope::Emulated),
     row<cmdTraceRaysIndirect2>("vkCmdTraceRaysIndirect2KHR", Scope::Emulated),
-    row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Emulated),
-    row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Emulated),
-    row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Emulated),
+    row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Provided),
+    row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Provided),
+    row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Provided),
     row<createShaders>("vkCreateShadersEXT", Scope::Emulated),
     row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
 
@@ -187,7 +193,7 @@ const Row kRows[] = {
     row<getAccelerationStructureBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated),
     row<getAccelerationStructureDeviceAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Emulated),
     row<getAccelerationStructureCaptureData>("vkGetAccelerationStructureOpaqueCaptureDescriptorDataEXT",
-                                             Scope::Emulated),
+                                             Scope::Provided),
     row<getDeviceAccelerationStructureCompatibility>("vkGetDeviceAccelerationStructureCompatibilityKHR",
                                                      Scope::Emulated),
     row<cmdBuildAccelerationStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated),
@@ -201,27 +207,27 @@ const Row kRows[] = {
     row<cmdCopyMemoryToAccelerationStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
     row<cmdCopyAccelerationStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Emulated),
 
-    row<allocateCommandBuffers>("vkAllocateCommandBuffers", Scope::Emulated),
-    row<freeCommandBuffers>("vkFreeCommandBuffers", Scope::Emulated),
-    row<destroyCommandPool>("vkDestroyCommandPool", Scope::Emulated),
-    row<beginCommandBuffer>("vkBeginCommandBuffer", Scope::Emulated),
-    row<cmdBindPipeline>("vkCmdBindPipeline", Scope::Emulated),
-    row<cmdBindShaders>("vkCmdBindShadersEXT", Scope::Emulated),
-    row<cmdPushConstants>("vkCmdPushConstants", Scope::Emulated),
-    row<cmdPushConstants2>("vkCmdPushConstants2", Scope::Emulated),
-    row<cmdPushConstants2>("vkCmdPushConstants2KHR", Scope::Emulated),
-    row<cmdExecuteCommands>("vkCmdExecuteCommands", Scope::Emulated),
-    row<cmdBeginConditionalRendering>("vkCmdBeginConditionalRenderingEXT", Scope::Emulated),
-    row<cmdEndConditionalRendering>("vkCmdEndConditionalRenderingEXT", Scope::Emulated),
+    row<allocateCommandBuffers>("vkAllocateCommandBuffers", Scope::Provided),
+    row<freeCommandBuffers>("vkFreeCommandBuffers", Scope::Provided),
+    row<destroyCommandPool>("vkDestroyCommandPool", Scope::Provided),
+    row<beginCommandBuffer>("vkBeginCommandBuffer", Scope::Provided),
+    row<cmdBindPipeline>("vkCmdBindPipeline", Scope::Provided),
+    row<cmdBindShaders>("vkCmdBindShadersEXT", Scope::Provided),
+    row<cmdPushConstants>("vkCmdPushConstants", Scope::Provided),
+    row<cmdPushConstants2>("vkCmdPushConstants2", Scope::Provided),
+    row<cmdPushConstants2>("vkCmdPushConstants2KHR", Scope::Provided),
+    row<cmdExecuteCommands>("vkCmdExecuteCommands", Scope::Provided),
+    row<cmdBeginConditionalRendering>("vkCmdBeginConditionalRenderingEXT", Scope::Provided),
+    row<cmdEndConditionalRendering>("vkCmdEndConditionalRenderingEXT", Scope::Provided),
 
-    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2", Scope::Emulated),
-    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2KHR", Scope::Emulated),
-    row<cmdSetEvent2>("vkCmdSetEvent2", Scope::Emulated),
-    row<cmdSetEvent2>("vkCmdSetEvent2KHR", Scope::Emulated),
+    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2", Scope::Provided),
+    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2KHR", Scope::Provided),
+    row<cmdSetEvent2>("vkCmdSetEvent2", Scope::Provided),
+    row<cmdSetEvent2>("vkCmdSetEvent2KHR", Scope::Provided),
     row<cmdResetEvent2>("vkCmdResetEvent2", Scope::Emulated),
     row<cmdResetEvent2>("vkCmdResetEvent2KHR", Scope::Emulated),
-    row<cmdWaitEvents2>("vkCmdWaitEvents2", Scope::Emulated),
-    row<cmdWaitEvents2>("vkCmdWaitEvents2KHR", Scope::Emulated),
+    row<cmdWaitEvents2>("vkCmdWaitEvents2", Scope::Provided),
+    row<cmdWaitEvents2>("vkCmdWaitEvents2KHR", Scope::Provided),
     row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2", Scope::Emulated),
     row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2KHR", Scope::Emulated),
     row<cmdWriteBufferMarker2>("vkCmdWriteBufferMarker2AMD", Scope::Emulated),
@@ -230,7 +236,7 @@ const Row kRows[] = {
     row<createRenderPass2>("vkCreateRenderPass2", Scope::Emulated),
     row<createRenderPass2>("vkCreateRenderPass2KHR", Scope::Emulated),
 
-    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::Create2),
+    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::EmulatedCreate2),
 
     row<createMicromap>("vkCreateMicromapEXT", Scope::Own),
     row<destroyMicromap>("vkDestroyMicromapEXT", Scope::Own),
@@ -246,6 +252,29 @@ const Row kRows[] = {
     row<copyMicromapToMemory>("vkCopyMicromapToMemoryEXT", Scope::Own),
     row<copyMemoryToMicromap>("vkCopyMemoryToMicromapEXT", Scope::Own),
     row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Own),
+
+    row<createTranslatedStructure>("vkCreateAccelerationStructureKHR", Scope::Translated),
+    row<createTranslatedStructure2>("vkCreateAccelerationStructure2KHR", Scope::TranslatedCreate2),
+    row<destroyTranslatedStructure>("vkDestroyAccelerationStructureKHR", Scope::Translated),
+    row<getTranslatedStructureAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Translated),
+    row<getTranslatedCompatibility>("vkGetDeviceAccelerationStructureCompatibilityKHR", Scope::Translated),
+    row<getTranslatedBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Translated),
+    row<cmdBuildTranslatedStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Translated),
+    row<cmdBuildTranslatedStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Translated),
+    row<buildTranslatedStructures>("vkBuildAccelerationStructuresKHR", Scope::Translated),
+    row<cmdCopyTranslatedStructure>("vkCmdCopyAccelerationStructureKHR", Scope::Translated),
+    row<cmdCopyTranslatedStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Translated),
+    row<cmdCopyMemoryToTranslatedStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Translated),
+    row<copyTranslatedStructure>("vkCopyAccelerationStructureKHR", Scope::Translated),
+    row<copyTranslatedStructureToMemory>("vkCopyAccelerationStructureToMemoryKHR", Scope::Translated),
+    row<copyMemoryToTranslatedStructure>("vkCopyMemoryToAccelerationStructureKHR", Scope::Translated),
+    row<cmdWriteTranslatedProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Translated),
+    row<writeTranslatedProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Translated),
+    row<createTranslatedModule>("vkCreateShaderModule", Scope::Translated),
+    row<createTranslatedComputePipelines>("vkCreateComputePipelines", Scope::Translated),
+    row<createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Translated),
+    row<createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Translated),
+    row<createTranslatedShaders>("vkCreateShadersEXT", Scope::Translated),
 
     row<cmdCopyMemory>("vkCmdCopyMemoryKHR", Scope::Address),
     row<cmdCopyMemoryToImage>("vkCmdCopyMemoryToImageKHR", Scope::Address),
@@ -274,13 +303,35 @@ const Row kRows[] = {
     row<cmdDrawIndirectByteCount2>("vkCmdDrawIndirectByteCount2EXT", Scope::Address, "vkCmdDrawIndirectByteCountEXT"),
 };
 
-const Row *find(const char *name)
+// Commands that are other ones on emulated and on translated devices have two rows, of which this is the first.
+const Row *find(const char *name, const Row *after = nullptr)
 {
-    for (const Row &r : kRows) {
-        if (std::strcmp(r.name, name) == 0)
-            return &r;
+    for (const Row *r = after ? after + 1 : std::begin(kRows); r != std::end(kRows); ++r) {
+        if (std::strcmp(r->name, name) == 0)
+            return r;
     }
     return nullptr;
+}
+
+// Whether the row counts on a device, `next` being the command of the next layer.
+bool applies(const Row &row, const Driver &driver, PFN_vkVoidFunction next)
+{
+    const bool provided = driver.emulated || driver.translated;
+    switch (row.scope) {
+    case Scope::Global:
+    case Scope::Instance: return false;
+    case Scope::Device: return true;
+    case Scope::Debug: return next;
+    case Scope::Emulated: return next && driver.emulated;
+    case Scope::Translated: return next && driver.translated;
+    case Scope::Provided: return next && provided;
+    case Scope::Own: return driver.emulated && driver.asked.ext;
+    case Scope::Address: return provided && driver.ownAddressCommands;
+    case Scope::Create2: return provided && driver.asked.addressCommands;
+    case Scope::EmulatedCreate2: return driver.emulated && driver.asked.addressCommands;
+    case Scope::TranslatedCreate2: return driver.translated && driver.asked.addressCommands;
+    }
+    return false;
 }
 
 // Device commands asked for by instance are the same for all its devices, emulated or not: they are left to
@@ -305,22 +356,22 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
 
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, const char *name)
 {
-    const Row *r = find(name);
-    if (r && r->scope == Scope::Device)
-        return r->function;
+    const Row *first = find(name);
+    if (first && first->scope == Scope::Device)
+        return first->function;
     Device *device = deviceOfKey(dispatchKey(handle));
     if (!device)
         return nullptr;
-    if (device->driver.emulated && r && r->from && !device->driver.next.GetDeviceProcAddr(handle, r->from))
+    const Driver &driver = device->driver;
+    if ((driver.emulated || driver.translated) && first && first->from &&
+        !driver.next.GetDeviceProcAddr(handle, first->from))
         return nullptr;
-    if (device->driver.emulated && r &&
-        ((r->scope == Scope::Own && device->driver.asked.ext) ||
-         (r->scope == Scope::Address && device->driver.ownAddressCommands) ||
-         (r->scope == Scope::Create2 && device->driver.asked.addressCommands)))
-        return r->function;
-    const PFN_vkVoidFunction next = device->driver.next.GetDeviceProcAddr(handle, name);
-    const bool ours = r && (r->scope == Scope::Debug || (device->driver.emulated && r->scope == Scope::Emulated));
-    return ours && next ? r->function : next;
+    const PFN_vkVoidFunction next = driver.next.GetDeviceProcAddr(handle, name);
+    for (const Row *r = first; r; r = find(name, r)) {
+        if (applies(*r, driver, next))
+            return r->function;
+    }
+    return next;
 }
 
 } // namespace

@@ -10,28 +10,28 @@ namespace
 {
 
 constexpr HiddenExtension kHidden[] = {
-    {newer::kDisplacementMicromapExtension, "it extends the driver's own VK_EXT_opacity_micromap",
+    {newer::kDisplacementMicromapExtension, "it extends the driver's own VK_EXT_opacity_micromap", true,
      newer::kDisplacementMicromapFeatures, 1},
     // What makes top-level structures in ways that give instances no slot.
-    {"VK_NV_ray_tracing", "its structures are built and traced by commands of its own", VkStructureType{}, 0},
-    {"VK_NV_ray_tracing_motion_blur", "its instances have another layout",
+    {"VK_NV_ray_tracing", "its structures are built and traced by commands of its own", true, VkStructureType{}, 0},
+    {"VK_NV_ray_tracing_motion_blur", "its instances have another layout", true,
      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MOTION_BLUR_FEATURES_NV, 2},
-    {"VK_NV_cluster_acceleration_structure", "its structures are built by commands of its own",
+    {"VK_NV_cluster_acceleration_structure", "its structures are built by commands of its own", true,
      static_cast<VkStructureType>(1000569000), 1},
-    {"VK_NV_partitioned_acceleration_structure", "its structures are built by commands of its own",
+    {"VK_NV_partitioned_acceleration_structure", "its structures are built by commands of its own", true,
      static_cast<VkStructureType>(1000570000), 1},
-    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own",
+    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own", false,
      static_cast<VkStructureType>(1000478000), 1},
     // What would keep code from one run to the next, or know it by its name, without the tables' addresses in it.
-    {"VK_KHR_pipeline_binary", "its binaries and keys would hold for other addresses of the layer's tables",
+    {"VK_KHR_pipeline_binary", "its binaries and keys would hold for other addresses of the layer's tables", false,
      static_cast<VkStructureType>(1000483000), 1},
-    {VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME, "its identifiers would name code that was not rewritten",
+    {VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME, "its identifiers would name code that was not rewritten", false,
      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_FEATURES_EXT, 1},
     // "recording any non-heap descriptor state commands immediately invalidates" what vkCmdPushDataEXT pushed, and the
     // layer's own dispatches push constants.
-    {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound",
+    {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound", false,
      static_cast<VkStructureType>(1000135009), 2},
-    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be rewritten",
+    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be rewritten", false,
      static_cast<VkStructureType>(1000134000), 2},
 };
 

@@ -1,5 +1,6 @@
 // Extensions of drivers that do not work beside emulated micromaps. They are hidden where VK_EXT_opacity_micromap is
-// emulated. Where it is the driver's own they stay, but a device cannot have one of them and emulated micromaps.
+// emulated. Where it is the driver's own they stay, but a device cannot have one of them and emulated micromaps, and
+// some of them not beside translated ones either.
 #pragma once
 
 #include "layer/ground/vulkan_newer.h"
@@ -10,6 +11,7 @@ namespace vellum::layer
 struct HiddenExtension {
     const char *name;
     const char *reason;       // a clause that says why
+    bool besideTranslation;   // it works where VK_KHR_opacity_micromap is the driver's VK_EXT_opacity_micromap
     VkStructureType features; // its VkPhysicalDevice...Features, which has
     uint32_t featureCount;    // so many VkBool32
 };

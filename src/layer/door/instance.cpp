@@ -65,6 +65,11 @@ VkResult giveList(const std::vector<T> &list, uint32_t *count, T *out)
     return n < list.size() ? VK_INCOMPLETE : VK_SUCCESS;
 }
 
+bool isProvided(Implementation implementation)
+{
+    return implementation == Implementation::Emulation || implementation == Implementation::Translation;
+}
+
 bool contains(const std::vector<VkExtensionProperties> &list, const char *name)
 {
     return std::any_of(list.begin(), list.end(),
@@ -95,6 +100,16 @@ bool canEmulate(Instance &instance, VkPhysicalDevice device, const std::vector<V
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(device, &features);
     return structures.accelerationStructure && addresses.bufferDeviceAddress;
+}
+
+// Of the driver's VK_EXT_opacity_micromap.
+VkPhysicalDeviceOpacityMicromapFeaturesEXT driverFeatures(Instance &instance, VkPhysicalDevice device)
+{
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
+    VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &micromaps, {}};
+    instance.next.GetPhysicalDeviceFeatures2(device, &features);
+    return micromaps;
 }
 
 bool isVulkan11(const VkInstanceCreateInfo &info)
@@ -152,6 +167,13 @@ Implementations implementationsOf(Instance &instance, VkPhysicalDevice device,
         const bool passes = contains(list, own.name) && !instance.settings.forceEmulation;
         result.*own.implementation = passes ? Implementation::PassThrough : otherwise;
     }
+    if (result.ext == Implementation::PassThrough && result.khr == Implementation::Emulation &&
+        driverFeatures(instance, device).micromap) {
+        result.khr = Implementation::Translation;
+        // The driver's micromaps know nothing of it.
+        if (result.pipelines == Implementation::Emulation)
+            result.pipelines = Implementation::None;
+    }
     return result;
 }
 
@@ -175,6 +197,17 @@ DriverFacts driverFactsOf(Instance &instance, VkPhysicalDevice physicalDevice,
                               host.minImportedHostPointerAlignment <= FixedMemory::kAlignment &&
                               canImportHostMemory(instance, physicalDevice);
     return facts;
+}
+
+MicromapLimits driverLimits(Instance &instance, VkPhysicalDevice device)
+{
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT micromaps{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &micromaps, {}};
+    instance.next.GetPhysicalDeviceProperties2(device, &properties);
+    // What is built is never lossy.
+    return {micromaps.maxOpacity2StateSubdivisionLevel, micromaps.maxOpacity4StateSubdivisionLevel,
+            micromaps.maxOpacity4StateSubdivisionLevel};
 }
 
 bool replaysAddresses(Instance &instance, VkPhysicalDevice device)
@@ -296,7 +329,7 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
     std::vector<VkExtensionProperties> list = driverExtensions(instance, device);
     const Implementations implementations = implementationsOf(instance, device, list);
     for (const OwnExtension &own : kOwnExtensions) {
-        if (implementations.*own.implementation == Implementation::Emulation && !contains(list, own.name))
+        if (isProvided(implementations.*own.implementation) && !contains(list, own.name))
             list.push_back(propertiesOf(own));
     }
     if (implementations.ext == Implementation::Emulation)
@@ -309,7 +342,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
     Instance &instance = instanceOf(device);
     const Implementations have = implementationsOn(instance, device);
     const auto take = [features](Implementation implementation, VkStructureType type) {
-        return Unlinked(implementation == Implementation::Emulation ? features : nullptr, type);
+        return Unlinked(isProvided(implementation) ? features : nullptr, type);
     };
     const Unlinked ext = take(have.ext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
@@ -323,7 +356,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->micromapHostCommands = VK_TRUE;
     }
     if (auto *own = khr.get<VkPhysicalDeviceOpacityMicromapFeaturesKHR>())
-        own->micromap = VK_TRUE;
+        own->micromap = VK_TRUE; // so has the driver, where it is translated
     if (auto *own = addresses.get<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>())
         own->deviceAddressCommands = VK_TRUE;
     if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
@@ -338,7 +371,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     Instance &instance = instanceOf(device);
     const Implementations have = implementationsOn(instance, device);
     const auto take = [properties](Implementation implementation, VkStructureType type) {
-        return Unlinked(implementation == Implementation::Emulation ? properties : nullptr, type);
+        return Unlinked(isProvided(implementation) ? properties : nullptr, type);
     };
     const Unlinked ext = take(have.ext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
@@ -348,7 +381,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     // the next run, those of other processes, too (shader_binary.h). The UUID that tells whether they fit is another.
     auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
         findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
-    if (shaderObjects && have.anyEmulated()) {
+    if (shaderObjects && have.anyEmulated() && have.khr != Implementation::Translation) {
         const bool stable = driverFactsOf(instance, device, driverExtensions(instance, device)).importsHostMemory ||
                             replaysAddresses(instance, device);
         for (size_t i = 0; i < VK_UUID_SIZE; ++i)
@@ -363,6 +396,12 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
         own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
         own->maxOpacityLossy4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
         own->maxMicromapTriangles = shared::kMaxMicromapTriangles;
+        if (have.khr == Implementation::Translation) {
+            const MicromapLimits limits = driverLimits(instance, device);
+            own->maxOpacity2StateSubdivisionLevel = limits.twoStateLevel;
+            own->maxOpacity4StateSubdivisionLevel = limits.fourStateLevel;
+            own->maxOpacityLossy4StateSubdivisionLevel = limits.lossyLevel;
+        }
     }
     if (auto *none = displacement.get<newer::DisplacementMicromapProperties>())
         none->maxDisplacementMicromapSubdivisionLevel = 0;
@@ -374,8 +413,11 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalD
 {
     Instance &instance = instanceOf(physicalDevice);
     VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
-    if (implementationsOn(instance, physicalDevice).anyEmulated())
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(driverUsage(info->usage));
+    const Implementations have = implementationsOn(instance, physicalDevice);
+    if (have.khr == Implementation::Translation)
+        driverInfo.usage = static_cast<VkBufferUsageFlags>(translatedUsage(info->usage));
+    else if (have.anyEmulated())
+        driverInfo.usage = static_cast<VkBufferUsageFlags>(emulatedUsage(info->usage));
     instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
 }
 
@@ -396,9 +438,10 @@ VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice 
     std::strcpy(own.name, "Vellum opacity micromap layer");
     std::strcpy(own.version, VELLUM_VERSION);
     own.purposes = VK_TOOL_PURPOSE_ADDITIONAL_FEATURES_BIT;
-    std::strcpy(own.description, have.ext == Implementation::None ? "not available on this device"
-                                 : have.anyEmulated()             ? "emulated"
-                                                                  : "passthrough");
+    std::strcpy(own.description, have.ext == Implementation::None          ? "not available on this device"
+                                 : have.khr == Implementation::Translation ? "translated"
+                                 : have.anyEmulated()                      ? "emulated"
+                                                                           : "passthrough");
     std::strcpy(own.layer, kLayerName);
     tools.push_back(own);
     // pNext of the application's elements stays as it is.

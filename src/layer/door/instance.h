@@ -11,6 +11,7 @@
 #include "layer/ground/driver.h"
 #include "layer/ground/report.h"
 #include "layer/ground/settings.h"
+#include "layer/micromaps/micromap_input.h"
 
 namespace vellum::layer
 {
@@ -45,6 +46,7 @@ enum class Implementation {
     None,        // the device cannot have it
     PassThrough, // the driver has it
     Emulation,   // the layer provides it
+    Translation, // the layer provides it by another extension of the driver's: KHR by EXT
 };
 // What each extension is on a device.
 struct Implementations {
@@ -75,6 +77,9 @@ struct DriverFacts {
 };
 DriverFacts driverFactsOf(Instance &instance, VkPhysicalDevice physicalDevice,
                           const std::vector<VkExtensionProperties> &extensions);
+
+// Of the driver's VK_EXT_opacity_micromap.
+MicromapLimits driverLimits(Instance &instance, VkPhysicalDevice physicalDevice);
 
 // Whether the driver gives buffers the addresses that they had before: then micromaps have theirs.
 bool replaysAddresses(Instance &instance, VkPhysicalDevice physicalDevice);

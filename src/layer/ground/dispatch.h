@@ -82,6 +82,19 @@ namespace vellum::layer
     X(CmdCopyAccelerationStructureToMemoryKHR, CmdCopyAccelerationStructureToMemoryKHR)                                \
     X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
     X(CmdCopyMemoryToAccelerationStructureKHR, CmdCopyMemoryToAccelerationStructureKHR)                                \
+    X(BuildAccelerationStructuresKHR, BuildAccelerationStructuresKHR)                                                  \
+    X(CopyAccelerationStructureKHR, CopyAccelerationStructureKHR)                                                      \
+    X(CopyAccelerationStructureToMemoryKHR, CopyAccelerationStructureToMemoryKHR)                                      \
+    X(CopyMemoryToAccelerationStructureKHR, CopyMemoryToAccelerationStructureKHR)                                      \
+    X(CreateMicromapEXT, CreateMicromapEXT)                                                                            \
+    X(DestroyMicromapEXT, DestroyMicromapEXT)                                                                          \
+    X(GetMicromapBuildSizesEXT, GetMicromapBuildSizesEXT)                                                              \
+    X(GetDeviceMicromapCompatibilityEXT, GetDeviceMicromapCompatibilityEXT)                                            \
+    X(CmdBuildMicromapsEXT, CmdBuildMicromapsEXT)                                                                      \
+    X(CmdCopyMicromapEXT, CmdCopyMicromapEXT)                                                                          \
+    X(CmdCopyMicromapToMemoryEXT, CmdCopyMicromapToMemoryEXT)                                                          \
+    X(CmdCopyMemoryToMicromapEXT, CmdCopyMemoryToMicromapEXT)                                                          \
+    X(CmdWriteMicromapsPropertiesEXT, CmdWriteMicromapsPropertiesEXT)                                                  \
     X(CreateQueryPool, CreateQueryPool)                                                                                \
     X(DestroyQueryPool, DestroyQueryPool)                                                                              \
     X(ResetQueryPool, ResetQueryPoolEXT)                                                                               \

@@ -16,7 +16,7 @@
 namespace vellum::layer
 {
 
-// What the application enabled on an emulated device.
+// What the application enabled on an emulated or translated device.
 struct Asked {
     bool ext = false;             // VK_EXT_opacity_micromap
     bool khr = false;             // VK_KHR_opacity_micromap
@@ -28,6 +28,7 @@ struct Asked {
     bool structures = false; // VkPhysicalDeviceAccelerationStructureFeaturesKHR::accelerationStructure
     bool rayQueries = false; // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
     bool rayTracingPipelines = false;
+    bool pipelineMicromaps = false; // VK_ARM_pipeline_opacity_micromap
 
     // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
@@ -52,7 +53,9 @@ struct Driver {
     DriverHabits *habits = nullptr;
     DeviceTable next;
 
-    bool emulated = false; // otherwise every call but vkDestroyDevice goes straight through
+    // At most one of them. Of neither, every call but vkDestroyDevice goes straight through.
+    bool emulated = false;   // micromaps are the layer's
+    bool translated = false; // micromaps are the driver's, which has VK_EXT_opacity_micromap only: room of translation
     Asked asked;
     bool ownAddressCommands = false;   // VK_KHR_device_address_commands is enabled, and the layer's
     bool nullIndexBuffer = false;      // VK_NULL_HANDLE may be bound as index buffer

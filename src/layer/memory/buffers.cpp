@@ -15,14 +15,15 @@ constexpr VkFlags64 kMicromapUsages =
 
 // The application's create info as the driver is to see it.
 struct DriverBufferInfo {
-    explicit DriverBufferInfo(const VkBufferCreateInfo &application) : info(application), chain(application.pNext)
+    DriverBufferInfo(const Driver &driver, const VkBufferCreateInfo &application)
+        : info(application), chain(application.pNext)
     {
-        usage = driverUsage(application.usage);
+        usage = driverUsage(driver, application.usage);
         info.usage = static_cast<VkBufferUsageFlags>(usage);
         // Where it is given, it replaces the 32-bit flags (VK_KHR_maintenance5).
         if (findInChain(application.pNext, newer::kBufferUsageFlags2CreateInfo)) {
             if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
-                usage = flags2->usage = driverUsage(flags2->usage);
+                usage = flags2->usage = driverUsage(driver, flags2->usage);
         }
         info.pNext = chain.head();
     }
@@ -33,7 +34,7 @@ struct DriverBufferInfo {
 
 } // namespace
 
-VkFlags64 driverUsage(VkFlags64 usage)
+VkFlags64 emulatedUsage(VkFlags64 usage)
 {
     const VkFlags64 storage =
         VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
@@ -60,10 +61,27 @@ VkFlags64 driverUsage(VkFlags64 usage)
     return result;
 }
 
+VkFlags64 translatedUsage(VkFlags64 usage)
+{
+    VkFlags64 result = usage;
+    if (usage & VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR)
+        result |= VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT;
+    if (usage & VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR)
+        result |= VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
+    return result;
+}
+
+VkFlags64 driverUsage(const Driver &driver, VkFlags64 usage)
+{
+    if (driver.emulated)
+        return emulatedUsage(usage);
+    return driver.translated && driver.asked.khr ? translatedUsage(usage) : usage;
+}
+
 VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCreateInfo *info,
                       const VkAllocationCallbacks *allocator, VkBuffer *buffer)
 {
-    const DriverBufferInfo driverInfo(*info);
+    const DriverBufferInfo driverInfo(device.driver, *info);
     const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
     if (result == VK_SUCCESS)
         device.infos.set(*buffer, {info->size, driverInfo.usage, ++device.numbers});
@@ -82,7 +100,7 @@ void getDeviceBufferMemoryRequirements(DeviceBuffers &device, VkDevice handle,
                                        const VkDeviceBufferMemoryRequirements *info,
                                        VkMemoryRequirements2 *requirements)
 {
-    const DriverBufferInfo driverInfo(*info->pCreateInfo);
+    const DriverBufferInfo driverInfo(device.driver, *info->pCreateInfo);
     VkDeviceBufferMemoryRequirements driverQuery = *info;
     driverQuery.pCreateInfo = &driverInfo.info;
     device.driver.next.GetDeviceBufferMemoryRequirements(handle, &driverQuery, requirements);
@@ -133,7 +151,7 @@ void cmdBindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuff
     // The usage here is that of the buffer (VUID-VkDescriptorBufferBindingInfoEXT-usage).
     std::vector<VkDescriptorBufferBindingInfoEXT> own(infos, infos + count);
     for (VkDescriptorBufferBindingInfoEXT &info : own)
-        info.usage = static_cast<VkBufferUsageFlags>(driverUsage(info.usage));
+        info.usage = static_cast<VkBufferUsageFlags>(driverUsage(device.driver, info.usage));
     device.driver.next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
 }
 

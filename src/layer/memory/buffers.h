@@ -7,10 +7,15 @@ namespace vellum::layer
 {
 
 struct DeviceBuffers;
+struct Driver;
 
-// Usage flags as the driver is to see them. The layer's shaders read the inputs and write the storage of micromaps and
-// acceleration structures by address, and copies of micromaps are buffer copies.
-VkFlags64 driverUsage(VkFlags64 usage);
+// Usage flags as the driver is to see them where micromaps are emulated. The layer's shaders read the inputs and write
+// the storage of micromaps and acceleration structures by address, and copies of micromaps are buffer copies.
+VkFlags64 emulatedUsage(VkFlags64 usage);
+// The same where they are translated: micromaps of VK_KHR_opacity_micromap are acceleration structures, which have no
+// usage flags of their own.
+VkFlags64 translatedUsage(VkFlags64 usage);
+VkFlags64 driverUsage(const Driver &driver, VkFlags64 usage);
 
 // Called when a buffer is bound. A range of device address commands may come from a buffer whose address was not asked
 // for: it is asked for of another one, which shares the memory, or was known from a captured replay.

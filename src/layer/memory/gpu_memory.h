@@ -21,6 +21,7 @@ struct GpuContext {
     // The device's, each once: command buffers of all of them use the layer's buffers, and nobody transfers those.
     std::shared_ptr<const std::vector<uint32_t>> queueFamilies;
     bool importsHostMemory = false; // VK_EXT_external_memory_host is enabled, and device addresses may be the host's
+    bool driversMicromaps = false;  // VK_EXT_opacity_micromap is enabled
     bool replaysAddresses = false;  // bufferDeviceAddressCaptureReplay is enabled, and not by the application
 };
 

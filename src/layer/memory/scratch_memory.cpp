@@ -20,6 +20,9 @@ VkBufferUsageFlags scratchUsage(const GpuContext &context)
     // A flag of the extension, that has to be enabled for it.
     if (context.next->CreateRayTracingPipelinesKHR)
         usage |= VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+    // Inputs of builds that were changed.
+    if (context.driversMicromaps)
+        usage |= VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
     return usage;
 }
 

@@ -83,12 +83,12 @@ MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info)
     return extent;
 }
 
-bool mayHaveLevel(const Judge &judge, uint32_t usage, uint32_t level, uint32_t count, const char *id)
+bool mayHaveLevel(const Judge &judge, uint32_t usage, uint32_t level, uint32_t most, uint32_t count, const char *id)
 {
     // How large a micromap would be that has such triangles, nobody can say.
     return judge.weigh(count == 0, id,
                        "usage count " + std::to_string(usage) + ": subdivision level " + std::to_string(level) +
-                           " is above 12");
+                           " is above " + std::to_string(most));
 }
 
 bool mayHaveStride(const Judge &judge, VkDeviceSize stride, const MicromapExtent &extent, const char *id)
@@ -134,7 +134,7 @@ bool mayMeasure(const Judge &judge, const VkMicromapBuildInfoEXT &info)
                                 " is neither 2-state nor 4-state"))
             return false;
         if (usage.subdivisionLevel > kMaxSubdivisionLevel &&
-            !mayHaveLevel(judge, i, usage.subdivisionLevel, usage.count,
+            !mayHaveLevel(judge, i, usage.subdivisionLevel, kMaxSubdivisionLevel, usage.count,
                           twoState ? "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11654"
                                    : "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11655"))
             return false;

@@ -62,7 +62,7 @@ bool mayMeasure(const Judge &judge, const VkMicromapBuildInfoEXT &info);
 bool mayBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info);
 // What VK_KHR_opacity_micromap has rules of its own for: a subdivision level that is too high, the stride that
 // triangles lie apart, and how much there is in all.
-bool mayHaveLevel(const Judge &judge, uint32_t usage, uint32_t level, uint32_t count, const char *id);
+bool mayHaveLevel(const Judge &judge, uint32_t usage, uint32_t level, uint32_t most, uint32_t count, const char *id);
 bool mayHaveStride(const Judge &judge, VkDeviceSize stride, const MicromapExtent &extent, const char *id);
 bool mayBeSoLarge(const Judge &judge, const MicromapExtent &extent);
 

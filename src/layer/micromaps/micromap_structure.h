@@ -5,17 +5,12 @@
 #include <cstdint>
 
 #include "layer/ground/vulkan_newer.h"
+#include "layer/micromaps/micromap_input.h"
 
 namespace vellum::layer
 {
 
 struct DeviceMicromaps;
-
-// Whether a build is one of a micromap.
-inline bool isMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &info)
-{
-    return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-}
 
 void getMicromapStructureSizes(const DeviceMicromaps &device, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                                VkAccelerationStructureBuildSizesInfoKHR &sizes);

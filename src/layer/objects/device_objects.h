@@ -28,7 +28,7 @@ struct DeviceObjects {
     std::vector<std::weak_ptr<AccelerationStructure>> unnamedMicromaps{}; // GENERIC ones, made before their memory
 
     // Whether a handle of the application's is the layer's own, which means nothing to the driver. Only on emulated
-    // devices there are such.
+    // and translated devices there are such.
     [[nodiscard]] bool own(VkObjectType type, uint64_t handle) const;
 };
 

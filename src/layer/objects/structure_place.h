@@ -17,6 +17,8 @@
 namespace vellum::layer
 {
 
+class PlacedMicromaps; // translation/placed_micromaps.h
+
 // What all acceleration structures share that begin at the same place.
 struct StructurePlace {
     explicit StructurePlace(RootTable &table) : root(table) {}
@@ -28,7 +30,8 @@ struct StructurePlace {
     std::mutex mutex;              // guards what is below
     VkDeviceAddress reference = 0; // once acquired: this place is a user of that cell
     // Of handles of other types. Only the address of a GENERIC one must be that of the buffer
-    // (vkGetAccelerationStructureDeviceAddressKHR), so handles at one place may have several. They lead to the same cell.
+    // (vkGetAccelerationStructureDeviceAddressKHR), so handles at one place may have several. They lead to the same
+    // cell.
     std::vector<VkDeviceAddress> otherReferences;
     CellPlace cell;
     // Of what was recorded last; GENERIC: nothing was, or data of which only the device knows what it holds.
@@ -41,6 +44,10 @@ struct StructurePlace {
     uint32_t mostInstances = 0; // of all builds recorded
     std::shared_ptr<SlotRange> slots;
     std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
+    // Where micromaps are translated: those of the driver's at this place, and whether what was recorded last is a
+    // bottom-level structure with micromaps.
+    std::shared_ptr<PlacedMicromaps> driverMicromaps;
+    bool namesMicromaps = false;
 };
 
 class StructurePlaces

@@ -22,6 +22,24 @@ bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char
                 "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");
 }
 
+bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
+{
+    const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
+    const VkGraphicsPipelineLibraryFlagsEXT withShaders =
+        VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
+        VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
+    return !library || (library->flags & withShaders) != 0;
+}
+
+bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+                  const char *command)
+{
+    return (pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) ==
+               0 ||
+           driver.asked.khrFeature || toleratesMixedSpecialIndex(driver, id, command);
+}
+
 const void *driverChain(const void *pNext, std::deque<Chain> &chains)
 {
     const auto *flags2 =

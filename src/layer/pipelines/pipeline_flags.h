@@ -25,6 +25,13 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);
 // may be made.
 bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
 
+// The same of a compute or graphics pipeline with these flags.
+bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+                  const char *command);
+
+// pStages is ignored, and may be anything, for a pipeline library without the parts that have shaders.
+bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info);
+
 // A pipeline's pNext chain without them. Copies are kept in `chains`.
 const void *driverChain(const void *pNext, std::deque<Chain> &chains);
 

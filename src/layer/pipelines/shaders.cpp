@@ -22,25 +22,6 @@ namespace
 constexpr VkFlags kDisallowMixedShader =
     static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
 
-// pStages is ignored, and may be anything, for a pipeline library without the parts that have shaders.
-bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
-{
-    const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
-        info.pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
-    const VkGraphicsPipelineLibraryFlagsEXT withShaders =
-        VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
-        VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
-    return !library || (library->flags & withShaders) != 0;
-}
-
-bool mayHaveFlags(const DevicePipelines &device, const void *pNext, VkPipelineCreateFlags flags, const char *id,
-                  const char *command)
-{
-    return (pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) ==
-               0 ||
-           device.driver.asked.khrFeature || toleratesMixedSpecialIndex(device.driver, id, command);
-}
-
 VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result = VK_ERROR_INVALID_SHADER_NV)
 {
     for (uint32_t i = 0; i < count; ++i)
@@ -82,7 +63,7 @@ VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipe
     std::deque<Chain> chains;
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
     for (VkComputePipelineCreateInfo &info : own) {
-        if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
+        if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
                           "vkCreateComputePipelines"))
             return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
         info.pNext = driverChain(info.pNext, chains);
@@ -103,7 +84,7 @@ VkResult createGraphicsPipelines(DevicePipelines &device, VkDevice handle, VkPip
     std::deque<Chain> chains;
     std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
     for (VkGraphicsPipelineCreateInfo &info : own) {
-        if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+        if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
                           "vkCreateGraphicsPipelines"))
             return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
         info.pNext = driverChain(info.pNext, chains);

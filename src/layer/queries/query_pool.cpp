@@ -82,16 +82,6 @@ VkResult wait(const DeviceQueries &device, VkQueryPool handle, const QueryPool &
     return VK_SUCCESS;
 }
 
-bool inRange(const DeviceQueries &device, const QueryPool &pool, uint32_t first, uint64_t count, const char *command)
-{
-    if (first + count <= pool.count)
-        return true;
-    device.driver.report().error("VELLUM-query-range", std::string(command) + ": queries " + std::to_string(first) +
-                                                           " to " + std::to_string(first + count) + " of a pool of " +
-                                                           std::to_string(pool.count));
-    return false;
-}
-
 // The copies that results of queries are, from the pool's memory to `offset` of a buffer. Transfers only: the command
 // may be recorded for a queue that has no compute shaders (its Supported Queue Types). A value that is not available is
 // zero, which PARTIAL allows, and is undefined without it.
@@ -111,16 +101,6 @@ std::vector<VkBufferCopy> copiesOf(const QueryPool &pool, uint32_t first, uint32
             regions.push_back({pool.zeroInBuffer(), offset + number + 4, 4});
     }
     return regions;
-}
-
-// After the values, so that whoever sees that a query is available sees its value.
-void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuffer commandBuffer,
-                   const QueryPool &pool, uint32_t first, uint32_t count)
-{
-    work.barrier(true);
-    device.driver.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityInBuffer(first),
-                                     count * 4ull, 1);
-    work.barrier(true);
 }
 
 void askMicromap(InjectedWork &work, const DeviceQueries &device, const Micromap &micromap, uint32_t kind,
@@ -157,7 +137,45 @@ void recordMicromapProperty(InjectedWork &work, const DeviceQueries &device, con
     }
 }
 
-// Of each structure whose size is asked for.
+// Of the driver's micromaps, where there is such a type.
+VkResult createMicromapPool(const DeviceQueries &device, const VkQueryPoolCreateInfo &info, VkQueryPool &result)
+{
+    VkQueryPoolCreateInfo micromaps = info;
+    micromaps.pNext = nullptr;
+    switch (info.queryType) {
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
+        micromaps.queryType = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT;
+        break;
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
+        micromaps.queryType = VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
+        break;
+    default: return VK_SUCCESS;
+    }
+    return device.driver.next.CreateQueryPool(device.driver.handle, &micromaps, nullptr, &result);
+}
+
+} // namespace
+
+bool queriesInRange(const DeviceQueries &device, const QueryPool &pool, uint32_t first, uint64_t count,
+                    const char *command)
+{
+    if (first + count <= pool.count)
+        return true;
+    device.driver.report().error("VELLUM-query-range", std::string(command) + ": queries " + std::to_string(first) +
+                                                           " to " + std::to_string(first + count) + " of a pool of " +
+                                                           std::to_string(pool.count));
+    return false;
+}
+
+void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuffer commandBuffer,
+                   const QueryPool &pool, uint32_t first, uint32_t count)
+{
+    work.barrier(true);
+    device.driver.next.CmdFillBuffer(commandBuffer, pool.memory.buffer(), pool.availabilityInBuffer(first),
+                                     count * 4ull, 1);
+    work.barrier(true);
+}
+
 bool mayWriteProperty(const DeviceQueries &device, const Judge &judge, VkAccelerationStructureKHR structure,
                       uint32_t element, VkQueryType type)
 {
@@ -172,7 +190,23 @@ bool mayWriteProperty(const DeviceQueries &device, const Judge &judge, VkAcceler
                               "] is a micromap, which has no bottom-level pointers");
 }
 
-} // namespace
+bool mayWriteProperties(const DeviceQueries &device, const QueryPool *pool, VkQueryType type)
+{
+    // The driver knows neither the layer's micromaps nor its types of queries: what is wrong must not reach it.
+    if (pool ? pool->type != type : isStructureProperty(type)) {
+        device.driver.report().error(
+            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another queryType");
+        return false;
+    }
+    if (!isStructureProperty(type)) {
+        device.driver.report().error(
+            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
+            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration structure queries");
+        return false;
+    }
+    return true;
+}
 
 uint64_t QueryPool::value(uint32_t query) const
 {
@@ -189,7 +223,7 @@ bool QueryPool::available(uint32_t query) const
 VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPoolCreateInfo *info,
                          const VkAllocationCallbacks *allocator, VkQueryPool *result)
 {
-    const bool micromaps = isMicromapType(info->queryType);
+    const bool micromaps = isMicromapType(info->queryType) && device.driver.emulated;
     if (!micromaps && !isStructureProperty(info->queryType))
         return device.driver.next.CreateQueryPool(handle, info, allocator, result);
     auto pool = std::make_shared<QueryPool>();
@@ -202,7 +236,12 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
     VkQueryPoolCreateInfo driverInfo = *info;
     if (micromaps)
         driverInfo.queryType = VK_QUERY_TYPE_OCCLUSION;
-    const VkResult driver = device.driver.next.CreateQueryPool(handle, &driverInfo, allocator, result);
+    VkResult driver = device.driver.next.CreateQueryPool(handle, &driverInfo, allocator, result);
+    if (driver == VK_SUCCESS && device.driver.translated) {
+        driver = createMicromapPool(device, *info, pool->micromaps);
+        if (driver != VK_SUCCESS)
+            device.driver.next.DestroyQueryPool(handle, *result, allocator);
+    }
     if (driver == VK_SUCCESS)
         device.pools.set(*result, std::move(pool));
     return driver;
@@ -210,19 +249,22 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
 
 void destroyQueryPool(DeviceQueries &device, VkDevice handle, VkQueryPool pool, const VkAllocationCallbacks *allocator)
 {
-    device.pools.take(pool);
+    if (const auto known = device.pools.take(pool); known && known->micromaps)
+        device.driver.next.DestroyQueryPool(handle, known->micromaps, nullptr);
     device.driver.next.DestroyQueryPool(handle, pool, allocator);
 }
 
 void resetQueryPool(DeviceQueries &device, VkDevice handle, VkQueryPool queryPool, uint32_t first, uint32_t count)
 {
     const auto pool = device.pools.get(queryPool);
-    if (pool && !inRange(device, *pool, first, count, "vkResetQueryPool"))
+    if (pool && !queriesInRange(device, *pool, first, count, "vkResetQueryPool"))
         return;
     if (pool) {
         uint32_t *words = pool->memory.words();
         std::memset(words + pool->availabilityOffset(first) / 4, 0, count * size_t{4});
         std::memset(words + first * size_t{2}, 0, count * size_t{8});
+        if (pool->micromaps)
+            device.driver.next.ResetQueryPool(handle, pool->micromaps, first, count);
     }
     device.driver.next.ResetQueryPool(handle, queryPool, first, count);
 }
@@ -231,7 +273,7 @@ void cmdResetQueryPool(DeviceQueries &device, VkCommandBuffer commandBuffer, VkQ
                        uint32_t count)
 {
     const auto pool = device.pools.get(queryPool);
-    if (pool && !inRange(device, *pool, first, count, "vkCmdResetQueryPool"))
+    if (pool && !queriesInRange(device, *pool, first, count, "vkCmdResetQueryPool"))
         return;
     if (pool && count > 0) {
         InjectedWork work(device.commands, commandBuffer);
@@ -241,6 +283,8 @@ void cmdResetQueryPool(DeviceQueries &device, VkCommandBuffer commandBuffer, VkQ
         device.driver.next.CmdFillBuffer(commandBuffer, pool->memory.buffer(), pool->valueInBuffer(first), count * 8ull,
                                          0);
         work.barrier(true);
+        if (pool->micromaps)
+            device.driver.next.CmdResetQueryPool(commandBuffer, pool->micromaps, first, count);
     }
     device.driver.next.CmdResetQueryPool(commandBuffer, queryPool, first, count);
 }
@@ -251,7 +295,7 @@ VkResult getQueryPoolResults(DeviceQueries &device, VkDevice handle, VkQueryPool
     const auto pool = device.pools.get(queryPool);
     if (!pool)
         return device.driver.next.GetQueryPoolResults(handle, queryPool, first, count, size, data, stride, flags);
-    if (!inRange(device, *pool, first, count, "vkGetQueryPoolResults"))
+    if (!queriesInRange(device, *pool, first, count, "vkGetQueryPoolResults"))
         return VK_ERROR_UNKNOWN;
     bool complete = true;
     for (uint32_t i = 0; i < count && i * stride + Format(flags).bytes() <= size; ++i) {
@@ -274,7 +318,7 @@ void cmdCopyQueryPoolResults(DeviceQueries &device, VkCommandBuffer commandBuffe
     if (!pool)
         return device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first, count, buffer, offset,
                                                           stride, flags);
-    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdCopyQueryPoolResults"))
+    if (count == 0 || !queriesInRange(device, *pool, first, count, "vkCmdCopyQueryPoolResults"))
         return;
     InjectedWork work(device.commands, commandBuffer);
     // The barrier waits for all that came before on this queue, which is the command's first synchronization scope:
@@ -308,7 +352,7 @@ void cmdWriteMicromapsProperties(DeviceQueries &device, VkCommandBuffer commandB
         return;
     }
     // VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528
-    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT") ||
+    if (count == 0 || !queriesInRange(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT") ||
         InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT"))
         return;
     const uint32_t kind =
@@ -325,20 +369,9 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
                                               VkQueryPool queryPool, uint32_t first)
 {
     const auto pool = device.pools.get(queryPool);
-    // The driver knows neither the layer's micromaps nor its types of queries: what is wrong must not reach it.
-    if (pool ? pool->type != type : isStructureProperty(type)) {
-        device.driver.report().error(
-            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another queryType");
+    if (!mayWriteProperties(device, pool.get(), type))
         return;
-    }
-    if (!isStructureProperty(type)) {
-        device.driver.report().error(
-            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration structure queries");
-        return;
-    }
-    if (count == 0 || !inRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
+    if (count == 0 || !queriesInRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
         InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR"))
         return;
     const Judge judge(device.driver.report(), "vkCmdWriteAccelerationStructuresPropertiesKHR");

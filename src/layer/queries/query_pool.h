@@ -5,6 +5,10 @@
 // driver's; each answer of the driver is taken over and corrected (structure_size.h), because the records of micromaps
 // lie in the structure's own memory but the driver knows nothing of them. Values and availability of both lie in
 // host-visible memory.
+//
+// Where micromaps are the driver's by VK_EXT_opacity_micromap (room of translation), a pool of acceleration structure
+// sizes may be asked for sizes of micromaps, too, which the driver gives to pools of another type only: the layer has
+// one of them beside, and takes the answers of both over.
 #pragma once
 
 #include <memory>
@@ -17,10 +21,14 @@ namespace vellum::layer
 {
 
 struct DeviceQueries;
+class InjectedWork;
+class Judge;
 
 struct QueryPool {
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
     uint32_t count = 0;
+    // Where micromaps are translated: a pool of the driver's of the same size of micromaps.
+    VkQueryPool micromaps = VK_NULL_HANDLE;
     PooledMemory memory; // 64-bit values, then 32-bit availability, then a word that is always zero
 
     [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
@@ -35,6 +43,18 @@ struct QueryPool {
     [[nodiscard]] uint64_t value(uint32_t query) const;
     [[nodiscard]] bool available(uint32_t query) const;
 };
+
+// All of a command's queries, from the first on.
+bool queriesInRange(const DeviceQueries &device, const QueryPool &pool, uint32_t first, uint64_t count,
+                    const char *command);
+// Whether values of that type can be written to queries of that pool; tells, if not. True for no queries.
+bool mayWriteProperties(const DeviceQueries &device, const QueryPool *pool, VkQueryType type);
+// Whether the type is one that a structure can be asked for; tells, if not.
+bool mayWriteProperty(const DeviceQueries &device, const Judge &judge, VkAccelerationStructureKHR structure,
+                      uint32_t element, VkQueryType type);
+// After the values, so that whoever sees that a query is available sees its value.
+void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuffer commandBuffer,
+                   const QueryPool &pool, uint32_t first, uint32_t count);
 
 VkResult createQueryPool(DeviceQueries &, VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
                          VkQueryPool *);

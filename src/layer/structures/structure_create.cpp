@@ -6,6 +6,7 @@
 
 #include "layer/ground/judge.h"
 #include "layer/micromaps/micromap_structure.h"
+#include "layer/objects/buffer_range.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
@@ -15,50 +16,7 @@ namespace vellum::layer
 namespace
 {
 
-struct Place {
-    VkBuffer buffer = VK_NULL_HANDLE;
-    VkDeviceSize offset = 0;
-    VkDeviceSize size = 0; // as much of the range as lies in the buffer
-};
-
-// The part of a buffer that an address range is, or null after a message.
-Place placeOf(const DeviceStructures &device, const VkAccelerationStructureCreateInfo2KHR &info)
-{
-    const Judge judge(device.driver.report(), "vkCreateAccelerationStructure2KHR");
-    const bool micromap = info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    const auto &[address, size] = info.addressRange;
-    if (size == 0) {
-        judge.refuse("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
-        return {};
-    }
-    if (micromap && !device.driver.asked.khrFeature &&
-        !judge.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
-                        "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled"))
-        return {};
-    AddressMap::Place found =
-        device.buffers.addresses.covering(address, size, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
-    if (!found.buffer) {
-        found = device.buffers.addresses.find(address);
-        if (!found.buffer) {
-            judge.refuse("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
-                         "addressRange.address is not in any buffer");
-            return {};
-        }
-        // Drivers need no usage, and what lies in the buffer may be enough for what is built there.
-        if (!judge.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
-                            "addressRange, of " + std::to_string(size) +
-                                " bytes, is not in one buffer for acceleration structures"))
-            return {};
-    }
-    // Shaders of the layer read and write 16 bytes at once. What drivers do, they do not say.
-    if (address % 256 != 0 && !judge.weigh(micromap && address % 16 == 0,
-                                           "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
-                                           "addressRange.address is not a multiple of 256"))
-        return {};
-    return {found.buffer, found.offset, std::min(size, found.bytes)};
-}
-
-std::shared_ptr<AccelerationStructure> newStructure(const Place &place, VkAccelerationStructureTypeKHR type)
+std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &place, VkAccelerationStructureTypeKHR type)
 {
     auto structure = std::make_shared<AccelerationStructure>();
     structure->buffer = place.buffer;
@@ -82,7 +40,7 @@ void addStructure(DeviceStructures &device, std::shared_ptr<AccelerationStructur
 }
 
 // One of the layer's own handles, which never reach the driver.
-VkAccelerationStructureKHR addMicromap(DeviceStructures &device, const Place &place)
+VkAccelerationStructureKHR addMicromap(DeviceStructures &device, const BufferRange &place)
 {
     auto structure = newStructure(place, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
@@ -201,7 +159,7 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
-    const Place place = placeOf(device, *info);
+    const BufferRange place = rangeOf(device.objects, *info, 16);
     if (!place.buffer)
         return VK_ERROR_VALIDATION_FAILED_EXT;
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {

@@ -1,0 +1,20 @@
+// Where vkCreateAccelerationStructure2KHR wants a structure: the part of a buffer that an address range is.
+#pragma once
+
+#include "layer/ground/vulkan_newer.h"
+
+namespace vellum::layer
+{
+
+struct DeviceObjects;
+
+struct BufferRange {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+    VkDeviceSize size = 0; // as much of the range as lies in the buffer
+};
+// Null after a message. `micromapAlignment`: that addresses of micromaps need at least.
+BufferRange rangeOf(const DeviceObjects &device, const VkAccelerationStructureCreateInfo2KHR &info,
+                    VkDeviceSize micromapAlignment);
+
+} // namespace vellum::layer

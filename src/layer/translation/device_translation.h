@@ -1,0 +1,25 @@
+// The room of translation: VK_KHR_opacity_micromap by a driver that has VK_EXT_opacity_micromap only. Micromaps are the
+// driver's; what is here puts each command of KHR as EXT has it. Devices that enable VK_KHR_opacity_micromap on such a
+// driver use this room in the place of those that emulate.
+#pragma once
+
+#include "layer/micromaps/micromap_input.h"
+#include "layer/pipelines/device_pipelines.h"
+#include "layer/queries/device_queries.h"
+#include "layer/translation/serialized_places.h"
+
+namespace vellum::layer
+{
+
+struct DeviceTranslation {
+    Driver &driver;
+    DeviceBuffers &buffers;
+    DeviceObjects &objects;
+    DeviceCommands &commands;
+    DeviceQueries &queries;
+    DevicePipelines &pipelines;
+    MicromapLimits limits{}; // the driver's
+    SerializedPlaces serialized{};
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,104 @@
+#include "layer/translation/placed_micromaps.h"
+
+#include <algorithm>
+
+#include "layer/translation/device_translation.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+PlacedMicromaps &placeOf(DeviceTranslation &device, const AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.place->mutex);
+    auto &micromaps = structure.place->driverMicromaps;
+    if (!micromaps)
+        micromaps = std::make_shared<PlacedMicromaps>(device.driver);
+    return *micromaps;
+}
+
+} // namespace
+
+PlacedMicromaps::~PlacedMicromaps()
+{
+    for (const auto &[bytes, handle] : micromaps_)
+        driver_.next.DestroyMicromapEXT(driver_.handle, handle, nullptr);
+}
+
+VkMicromapEXT PlacedMicromaps::ofSize(VkBuffer buffer, VkDeviceSize offset, VkDeviceSize bytes)
+{
+    std::lock_guard lock(mutex_);
+    for (const auto &[size, handle] : micromaps_) {
+        if (size == bytes)
+            return handle;
+    }
+    VkMicromapCreateInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT};
+    info.buffer = buffer;
+    info.offset = offset;
+    info.size = bytes;
+    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    VkMicromapEXT handle = VK_NULL_HANDLE;
+    if (driver_.next.CreateMicromapEXT(driver_.handle, &info, nullptr, &handle) != VK_SUCCESS)
+        return VK_NULL_HANDLE;
+    micromaps_.emplace_back(bytes, handle);
+    return handle;
+}
+
+void PlacedMicromaps::record(PlacedMicromap micromap)
+{
+    std::lock_guard lock(mutex_);
+    last_ = std::move(micromap);
+}
+
+PlacedMicromap PlacedMicromaps::last() const
+{
+    std::lock_guard lock(mutex_);
+    return last_;
+}
+
+VkMicromapEXT micromapOfSize(DeviceTranslation &device, const AccelerationStructure &structure, VkDeviceSize bytes)
+{
+    // VUID-VkMicromapCreateInfoEXT-offset-07429
+    if (structure.offset % 256 != 0)
+        return VK_NULL_HANDLE;
+    return placeOf(device, structure).ofSize(structure.buffer, structure.offset, bytes);
+}
+
+PlacedMicromap lastMicromap(DeviceTranslation &device, const AccelerationStructure &structure)
+{
+    PlacedMicromap micromap = placeOf(device, structure).last();
+    if (!micromap.handle) {
+        micromap.bytes = structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
+                             ? structure.size
+                             : roomOf(device.objects, structure);
+        micromap.handle = micromapOfSize(device, structure, micromap.bytes);
+    }
+    return micromap;
+}
+
+void becomesMicromap(DeviceTranslation &device, AccelerationStructure &structure, PlacedMicromap micromap)
+{
+    becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, micromap.bytes);
+    placeOf(device, structure).record(std::move(micromap));
+}
+
+void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps)
+{
+    becomes(structure, type, 0);
+    std::lock_guard lock(structure.place->mutex);
+    structure.place->namesMicromaps = namesMicromaps;
+}
+
+bool namesMicromaps(const AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.place->mutex);
+    return structure.place->namesMicromaps;
+}
+
+bool isDrivers(const AccelerationStructure *structure)
+{
+    return structure && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,32 @@
+// Where this device has written serialized data last. The header of a serialized micromap is that of any other
+// structure, and which of the driver's commands is to read it, must be known when that is recorded.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+struct DeviceBuffers;
+
+class SerializedPlaces
+{
+public:
+    void set(const DeviceBuffers &device, VkDeviceAddress address, bool isMicromap);
+    // Whether a micromap was serialized to that address; nothing where nothing was.
+    [[nodiscard]] std::optional<bool> holdsMicromap(const DeviceBuffers &device, VkDeviceAddress address) const;
+
+private:
+    using Key = std::pair<uint64_t, VkDeviceSize>; // a buffer, by its number of all of the device, and an offset in it
+    static Key keyOf(const DeviceBuffers &device, VkDeviceAddress address);
+    mutable std::mutex mutex_;
+    std::map<Key, bool> places_;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,228 @@
+#include <algorithm>
+#include <deque>
+#include <span>
+#include <vector>
+
+#include "layer/pipelines/pipeline_flags.h"
+#include "layer/translation/device_translation.h"
+#include "layer/translation/translation.h"
+#include "spirv/translate.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkFlags kDisallowMixedShader =
+    static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
+
+constexpr VkFlags64 kUsesMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+
+// SPIR-V as a driver takes it that knows SPV_EXT_opacity_micromap only. `code` and `bytes` are replaced where something
+// changes; `storage` then holds the words.
+void translateShader(const DeviceTranslation &device, const uint32_t *&code, size_t &bytes,
+                     std::vector<uint32_t> &storage)
+{
+    spirv::TranslateResult result = spirv::translateToExt({code, bytes / 4});
+    if (result.queriesForget && device.driver.asked.khrFeature && !device.driver.asked.ext)
+        device.driver.report().warning(
+            "VELLUM-queries-without-micromaps",
+            "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
+            "VK_EXT_opacity_micromap, they use micromaps all the same; on others, every hit on geometry with micromaps "
+            "is non-opaque");
+    if (result.words.empty())
+        return;
+    storage = std::move(result.words);
+    code = storage.data();
+    bytes = storage.size() * 4;
+}
+
+// What creation of pipelines is given in place of what the application gave. It must live until a deferred operation is
+// complete.
+class DriverInfos final : public DeferredWork
+{
+public:
+    explicit DriverInfos(DeviceTranslation &device) : device_(device) {}
+    void finish() override {}
+
+    // Inline modules (VkShaderModuleCreateInfo in a stage's pNext chain).
+    bool translate(VkPipelineShaderStageCreateInfo &stage)
+    {
+        if (stage.module || !findInChain(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO))
+            return true;
+        Chain &chain = chains_.emplace_back(stage.pNext);
+        auto *module = chain.edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+        if (!module) {
+            device_.driver.report().error("VELLUM-shader-rewrite",
+                                          "an inline shader module lies behind a structure of unknown size");
+            return false;
+        }
+        translateShader(device_, module->pCode, module->codeSize, words_.emplace_back());
+        stage.pNext = chain.head();
+        return true;
+    }
+    bool translate(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
+    {
+        if (!stages)
+            return true;
+        auto &own = stages_.emplace_back(stages, stages + count);
+        stages = own.data();
+        return std::ranges::all_of(own, [this](VkPipelineShaderStageCreateInfo &stage) { return translate(stage); });
+    }
+    // Takes out the flags that a driver with VK_EXT_opacity_micromap does not know, and adds some. That of ray tracing
+    // pipelines is EXT's own.
+    template <typename Info>
+    void setFlags(Info &info, VkFlags64 added = 0)
+    {
+        const auto *flags2 =
+            findInChain<newer::PipelineCreateFlags2CreateInfo>(info.pNext, newer::kPipelineCreateFlags2CreateInfo);
+        if (!flags2) {
+            info.flags |= static_cast<VkPipelineCreateFlags>(added);
+            return;
+        }
+        VkFlags64 unknown = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
+        if (!device_.driver.asked.pipelineMicromaps)
+            unknown |= newer::kPipelineDisallowOpacityMicromap;
+        const VkFlags64 flags = (flags2->flags & ~unknown) | added;
+        if (flags == flags2->flags)
+            return;
+        Chain &chain = chains_.emplace_back(info.pNext);
+        if (auto *own = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
+            own->flags = flags;
+        info.pNext = chain.head();
+    }
+    std::vector<VkRayTracingPipelineCreateInfoKHR> rayTracing;
+
+private:
+    DeviceTranslation &device_;
+    std::deque<Chain> chains_;
+    std::deque<std::vector<uint32_t>> words_;
+    std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
+};
+
+bool mayHaveRayTracingFlags(const DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    const Driver &driver = device.driver;
+    const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
+    const bool uses = (flags & kUsesMicromaps) != 0;
+    const bool available = driver.asked.khrFeature || driver.asked.extFeature;
+    if (uses && !available &&
+        !driver.report().tolerates("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+                                   "vkCreateRayTracingPipelinesKHR: a pipeline uses opacity micromaps, but the feature "
+                                   "micromap is not enabled"))
+        return false;
+    if ((!uses || !driver.asked.khrFeature) &&
+        (flags & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0 &&
+        !toleratesMixedSpecialIndex(driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
+                                    "vkCreateRayTracingPipelinesKHR"))
+        return false;
+    if (!uses && available && !driver.settings->assumeMicromaps && (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+        driver.report().warning(
+            "VELLUM-pipeline-without-micromaps",
+            "vkCreateRayTracingPipelinesKHR: a pipeline was created without RAY_TRACING_OPACITY_MICROMAP: it must meet "
+            "no micromaps. The setting assume_micromaps creates all pipelines with it");
+    return true;
+}
+
+VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
+{
+    std::fill_n(pipelines, count, VK_NULL_HANDLE);
+    return result;
+}
+
+} // namespace
+
+VkResult createTranslatedModule(DeviceTranslation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
+                                const VkAllocationCallbacks *allocator, VkShaderModule *module)
+{
+    VkShaderModuleCreateInfo driverInfo = *info;
+    std::vector<uint32_t> storage;
+    translateShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
+    return device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
+}
+
+VkResult createTranslatedComputePipelines(DeviceTranslation &device, VkDevice handle, VkPipelineCache cache,
+                                          uint32_t count, const VkComputePipelineCreateInfo *infos,
+                                          const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    DriverInfos own(device);
+    std::vector<VkComputePipelineCreateInfo> driverInfos(infos, infos + count);
+    for (VkComputePipelineCreateInfo &info : driverInfos) {
+        if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
+                          "vkCreateComputePipelines"))
+            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
+        own.setFlags(info);
+        if (!own.translate(info.stage))
+            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
+    }
+    return device.driver.next.CreateComputePipelines(handle, cache, count, driverInfos.data(), allocator, pipelines);
+}
+
+VkResult createTranslatedGraphicsPipelines(DeviceTranslation &device, VkDevice handle, VkPipelineCache cache,
+                                           uint32_t count, const VkGraphicsPipelineCreateInfo *infos,
+                                           const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    DriverInfos own(device);
+    std::vector<VkGraphicsPipelineCreateInfo> driverInfos(infos, infos + count);
+    for (VkGraphicsPipelineCreateInfo &info : driverInfos) {
+        if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+                          "vkCreateGraphicsPipelines"))
+            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
+        own.setFlags(info);
+        if (hasShaderStages(info) && !own.translate(info.pStages, info.stageCount))
+            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
+    }
+    return device.driver.next.CreateGraphicsPipelines(handle, cache, count, driverInfos.data(), allocator, pipelines);
+}
+
+VkResult createTranslatedRayTracingPipelines(DeviceTranslation &device, VkDevice handle,
+                                             VkDeferredOperationKHR operation, VkPipelineCache cache, uint32_t count,
+                                             const VkRayTracingPipelineCreateInfoKHR *infos,
+                                             const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    auto own = std::make_unique<DriverInfos>(device);
+    own->rayTracing.assign(infos, infos + count);
+    for (VkRayTracingPipelineCreateInfoKHR &info : own->rayTracing) {
+        if (!mayHaveRayTracingFlags(device, info))
+            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
+        own->setFlags(info,
+                      device.driver.asked.khrFeature && device.driver.settings->assumeMicromaps ? kUsesMicromaps : 0);
+        if (!own->translate(info.pStages, info.stageCount))
+            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
+    }
+    std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
+    if (operation) {
+        deferred = std::make_shared<DeferredOperation>();
+        device.commands.deferredOperations.set(operation, deferred);
+    }
+    const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
+        handle, operation, cache, count, own->rayTracing.data(), allocator, pipelines);
+    if (result == VK_OPERATION_DEFERRED_KHR && deferred)
+        deferred->work = std::move(own);
+    return result;
+}
+
+VkResult createTranslatedShaders(DeviceTranslation &device, VkDevice handle, uint32_t count,
+                                 const newer::ShaderCreateInfo *infos, const VkAllocationCallbacks *allocator,
+                                 newer::ShaderEXT *shaders)
+{
+    std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
+    std::deque<std::vector<uint32_t>> storage;
+    for (newer::ShaderCreateInfo &info : own) {
+        if ((info.flags & kDisallowMixedShader) != 0 && !device.driver.asked.khrFeature &&
+            !toleratesMixedSpecialIndex(device.driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623",
+                                        "vkCreateShadersEXT")) {
+            std::fill_n(shaders, count, nullptr);
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
+        info.flags &= ~kDisallowMixedShader;
+        if (info.codeType != newer::kShaderCodeTypeSpirv)
+            continue;
+        const auto *code = static_cast<const uint32_t *>(info.pCode);
+        translateShader(device, code, info.codeSize, storage.emplace_back());
+        info.pCode = code;
+    }
+    return device.driver.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
+}
+
+} // namespace vellum::layer
