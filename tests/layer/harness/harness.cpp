@@ -232,10 +232,8 @@ void Gpu::createInstance()
         traits += chosen;
     if (traits.find_first_not_of(',') != std::string::npos)
         layers.push_back(kDriverLayer);
-    if (!options_.absentGpu.empty()) {
+    if (options_.nullDevice)
         layers.push_back(kNullLayer);
-        setenv("RADV_FORCE_FAMILY", options_.absentGpu.c_str(), 1);
-    }
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
