@@ -16,6 +16,7 @@ namespace
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
+constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower";   // below that, with the traits "ext" and "emulating"
 constexpr const char *kNullLayer = "VK_LAYER_VELLUM_test_null";
 
 // Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
@@ -232,6 +233,8 @@ void Gpu::createInstance()
         traits += chosen;
     if (traits.find_first_not_of(',') != std::string::npos)
         layers.push_back(kDriverLayer);
+    if ((',' + traits + ',').find(",ext,") != std::string::npos || traits.find("emulating") != std::string::npos)
+        layers.push_back(kLowerLayer);
     if (!options_.absentGpu.empty()) {
         layers.push_back(kNullLayer);
         setenv("RADV_FORCE_FAMILY", options_.absentGpu.c_str(), 1);
