@@ -233,8 +233,14 @@ void Gpu::createInstance()
         traits += chosen;
     if (traits.find_first_not_of(',') != std::string::npos)
         layers.push_back(kDriverLayer);
-    if ((',' + traits + ',').find(",ext,") != std::string::npos || traits.find("emulating") != std::string::npos)
+    const auto has = [&traits](const std::string &name) {
+        return (',' + traits + ',').find(',' + name + ',') != std::string::npos;
+    };
+    if (has("ext") || has("emulating"))
         layers.push_back(kLowerLayer);
+    // It is not asked for micromaps, and is to work all the same.
+    if (has("emulating"))
+        setenv("VELLUM_LOWER_ASSUME_MICROMAPS", "1", 1);
     if (!options_.absentGpu.empty()) {
         layers.push_back(kNullLayer);
         setenv("RADV_FORCE_FAMILY", options_.absentGpu.c_str(), 1);
@@ -253,6 +259,7 @@ void Gpu::createInstance()
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
     unsetenv("VELLUM_TEST_DRIVER");
     unsetenv("VELLUM_VALIDATE");
+    unsetenv("VELLUM_LOWER_ASSUME_MICROMAPS");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
     VT_INSTANCE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
