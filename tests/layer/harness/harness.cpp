@@ -25,9 +25,12 @@ struct FalseAlarm {
     const char *id;
     const char *text; // part of the message
 };
-constexpr std::array<FalseAlarm, 3> kFalseAlarms{{
+constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     // 1.3.239 takes device extensions newer than itself for unknown instead of leaving them alone.
     {"UNASSIGNED-khronos-validation-createdevice", "is not supported by this layer"},
+    // So it is in the registry of that age; later ones have it optional, for geometry with special indices only.
+    {"UNASSIGNED-GeneralParameterError-RequiredParameter",
+     "VkAccelerationStructureTrianglesOpacityMicromapEXT: required parameter micromap"},
     // Warnings of Vellum's that are right, of shaders and pipelines that are meant to use no micromaps.
     // ForgottenMicromaps
     // looks at them.
