@@ -130,7 +130,7 @@ std::vector<DeviceDetails> describeDevices(const Instance &instance)
         if (extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
             details.ext = provider;
         if (extensions.contains(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
-            details.khr = provider;
+            details.khr = info.implementation.find("translates") != std::string::npos ? Provider::Translated : provider;
     }
     return all;
 }

@@ -9,7 +9,7 @@
 namespace vellum::cli
 {
 
-enum class Provider { Nobody, Driver, Layer };
+enum class Provider { Nobody, Driver, Layer, Translated };
 
 struct DeviceDetails {
     std::string name;

@@ -136,6 +136,7 @@ const char *nameOf(Provider provider)
     switch (provider) {
     case Provider::Driver: return "native";
     case Provider::Layer: return "emulated by the layer";
+    case Provider::Translated: return "translated by the layer to VK_EXT_opacity_micromap";
     case Provider::Nobody: break;
     }
     return "none";

@@ -64,6 +64,9 @@ std::string describeImplementation(VkPhysicalDevice device, std::uint32_t versio
             continue;
         if (std::strcmp(tool.description, "emulated") == 0)
             return std::string("emulated by the layer ") + kLayerName;
+        if (std::strcmp(tool.description, "translated") == 0)
+            return std::string("the driver's VK_EXT_opacity_micromap, to which the layer ") + kLayerName +
+                   " translates VK_KHR_opacity_micromap";
         return std::string("the driver's (the layer ") + kLayerName + " passes it through)";
     }
     return "the driver's";

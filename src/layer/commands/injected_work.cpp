@@ -6,6 +6,7 @@
 #include "layer/commands/device_commands.h"
 #include "shaders/blas_records.h"
 #include "shaders/hit_records.h"
+#include "shaders/marked_size.h"
 #include "shaders/micromap_analyse.h"
 #include "shaders/micromap_check.h"
 #include "shaders/micromap_clear.h"
@@ -62,6 +63,7 @@ Code codeOf(InjectedShader shader)
     case InjectedShader::MicromapMove: return {micromap_move, sizeof micromap_move};
     case InjectedShader::QueryValue: return {query_value, sizeof query_value};
     case InjectedShader::MicromapTriangles: return {micromap_triangles, sizeof micromap_triangles};
+    case InjectedShader::MarkedSize: return {marked_size, sizeof marked_size};
     case InjectedShader::WideIndices: return {wide_indices, sizeof wide_indices};
     case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
     case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};

@@ -44,6 +44,7 @@ enum class InjectedShader {
     QueryValue,
     MicromapTriangles,
     WideIndices,
+    MarkedSize,
     Count
 };
 
@@ -116,6 +117,9 @@ struct RayFlagProbePush {
 struct MicromapTrianglesPush {
     VkDeviceAddress source, target;
     uint32_t stride, count, readable, shift;
+};
+struct MarkedSizePush {
+    VkDeviceAddress value;
 };
 struct WideIndicesPush {
     VkDeviceAddress source, target;

@@ -23,6 +23,12 @@ VkQueryType micromapType(VkQueryType type)
     }
 }
 
+// A structure of that size is to be known as one for a micromap.
+bool marks(VkQueryType type)
+{
+    return type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+}
+
 void writeMicromap(DeviceTranslation &device, VkCommandBuffer commandBuffer, const AccelerationStructure &structure,
                    VkQueryType type, const QueryPool &pool, uint32_t query)
 {
@@ -60,6 +66,8 @@ void cmdWriteTranslatedProperties(DeviceTranslation &device, VkCommandBuffer com
         const auto structure = device.objects.accelerationStructures.get(structures[i]);
         micromaps.push_back(holdsMicromap(*structure) ? structure : nullptr);
     }
+    if (marks(type) && InjectedWork::refusedIn(device.commands, commandBuffer, kCommand))
+        return;
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     for (uint32_t begin = 0; begin < count;) {
@@ -76,6 +84,13 @@ void cmdWriteTranslatedProperties(DeviceTranslation &device, VkCommandBuffer com
         if (end < count)
             writeMicromap(device, commandBuffer, *micromaps[end], type, *pool, first + end);
         begin = end + 1;
+    }
+    if (marks(type) && std::ranges::any_of(micromaps, [](const auto &micromap) { return micromap != nullptr; })) {
+        work.barrier();
+        for (uint32_t i = 0; i < count; ++i) {
+            if (micromaps[i])
+                work.dispatch(InjectedShader::MarkedSize, MarkedSizePush{pool->valueAddress(first + i)}, 1, 1);
+        }
     }
     makeAvailable(work, device.queries, commandBuffer, *pool, first, count);
 }

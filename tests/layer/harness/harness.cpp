@@ -228,17 +228,20 @@ void Gpu::createInstance()
     std::vector<const char *> layers; // the first one is nearest to the application
     if (options_.vellum)
         layers.push_back(kVellumLayer);
-    if (options_.validation && (options_.oldValidation || validationIsNew()))
-        layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
     std::string traits = options_.spy ? "spy," : "";
     traits += options_.traits + ',';
     if (const char *chosen = std::getenv("VELLUM_TEST_TRAITS"))
         traits += chosen;
-    if (traits.find_first_not_of(',') != std::string::npos)
-        layers.push_back(kDriverLayer);
     const auto has = [&traits](const std::string &name) {
         return (',' + traits + ',').find(',' + name + ',') != std::string::npos;
     };
+    // One of that age gives every VkMicromapEXT a handle of its own, and hands that of a geometry's micromap to the
+    // driver.
+    const bool old = options_.oldValidation && !has("ext");
+    if (options_.validation && (old || validationIsNew()))
+        layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
+    if (traits.find_first_not_of(',') != std::string::npos)
+        layers.push_back(kDriverLayer);
     if (has("ext") || has("emulating"))
         layers.push_back(kLowerLayer);
     // It is not asked for micromaps, and is to work all the same.

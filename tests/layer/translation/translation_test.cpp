@@ -1,0 +1,249 @@
+// VK_KHR_opacity_micromap where the driver has VK_EXT_opacity_micromap only (trait "ext"): micromaps are the driver's.
+// The trait tells of everything that such a driver does not know. That results are the same, the suites of
+// VK_KHR_opacity_micromap say that run there as layer_ext.*.
+#include <cstring>
+
+#include "harness/test_driver.h"
+#include "micromaps/micromap_structures.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr auto kCompactedSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+constexpr auto kSerializedSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR;
+
+std::string layerTool(const Gpu &gpu)
+{
+    std::uint32_t count = 0;
+    vkGetPhysicalDeviceToolProperties(gpu.physical(), &count, nullptr);
+    std::vector<VkPhysicalDeviceToolProperties> tools(
+        count, {VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES, nullptr, {}, {}, 0, {}, {}});
+    vkGetPhysicalDeviceToolProperties(gpu.physical(), &count, tools.data());
+    for (const VkPhysicalDeviceToolProperties &tool : tools) {
+        if (std::strcmp(tool.layer, "VK_LAYER_VELLUM_opacity_micromap") == 0)
+            return tool.description;
+    }
+    return "";
+}
+
+std::uint64_t driverBuilds()
+{
+    return testDriverFunction<std::uint64_t (*)()>("vellumExtBuilds")();
+}
+
+class Translation : public MicromapStructure
+{
+protected:
+    explicit Translation(const Options &options = {.traits = "ext", .api = Api::Khr}) : MicromapStructure(options) {}
+};
+
+class TranslationForced : public Translation
+{
+protected:
+    TranslationForced() : Translation(forced()) {}
+    static Options forced()
+    {
+        setenv("VELLUM_FORCE_EMULATION", "1", 1);
+        return {.traits = "ext", .api = Api::Khr, .memory = Memory::Apart};
+    }
+    void SetUp() override
+    {
+        Translation::SetUp();
+        unsetenv("VELLUM_FORCE_EMULATION");
+    }
+};
+
+class TranslationBeside : public Translation
+{
+protected:
+    TranslationBeside() : Translation({.traits = "ext", .api = Api::Khr, .bothApis = true}) {}
+};
+
+TEST_F(Translation, MicromapsAreTheDrivers)
+{
+    EXPECT_EQ(layerTool(gpu()), "translated");
+    const std::uint64_t before = driverBuilds();
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    EXPECT_EQ(driverBuilds(), before + 1);
+    EXPECT_EQ(tracedMicromap(micromap), kForwards);
+}
+
+TEST_F(TranslationForced, MicromapsAreTheLayers)
+{
+    EXPECT_EQ(layerTool(gpu()), "emulated");
+    const std::uint64_t before = driverBuilds();
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    EXPECT_EQ(tracedMicromap(micromap), kForwards);
+    EXPECT_EQ(driverBuilds(), before);
+}
+
+TEST_F(Translation, LimitsAreTheDrivers)
+{
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{};
+    ext.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
+    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{};
+    khr.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR;
+    khr.pNext = &ext;
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &khr;
+    vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
+    EXPECT_GT(ext.maxOpacity4StateSubdivisionLevel, 0u);
+    EXPECT_EQ(khr.maxOpacity2StateSubdivisionLevel, ext.maxOpacity2StateSubdivisionLevel);
+    EXPECT_EQ(khr.maxOpacity4StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel);
+    EXPECT_EQ(khr.maxOpacityLossy4StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel);
+    EXPECT_GE(khr.maxMicromapTriangles, 1u << 24);
+}
+
+// VK_KHR_opacity_micromap takes multiples of 128, VK_EXT_opacity_micromap of 256.
+TEST_F(Translation, InputAtMultiplesOf128)
+{
+    MicromapInput input = eightStates();
+    for (const VkDeviceSize stride : {8u, 12u}) {
+        input.stride = stride;
+        const Micromap usual(gpu(), input);
+        const auto *const bytes = input.data.data();
+        const Buffer data(gpu(), 4096,
+                          VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
+                              VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        for (const auto &[dataAt, trianglesAt] : {std::pair{128u, 2048u}, {0u, 2176u}, {384u, 2176u}}) {
+            SCOPED_TRACE(testing::Message() << stride << " " << dataAt << " " << trianglesAt);
+            std::memset(data.bytes(), 0xff, 4096);
+            std::memcpy(data.bytes() + dataAt, bytes, input.data.size());
+            for (std::size_t i = 0; i < input.triangles.size(); ++i)
+                std::memcpy(data.bytes() + trianglesAt + i * stride, &input.triangles[i], sizeof input.triangles[i]);
+            const Placed target(gpu(), kMicromapType, usual.size());
+            StructureBuild build(usual.buildInfo(), target.handle());
+            build.data.data = data.address() + dataAt;
+            build.data.triangleArray = data.address() + trianglesAt;
+            this->build(build.info);
+            EXPECT_EQ(tracedMicromap(target.handle()), kForwards);
+        }
+    }
+}
+
+// Handles that reach to the end of the buffer, several for one content, and contents of many sizes in turn.
+TEST_F(Translation, GenericStructuresOfAnySize)
+{
+    const Buffer memory(gpu(), 1 << 18, kStorage);
+    const Placed first(gpu(), kGeneric, memory.address() + 4096, (1 << 18) - 4096);
+    const Placed again(gpu(), kGeneric, memory.address() + 4096, 1 << 17);
+    const Placed second(gpu(), kGeneric, memory.address() + (1 << 16), (1 << 18) - (1 << 16));
+    Micromap small(gpu(), eightStates(), kAllow);
+    MicromapInput more = eightStates(true);
+    more.add(6, kFourState, std::vector<std::uint8_t>(4096, 2));
+    const Micromap large(gpu(), more);
+    for (int round = 0; round < 2; ++round) {
+        buildInto(small, first.handle());
+        EXPECT_EQ(tracedMicromap(again.handle()), kForwards);
+        copy(again.handle(), second.handle());
+        buildInto(large, again.handle());
+        EXPECT_EQ(tracedMicromap(first.handle()), kBackwards);
+        EXPECT_EQ(tracedMicromap(second.handle()), kForwards);
+        copy(second.handle(), first.handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+        EXPECT_EQ(tracedMicromap(first.handle()), kForwards);
+        EXPECT_LE(query(first.handle(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR), small.size());
+    }
+}
+
+// Of one and the same query pool.
+TEST_F(Translation, SizesOfMicromapsAndOtherStructures)
+{
+    Micromap micromap(gpu(), repeated(), kAllow);
+    micromap.build();
+    Blas plain(gpu(), {mapped(nullptr)}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
+    for (const VkQueryType type : {kCompactedSize, kSerializedSize}) {
+        const auto both = queryAll({plain.handle(), micromap.handle().khr, plain.handle()}, type);
+        EXPECT_EQ(both[0], both[2]);
+        EXPECT_EQ(both[1], query(micromap.handle().khr, type));
+        EXPECT_NE(both[1], both[0]);
+        EXPECT_GT(both[1], 0u);
+    }
+    EXPECT_LT(query(micromap.handle().khr, kCompactedSize), micromap.size());
+}
+
+TEST_F(Translation, SerializedMicromapsForGenericStructures)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const VkDeviceSize bytes = query(micromap.handle().khr, kSerializedSize);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const Buffer read(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    ASSERT_EQ(data.address() % 256, 0u);
+    ASSERT_EQ(read.address() % 256, 0u);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
+    std::memcpy(read.bytes(), data.bytes(), bytes);
+    VkAccelerationStructureVersionInfoKHR version{};
+    version.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR;
+    version.pVersionData = read.bytes();
+    VkAccelerationStructureCompatibilityKHR compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
+    gpu().vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu().device(), &version, &compatibility);
+    EXPECT_EQ(compatibility, VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR);
+    // Known by where it was written to, and by the size of the structure.
+    const Placed large(gpu(), kGeneric, micromap.size() + 4096);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, data.address(), large.micromap()); });
+    EXPECT_EQ(tracedMicromap(large.handle()), kForwards);
+    const Placed fitting(gpu(), kGeneric, micromap.size());
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, read.address(), fitting.micromap()); });
+    EXPECT_EQ(tracedMicromap(fitting.handle()), kForwards);
+}
+
+// What VK_EXT_opacity_micromap has no place for.
+TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const Blas with(gpu(), {mapped(&micromap)}), without(gpu(), {mapped(nullptr)});
+    const Buffer data(gpu(), 1 << 16, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const auto serialize = [&](VkAccelerationStructureKHR structure) {
+        VkCopyAccelerationStructureToMemoryInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
+        info.src = structure;
+        info.dst.deviceAddress = data.address();
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
+        std::memset(data.bytes(), 0, data.size());
+        gpu().submit(
+            [&](VkCommandBuffer commands) { gpu().vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info); });
+        return std::any_of(data.bytes(), data.bytes() + data.size(), [](std::uint8_t byte) { return byte != 0; });
+    };
+    EXPECT_TRUE(serialize(without.handle()));
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+    EXPECT_FALSE(serialize(with.handle()));
+    expectRefused("not-available");
+    // Nor of a copy.
+    vt::Structure copied(gpu(), kBottom);
+    copied.create(with.size());
+    copy(with.handle(), copied.handle());
+    EXPECT_FALSE(serialize(copied.handle()));
+    expectRefused("not-available");
+}
+
+// The commands of VK_EXT_opacity_micromap are the driver's, and so are its handles.
+TEST_F(TranslationBeside, MicromapsOfBothExtensions)
+{
+    Micromap khr(gpu(), eightStates());
+    khr.build();
+    VkMicromapCreateInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    const Buffer storage(gpu(), khr.size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | kStorage);
+    info.buffer = storage.handle();
+    info.size = khr.size();
+    VkMicromapEXT ext = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &info, nullptr, &ext));
+    VkMicromapBuildInfoEXT build = khr.buildInfo();
+    build.dstMicromap = ext;
+    const std::uint64_t before = driverBuilds();
+    gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 1, &build); });
+    EXPECT_EQ(driverBuilds(), before + 1);
+    EXPECT_EQ(tracedMicromap(khr), kForwards);
+    gpu().vk().DestroyMicromapEXT(gpu().device(), ext, nullptr);
+}
+
+} // namespace
