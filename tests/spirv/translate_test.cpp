@@ -56,7 +56,7 @@ TEST(Translate, TellsOfForgottenModes)
     EXPECT_TRUE(spirv::translateToExt(assemble(moduleText(""))).queriesForget);
 }
 
-// Nothing is read beyond the words, and what is cut short stays as it is from there on.
+// Nothing is read beyond the words.
 TEST(Translate, WordsThatAreCutShort)
 {
     const Module words = assemble(declaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n",
@@ -65,8 +65,8 @@ TEST(Translate, WordsThatAreCutShort)
         const Module cut(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(length));
         const Module result = spirv::translateToExt(cut).words;
         EXPECT_LE(result.size(), cut.size());
-        if (!result.empty()) {
-            EXPECT_EQ(result.back(), cut.back());
+        if (length < 5) {
+            EXPECT_TRUE(result.empty());
         }
     }
     Module endless = words;

@@ -366,6 +366,9 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     if ((driver.emulated || driver.translated) && first && first->from &&
         !driver.next.GetDeviceProcAddr(handle, first->from))
         return nullptr;
+    // On translated devices, what the layer itself enabled.
+    if (driver.translated && !driver.asked.ext && first && first->scope == Scope::Own)
+        return nullptr;
     const PFN_vkVoidFunction next = driver.next.GetDeviceProcAddr(handle, name);
     for (const Row *r = first; r; r = find(name, r)) {
         if (applies(*r, driver, next))

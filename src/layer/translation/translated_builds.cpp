@@ -360,6 +360,8 @@ void getTranslatedBuildSizes(DeviceTranslation &device, VkDevice handle, VkAccel
         if (!mayMeasureMicromap(device.driver, {device.driver.report(), kCommand}, *info, device.limits))
             return;
         const VkMicromapBuildSizesInfoEXT driver = driverSizes(device, driverBuild(*info, VK_NULL_HANDLE));
+        if (driver.micromapSize == 0)
+            return; // there are no such micromaps
         sizes->accelerationStructureSize = markedMicromapSize(driver.micromapSize);
         sizes->buildScratchSize = driver.buildScratchSize;
         return;

@@ -28,9 +28,19 @@ struct Copy {
 
     [[nodiscard]] bool compacts() const { return info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR; }
 
+    [[nodiscard]] bool isMicromap() const
+    {
+        return (source && holdsMicromap(*source)) || (target && target->type == kMicromap);
+    }
+
     // Of all copies.
     [[nodiscard]] bool valid() const
     {
+        // One of a micromap is of nothing else.
+        if (isMicromap() && (!source || !target))
+            return judge.refuse("VELLUM-copy-type", "one of src and dst is no micromap");
+        if (isMicromap() && source->place == target->place)
+            return judge.refuse("VELLUM-micromap-copy-overlap", "src and dst overlap");
         if (!source)
             return judge.refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-src-parameter",
                                 "src is not an acceleration structure of this device");
@@ -118,7 +128,7 @@ void cmdCopyTranslatedStructure(DeviceTranslation &device, VkCommandBuffer comma
                     judgeOf(device, "vkCmdCopyAccelerationStructureKHR", info->dst)};
     if (!copy.valid())
         return;
-    if (holdsMicromap(*copy.source) || copy.target->type == kMicromap)
+    if (copy.isMicromap())
         copy.recordMicromap();
     else
         copy.recordStructure();
