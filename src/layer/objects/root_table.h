@@ -82,6 +82,7 @@ private:
     CellPlace acquireCell(VkDeviceAddress key, CellPool &pool);
     void freeSlots(uint32_t first, uint32_t count);
     bool addPages(uint32_t lastPage);
+    void setPage(uint32_t page, VkDeviceAddress address);
     bool growHashTable();
     void insertBucket(VkDeviceAddress reference, VkDeviceAddress cell);
     void removeBucket(VkDeviceAddress reference);
