@@ -24,7 +24,7 @@ std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, Vk
 void addStructure(DeviceTranslation &device, std::shared_ptr<AccelerationStructure> structure,
                   VkAccelerationStructureKHR handle)
 {
-    takePlace(device.objects, *structure);
+    takePlace(device.objects, *structure, handle);
     device.objects.accelerationStructures.set(handle, std::move(structure));
 }
 
@@ -45,13 +45,14 @@ VkResult addMicromap(DeviceTranslation &device, const Judge &judge, const Buffer
         return VK_ERROR_VALIDATION_FAILED_EXT;
     }
     auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
-    takePlace(device.objects, *structure);
+    const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
+    takePlace(device.objects, *structure, handle);
     if (!micromapOfSize(device, *structure, structure->size)) {
         leavePlace(device.objects, *structure);
         return VK_ERROR_OUT_OF_HOST_MEMORY; // the one error that vkCreateMicromapEXT has
     }
-    result = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
-    device.objects.accelerationStructures.set(result, std::move(structure));
+    result = handle;
+    device.objects.accelerationStructures.set(handle, std::move(structure));
     return VK_SUCCESS;
 }
 

@@ -31,8 +31,7 @@ constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     // So it is in the registry of that age; later ones have it optional, for geometry with special indices only.
     {"UNASSIGNED-GeneralParameterError-RequiredParameter",
      "VkAccelerationStructureTrianglesOpacityMicromapEXT: required parameter micromap"},
-    // Warnings of Vellum's that are right, of shaders and pipelines that are meant to use no micromaps.
-    // ForgottenMicromaps
+    // Warnings of Vellum's that are right, of shaders and pipelines that are meant to use no micromaps. ForgottenMicromaps
     // looks at them.
     {"VELLUM-queries-without-micromaps", ""},
     {"VELLUM-pipeline-without-micromaps", ""},
