@@ -19,8 +19,7 @@ constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below eve
 constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower";   // below that, with the traits "ext" and "emulating"
 constexpr const char *kNullLayer = "VK_LAYER_VELLUM_test_null";
 
-// Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
-// others, with the reason.
+// Messages that tests leave alone, and why: most of them the program gets without Vellum's layer, too.
 struct FalseAlarm {
     const char *id;
     const char *text; // part of the message
@@ -31,8 +30,7 @@ constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     // So it is in the registry of that age; later ones have it optional, for geometry with special indices only.
     {"UNASSIGNED-GeneralParameterError-RequiredParameter",
      "VkAccelerationStructureTrianglesOpacityMicromapEXT: required parameter micromap"},
-    // Warnings of Vellum's that are right, of shaders and pipelines that are meant to use no micromaps. ForgottenMicromaps
-    // looks at them.
+    // Right, of shaders and pipelines that are meant to use no micromaps; ForgottenMicromaps looks at them.
     {"VELLUM-queries-without-micromaps", ""},
     {"VELLUM-pipeline-without-micromaps", ""},
 }};
