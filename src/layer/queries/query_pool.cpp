@@ -237,7 +237,7 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
     if (micromaps)
         driverInfo.queryType = VK_QUERY_TYPE_OCCLUSION;
     VkResult driver = device.driver.next.CreateQueryPool(handle, &driverInfo, allocator, result);
-    if (driver == VK_SUCCESS && device.driver.translated) {
+    if (driver == VK_SUCCESS && device.driver.translated && device.driver.asked.khr) {
         driver = createMicromapPool(device, *info, pool->micromaps);
         if (driver != VK_SUCCESS)
             device.driver.next.DestroyQueryPool(handle, *result, allocator);

@@ -139,8 +139,7 @@ void getTranslatedCompatibility(DeviceTranslation &device, VkDevice handle,
     // Whose header it is cannot be told: those of micromaps are just as long, and serialized data is compatible with
     // what it was made of only.
     device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, info, compatibility);
-    if (*compatibility == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR ||
-        !device.driver.next.GetDeviceMicromapCompatibilityEXT)
+    if (*compatibility == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR || !device.driver.asked.khr)
         return;
     const VkMicromapVersionInfoEXT micromap{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, info->pVersionData};
     device.driver.next.GetDeviceMicromapCompatibilityEXT(handle, &micromap, compatibility);
