@@ -44,9 +44,9 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
 }
 
 RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
-    : module_(module), types_(types), linker_(linker), mode_(findMode(module, types, consumption)),
-      consumption_(consumption), options_(options), queryFlags_(module, types),
-      candidates_(module, types, linker, consumption, queryFlags_, mode_)
+    : module_(module), types_(types), linker_(linker),
+      mode_(options.constantFlags ? findMode(module, types, consumption) : RayFlagMode{}), consumption_(consumption),
+      options_(options), queryFlags_(module, types), candidates_(module, types, linker, consumption, queryFlags_, mode_)
 {
 }
 

@@ -138,7 +138,9 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
                    {2, static_cast<std::uint32_t>(options.firstSlots)},
                    {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
     RayQueries queries(*module, types, linker, consumption,
-                       {.carriesFlagBits = options.queriesCarryFlagBits, .force2State = force2State});
+                       {.carriesFlagBits = options.queriesCarryFlagBits,
+                        .constantFlags = options.constantQueryFlags,
+                        .force2State = force2State});
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
         return failed(queries.error());

@@ -74,6 +74,9 @@ struct RewriteOptions {
     std::function<bool()> queriesCarryFlagBits = [] { return true; };
     // The same of traceRay, in pipelines that do not use micromaps.
     std::function<bool()> pipelinesCarryFlagBits = [] { return true; };
+    // Whether flags that all ray queries of a module pass as constants become constants of the rewritten module. Else
+    // they travel like those that are computed.
+    bool constantQueryFlags = true;
     // The result is good for this stage only: other entry points are gone.
     std::optional<PipelineStage> pipelineStage;
 };

@@ -272,7 +272,8 @@ private:
     spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
     {
         using Way = spirv::HiddenFlags::Way;
-        const bool complete = (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
+        const bool complete = device_.driver.settings->constantRayFlags &&
+                              (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
                               (!info.pLibraryInfo || info.pLibraryInfo->libraryCount == 0);
         std::set<std::optional<uint32_t>> hidden;
         for (uint32_t i = 0; complete && i < info.stageCount; ++i) {
