@@ -27,6 +27,9 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
     for (const Instruction in : module.section(Section::Functions)) {
         if (in.opcode == spv::OpFunction)
             consumes = consumption.in(module.result(in)).when != Consumes::When::Never;
+        // A hit object gets the flags that the driver knows of the query.
+        if (in.opcode == kOpHitObjectRecordFromQueryEXT)
+            return {};
         if (in.opcode != spv::OpRayQueryInitializeKHR || !consumes)
             continue;
         const auto flags = types.valueOf(module.word(in, 3));
@@ -148,6 +151,10 @@ bool RayQueries::replace(Instruction in, Code &out)
     case spv::OpRayQueryProceedKHR: return proceed(in, out);
     case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
+    case kOpHitObjectRecordFromQueryEXT:
+        if (queryFlags_.inUse())
+            error_ = "it makes a hit object from a ray query, and the driver does not carry unused ray flag bits";
+        return false;
     case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR:
         restoreResult(module_, types_, linker_.function("vellumCustomIndex"), in, out);
         return true;

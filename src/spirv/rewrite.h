@@ -54,6 +54,9 @@ struct HiddenFlags {
     };
     Way way = Way::Carried;
     std::uint32_t constant = 0;
+    // InPayload: the type of all payloads (payload_types.h), for shaders that declare none. Empty where it is not
+    // known: they get the prefix alone.
+    std::vector<std::uint32_t> payload{};
     auto operator<=>(const HiddenFlags &) const = default;
 };
 
