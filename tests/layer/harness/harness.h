@@ -53,12 +53,14 @@ inline bool strictTests()
 }
 
 // False: the layer takes the driver for one that drops unused ray flag bits, by its own environment variable
-// VELLUM_CARRIED_RAY_FLAGS. Then intersection shaders may not see the ray flags that are hidden from the driver, nor
-// can they be skipped by one of those (docs/limits.md).
+// VELLUM_CARRIED_RAY_FLAGS or because it is one: the trait "emulating", whose copy of the layer uses these bits itself.
+// Then intersection shaders may not see the ray flags that are hidden from the driver, nor can they be skipped by one
+// of those (docs/limits.md).
 inline bool carriedRayFlags()
 {
     const char *value = std::getenv("VELLUM_CARRIED_RAY_FLAGS");
-    return !value || std::strcmp(value, "off") != 0;
+    const char *traits = std::getenv("VELLUM_TEST_TRAITS");
+    return !(value && std::strcmp(value, "off") == 0) && !(traits && std::strstr(traits, "emulating"));
 }
 
 struct Options {

@@ -21,7 +21,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
         VkFlags64 usage;
     };
     const auto *flags2 = static_cast<const Usage2 *>(inChain(info->pNext, static_cast<VkStructureType>(1000470006)));
-    if (((info->usage | (flags2 != nullptr ? flags2->usage : 0)) &
+    if (!knowsMicromaps(keyOf(handle)) &&
+        ((info->usage | (flags2 != nullptr ? flags2->usage : 0)) &
          (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
         tell("vkCreateBuffer: micromap usage");
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
