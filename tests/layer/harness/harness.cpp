@@ -244,10 +244,8 @@ void Gpu::createInstance()
     // It is not asked for micromaps, and is to work all the same.
     if (has("emulating"))
         setenv("VELLUM_LOWER_ASSUME_MICROMAPS", "1", 1);
-    if (!options_.absentGpu.empty()) {
+    if (options_.nullDevice)
         layers.push_back(kNullLayer);
-        setenv("RADV_FORCE_FAMILY", options_.absentGpu.c_str(), 1);
-    }
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
