@@ -16,7 +16,8 @@ namespace
 
 using namespace shared;
 
-constexpr uint32_t kSlots = 1u << 24; // instanceCustomIndex has 24 bits
+constexpr VkDeviceAddress kHeldKey = 2; // and a multiple of 4: of a cell that no address leads to
+constexpr uint32_t kSlots = 1u << 24;   // instanceCustomIndex has 24 bits
 constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
 // A record of zeros leaves every hit but those in transparent micro-triangles to the shader.
@@ -231,6 +232,18 @@ void RootTable::releaseCell(VkDeviceAddress key)
 bool RootTable::addReference(VkDeviceAddress reference, VkDeviceAddress known)
 {
     std::lock_guard lock(mutex_);
+    return addKey(reference, known);
+}
+
+VkDeviceAddress RootTable::holdCell(VkDeviceAddress known)
+{
+    std::lock_guard lock(mutex_);
+    const VkDeviceAddress key = ++heldKeys_ * 4 + kHeldKey; // no structure has such an address
+    return addKey(key, known) ? key : 0;
+}
+
+bool RootTable::addKey(VkDeviceAddress reference, VkDeviceAddress known)
+{
     const auto leads = cells_.find(known);
     if (leads == cells_.end())
         return false;
