@@ -49,7 +49,8 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
 RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
     : module_(module), types_(types), linker_(linker),
       mode_(options.constantFlags ? findMode(module, types, consumption) : RayFlagMode{}), consumption_(consumption),
-      options_(options), queryFlags_(module, types), candidates_(module, types, linker, consumption, queryFlags_, mode_)
+      options_(options), queryFlags_(module, types), indices_(module, types, consumption),
+      candidates_(module, types, linker, consumption, queryFlags_, indices_, mode_)
 {
 }
 
@@ -75,6 +76,10 @@ bool RayQueries::rewrite()
 {
     if (travel() && !options_.carriesFlagBits() && !queryFlags_.declare()) {
         error_ = queryFlags_.error();
+        return false;
+    }
+    if (!indices_.declare()) {
+        error_ = indices_.error();
         return false;
     }
     const std::vector<Instruction> code = module_.section(Section::Functions);
@@ -155,9 +160,7 @@ bool RayQueries::replace(Instruction in, Code &out)
         if (queryFlags_.inUse())
             error_ = "it makes a hit object from a ray query, and the driver does not carry unused ray flag bits";
         return false;
-    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR:
-        restoreResult(module_, types_, linker_.function("vellumCustomIndex"), in, out);
-        return true;
+    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: getCustomIndex(in, out); return true;
     default: return false;
     }
 }
@@ -287,13 +290,17 @@ bool RayQueries::getKeptFlags(Instruction in, Code &out)
         error_ = "OpRayQueryGetRayFlagsKHR on a ray query that is not reached through a variable or parameter";
         return false;
     }
-    const Id uint = types_.uint32();
-    const Id type = module_.resultType(in);
-    if (type == uint)
-        out.put(spv::OpLoad, {uint, module_.result(in), pointer});
-    else
-        out.put(spv::OpBitcast, {type, module_.result(in), out.value(spv::OpLoad, uint, {pointer})});
+    loadUint(module_, types_, pointer, in, out);
     return true;
+}
+
+void RayQueries::getCustomIndex(Instruction in, Code &out)
+{
+    const Id known = indices_.of(in);
+    if (known == 0)
+        restoreResult(module_, types_, linker_.function("vellumCustomIndex"), in, out);
+    else
+        loadUint(module_, types_, known, in, out);
 }
 
 // With the Opaque flag, which the driver does not see, every box is opaque.

@@ -67,6 +67,7 @@ constexpr bool makesOrExecutesHitObject(std::uint32_t opcode)
     }
 }
 
+inline constexpr std::uint32_t kOpRayQueryGetIntersectionTriangleVertexPositionsKHR = 5340;
 inline constexpr std::uint32_t kOpUntypedVariableKHR = 4418;
 
 inline constexpr std::uint32_t kVersion14 = 0x00010400;
