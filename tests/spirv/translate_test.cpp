@@ -1,7 +1,7 @@
 // SPIR-V with SPV_KHR_opacity_micromap for drivers that know SPV_EXT_opacity_micromap only.
 #include "support.h"
 
-#include "spirv/translate.h"
+#include "spirv/translation/translate.h"
 
 #include <gtest/gtest.h>
 

@@ -34,7 +34,7 @@ ONLY = {
 ROOMS = {
     "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "translation",
               "address", "door"),
-    "spirv": ("module", ""),
+    "spirv": ("module", "translation", ""),
     "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "translation", "gpubake"),
     "bake": ("numbers", "texture", ""),
     "gltf": ("file", "data", "", "micromaps"),

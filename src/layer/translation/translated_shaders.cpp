@@ -6,7 +6,7 @@
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/translation/device_translation.h"
 #include "layer/translation/translation.h"
-#include "spirv/translate.h"
+#include "spirv/translation/translate.h"
 
 namespace vellum::layer
 {

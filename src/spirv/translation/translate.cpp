@@ -1,4 +1,4 @@
-#include "spirv/translate.h"
+#include "spirv/translation/translate.h"
 
 #include <string>
 
