@@ -84,19 +84,26 @@ constexpr std::array<const char *, 10> kWantedExtensions{
     VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME,
 };
 
-// A features structure of one member, for headers that lack it.
+// A features structure of one member, or of a few, for headers that lack it.
 struct OneFeature {
     VkStructureType sType;
     void *pNext = nullptr;
     VkBool32 enabled = VK_FALSE;
+};
+struct SomeFeatures : OneFeature {
+    std::array<VkBool32, 3> others{};
 };
 constexpr auto kShaderObjectFeatures = static_cast<VkStructureType>(1000482000);
 struct NewerExtension {
     const char *name;
     VkStructureType features;
 };
-constexpr std::array<NewerExtension, 3> kNewerExtensions{{
+constexpr std::array<NewerExtension, 7> kNewerExtensions{{
     {"VK_KHR_maintenance5", static_cast<VkStructureType>(1000470000)},
+    {"VK_EXT_descriptor_buffer", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_FEATURES_EXT},
+    {"VK_EXT_device_generated_commands", static_cast<VkStructureType>(1000572000)},
+    {"VK_EXT_shader_module_identifier", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_FEATURES_EXT},
+    {"VK_KHR_pipeline_binary", static_cast<VkStructureType>(1000483000)},
     {"VK_KHR_ray_tracing_position_fetch", static_cast<VkStructureType>(1000481000)},
     {"VK_EXT_pipeline_library_group_handles", static_cast<VkStructureType>(1000498000)},
 }};
@@ -350,7 +357,7 @@ void Gpu::createDevice()
     VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR executables{};
     OneFeature maintenance6{kMaintenance6Features};
     OneFeature shaderObjects{kShaderObjectFeatures};
-    std::array<OneFeature, kNewerExtensions.size()> newer{};
+    std::array<SomeFeatures, kNewerExtensions.size()> newer{};
     chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
     chain(vulkan12, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
     chain(vulkan13, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES);
