@@ -53,10 +53,10 @@ protected:
     static constexpr VkPushConstantRange kPush{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
 };
 
-using Generated = GeneratedCommandsTest;
+using GeneratedCommandsOfDevice = GeneratedCommandsTest;
 
 // The structure's address is one of the push constants that a sequence sets. The first sequence traces no ray.
-TEST_F(Generated, DispatchesWithPushConstants)
+TEST_F(GeneratedCommandsOfDevice, DispatchesWithPushConstants)
 {
     for (const bool preprocess : {false, true}) {
         StateScene scene(gpu());
@@ -82,7 +82,7 @@ TEST_F(Generated, DispatchesWithPushConstants)
 }
 
 // Push constants come from the command buffer: those that the application has pushed, not what the layer's builds push.
-TEST_F(Generated, ChoosesPipelines)
+TEST_F(GeneratedCommandsOfDevice, ChoosesPipelines)
 {
     for (const bool preprocess : {false, true}) {
         StateScene scene(gpu());
@@ -102,7 +102,7 @@ TEST_F(Generated, ChoosesPipelines)
     }
 }
 
-TEST_F(Generated, ChoosesShaderObjects)
+TEST_F(GeneratedCommandsOfDevice, ChoosesShaderObjects)
 {
     if (!gpu().has("VK_EXT_shader_object"))
         GTEST_SKIP() << "no VK_EXT_shader_object";
@@ -135,10 +135,10 @@ TEST_F(Generated, ChoosesShaderObjects)
         destroy(gpu().device(), shader, nullptr);
 }
 
-class GeneratedWithoutLayer : public GeneratedCommandsTest
+class GeneratedCommandsWithoutLayer : public GeneratedCommandsTest
 {
 protected:
-    GeneratedWithoutLayer() : GeneratedCommandsTest(false) {}
+    GeneratedCommandsWithoutLayer() : GeneratedCommandsTest(false) {}
 };
 
 // By a VkTraceRaysIndirectCommand2KHR in each sequence.
@@ -209,17 +209,17 @@ private:
     bool chosen_;
 };
 
-TEST_F(GeneratedWithoutLayer, TracesRays)
+TEST_F(GeneratedCommandsWithoutLayer, TracesRays)
 {
     TracedRays(gpu(), *scene_, false).expect({});
 }
 
-TEST_F(Generated, TracesRays)
+TEST_F(GeneratedCommandsOfDevice, TracesRays)
 {
     TracedRays(gpu(), *scene_, false).expect({});
 }
 
-TEST_F(Generated, TracesRaysByAChosenPipeline)
+TEST_F(GeneratedCommandsOfDevice, TracesRaysByAChosenPipeline)
 {
     TracedRays(gpu(), *scene_, true).expect({});
 }
