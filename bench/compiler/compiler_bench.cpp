@@ -96,7 +96,9 @@ constexpr Case kCases[] = {
 void measure(const std::string &name, bool all)
 {
     vt::Options options{.vellum = false, .validation = false, .spy = false, .micromaps = false};
-    options.absentGpu = name;
+    if (!vellum::test::useGpu(name, options))
+        throw std::runtime_error(fmt::format("{} is not installed (Debian: mesa-vulkan-drivers)",
+                                             vellum::test::nameOf(vellum::test::driverOf(name))));
     std::vector<Numbers> without, with;
     for (const bool layer : {false, true}) {
         options.vellum = options.micromaps = layer;
@@ -133,12 +135,6 @@ int main(int argc, char **argv)
     app.add_flag("--all", all, "Print all numbers of each shader of each pipeline");
     app.add_flag("--emulate", emulate, "Emulate what the GPU lacks to trace rays");
     CLI11_PARSE(app, argc, argv);
-    const auto manifest = vellum::test::radvManifest();
-    if (!manifest) {
-        fmt::print(stderr, "vellum-compiler-bench: RADV is not installed (Debian: mesa-vulkan-drivers)\n");
-        return 1;
-    }
-    vellum::test::useRadv(*manifest, VELLUM_TEST_LAYER_PATH);
     if (emulate)
         setenv("RADV_PERFTEST", "emulate_rt", 1);
     fmt::print("| GPU | shader | instructions | VGPRs | SGPRs | spills | load groups | est. latency |\n"

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "intel/absent_gpu.h"
+
 namespace vellum::test
 {
 namespace
@@ -26,28 +28,55 @@ VkPipelineShaderStageCreateInfo stageInfo(VkShaderStageFlagBits stage, VkShaderM
     return info;
 }
 
-} // namespace
-
-std::optional<std::string> radvManifest()
+std::optional<std::string> manifestOf(Driver driver)
 {
+    const std::string prefix = driver == Driver::Anv ? "intel_icd" : "radeon_icd";
     std::error_code ignored;
     for (const auto &entry : std::filesystem::directory_iterator("/usr/share/vulkan/icd.d", ignored)) {
-        if (entry.path().filename().string().starts_with("radeon_icd"))
+        if (entry.path().filename().string().starts_with(prefix))
             return entry.path().string();
     }
     return {};
 }
 
-void useRadv(const std::string &manifest, const char *layerPath)
+} // namespace
+
+Driver driverOf(const std::string &gpu)
 {
+    const auto sameName = [&](const intel::Gpu &one) { return gpu == one.name; };
+    return std::ranges::any_of(intel::gpus(), sameName) ? Driver::Anv : Driver::Radv;
+}
+
+const char *nameOf(Driver driver)
+{
+    return driver == Driver::Anv ? "ANV" : "RADV";
+}
+
+bool useGpu(const std::string &gpu, vt::Options &options)
+{
+    const Driver driver = driverOf(gpu);
+    const std::optional<std::string> manifest = manifestOf(driver);
+    if (!manifest)
+        return false;
+    options.absentGpu = gpu;
+    options.nullDevice = driver == Driver::Radv;
+    if (driver == Driver::Anv) {
+        intel::install(gpu.c_str());
+        setenv("VELLUM_CARRIED_RAY_FLAGS", "off", 1);
+        // It is about GPUs that the kernel has another driver for, too.
+        setenv("INTEL_XE_IGNORE_EXPERIMENTAL_WARNING", "1", 1);
+    } else {
+        setenv("RADV_FORCE_FAMILY", gpu.c_str(), 1);
+    }
     // VK_LAYER_PATH would hide VK_ADD_LAYER_PATH; implicit layers of this machine are not wanted.
     unsetenv("VK_LAYER_PATH");
     unsetenv("VK_INSTANCE_LAYERS");
-    setenv("VK_ADD_LAYER_PATH", layerPath, 1);
+    setenv("VK_ADD_LAYER_PATH", VELLUM_TEST_LAYER_PATH, 1);
     setenv("VK_LOADER_LAYERS_DISABLE", "~implicit~", 1);
-    setenv("VK_DRIVER_FILES", manifest.c_str(), 1);
-    setenv("VK_ICD_FILENAMES", manifest.c_str(), 1);
+    setenv("VK_DRIVER_FILES", manifest->c_str(), 1);
+    setenv("VK_ICD_FILENAMES", manifest->c_str(), 1);
     setenv("MESA_SHADER_CACHE_DISABLE", "true", 1);
+    return true;
 }
 
 Layout::Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules) : gpu_(gpu)

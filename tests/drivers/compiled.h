@@ -13,11 +13,16 @@
 namespace vellum::test
 {
 
-// Where the driver RADV is; nothing if it is not installed.
-std::optional<std::string> radvManifest();
+// Drivers that compile for GPUs that are not there: Mesa's for GPUs of AMD and of Intel.
+enum class Driver { Radv, Anv };
+Driver driverOf(const std::string &gpu);
+const char *nameOf(Driver driver);
 
-// Lets this process use that driver, without its cache on disk, and the layers of this build.
-void useRadv(const std::string &manifest, const char *layerPath);
+// Lets this process use a driver without its cache on disk, one of its GPUs, and the layers of this build, from the
+// next instance on. GPUs have RADV's names, or those of intel/absent_gpu.h. False if the driver is not installed. RADV
+// makes a device that can do nothing but compile, and nullDevice in the options stands for the rest of it. ANV gets a
+// GPU that does nothing, and has the layer's setting for drivers that drop ray flag bits, as ANV does.
+bool useGpu(const std::string &gpu, vt::Options &options);
 
 // What VK_KHR_pipeline_executable_properties tells of a shader.
 struct Executable {

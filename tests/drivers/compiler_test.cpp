@@ -1,6 +1,6 @@
-// Every shader that the layer has or makes, through a compiler for GPUs: Mesa's RADV, for GPUs of several generations,
-// none of which has to be there. A device on which nothing runs is enough to see that modules are rewritten and
-// compiled; what shaders do, the tests on lavapipe tell.
+// Every shader that the layer has or makes, through compilers for GPUs: Mesa's RADV and ANV, for GPUs of several
+// generations of AMD's and Intel's, none of which has to be there. A device on which nothing runs is enough to see that
+// modules are rewritten and compiled; what shaders do, the tests on lavapipe tell.
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -29,7 +29,7 @@
 extern "C" __attribute__((visibility("default"))) const char *__lsan_default_suppressions();
 extern "C" const char *__lsan_default_suppressions()
 {
-    return "leak:libvulkan_radeon\nleak:libLLVM\nleak:libdrm\n";
+    return "leak:libvulkan_radeon\nleak:libvulkan_intel\nleak:libLLVM\nleak:libdrm\n";
 }
 #endif
 
@@ -41,7 +41,7 @@ namespace
 namespace fs = std::filesystem;
 
 struct Device {
-    const char *name; // RADV's
+    const char *name; // as useGpu knows it
     bool emulated;    // it has nothing to trace rays with
     vt::Api api = vt::Api::Ext;
 };
@@ -58,15 +58,15 @@ class Compiler : public testing::TestWithParam<Device>
 protected:
     void SetUp() override
     {
-        if (!radvManifest())
-            GTEST_SKIP() << "the driver RADV is not installed (Debian: mesa-vulkan-drivers)";
         // Read by RADV when an instance is made.
         if (GetParam().emulated)
             setenv("RADV_PERFTEST", "emulate_rt", 1);
         else
             unsetenv("RADV_PERFTEST");
         vt::Options options{.validation = false, .spy = false};
-        options.absentGpu = GetParam().name;
+        if (!useGpu(GetParam().name, options))
+            GTEST_SKIP() << "the driver " << nameOf(driverOf(GetParam().name))
+                         << " is not installed (Debian: mesa-vulkan-drivers)";
         options.api = GetParam().api;
         options.newer = true; // VkPipelineCreateFlags2CreateInfo
         // To see whose fault a failure is.
@@ -91,8 +91,10 @@ protected:
     {
         std::uint64_t instructions = 0;
         for (const Executable &e : pipeline.executables()) {
-            const auto found = e.statistics.find("Instructions");
-            instructions += found == e.statistics.end() ? 0 : found->second;
+            for (const char *name : {"Instructions", "Instruction Count"}) { // RADV's, ANV's
+                const auto found = e.statistics.find(name);
+                instructions += found == e.statistics.end() ? 0 : found->second;
+            }
         }
         EXPECT_GT(instructions, 0u);
     }
@@ -163,6 +165,11 @@ class CompilerModules : public Compiler
 {
 };
 
+// Large shaders, which take ANV long.
+class CompilerBaker : public Compiler
+{
+};
+
 vt::PipelineSetup tracer()
 {
     vt::PipelineSetup setup;
@@ -218,7 +225,7 @@ TEST_P(CompilerModules, TheLookup)
     compileAll(fs::path(VELLUM_TEST_BUILD) / "src/spirv/shaders");
 }
 
-TEST_P(CompilerModules, ShadersOfTheBaker)
+TEST_P(CompilerBaker, ShadersOfTheBaker)
 {
     compileAll(fs::path(VELLUM_TEST_BUILD) / "src/gpubake/shaders");
 }
@@ -238,7 +245,8 @@ TEST_P(CompilerModules, ShadersOfTheRewritersTests)
     for (const ModuleFile &module : modulesIn(fs::path(VELLUM_TEST_BUILD) / "tests/spirv")) {
         if (module.name.starts_with("short_attributes")) // which the layer refuses, as its test says
             continue;
-        if (module.name.starts_with("kept_flags")) // RADV crashes on its arrays of arrays, without the layer as well
+        // RADV crashes on its arrays of arrays, without the layer as well.
+        if (module.name.starts_with("kept_flags") && driverOf(GetParam().name) == Driver::Radv)
             continue;
         compile(module);
     }
@@ -327,28 +335,35 @@ TEST_P(Compiler, WithoutMicromaps)
     expectCode(Compiled::rays(gpu(), setup));
 }
 
-std::string nameOf(const testing::TestParamInfo<Device> &info)
+std::string apiOf(const testing::TestParamInfo<Device> &info)
 {
     return info.param.api == vt::Api::Khr ? "Khr" : "Ext";
 }
 
-#define DEVICE(prefix, name, emulated)                                                                                 \
+#define PIPELINES(prefix, name, emulated)                                                                              \
     INSTANTIATE_TEST_SUITE_P(                                                                                          \
         prefix, Compiler, testing::Values(Device{name, emulated, vt::Api::Ext}, Device{name, emulated, vt::Api::Khr}), \
-        nameOf);                                                                                                       \
-    INSTANTIATE_TEST_SUITE_P(prefix, CompilerModules, testing::Values(Device{name, emulated, vt::Api::Ext}), nameOf)
-DEVICE(Vega10, "vega10", true);
-DEVICE(Navi21, "navi21", false);
-DEVICE(Navi31, "navi31", false);
-DEVICE(Gfx1201, "gfx1201", false);
+        apiOf)
+#define MODULES(prefix, name, emulated)                                                                                \
+    PIPELINES(prefix, name, emulated);                                                                                 \
+    INSTANTIATE_TEST_SUITE_P(prefix, CompilerModules, testing::Values(Device{name, emulated, vt::Api::Ext}), apiOf)
+#define EVERYTHING(prefix, name, emulated)                                                                             \
+    MODULES(prefix, name, emulated);                                                                                   \
+    INSTANTIATE_TEST_SUITE_P(prefix, CompilerBaker, testing::Values(Device{name, emulated, vt::Api::Ext}), apiOf)
+EVERYTHING(Vega10, "vega10", true);
+EVERYTHING(Navi21, "navi21", false);
+EVERYTHING(Navi31, "navi31", false);
+EVERYTHING(Gfx1201, "gfx1201", false);
+EVERYTHING(Dg2, "dg2", false);
+MODULES(Bmg, "bmg", false);
+PIPELINES(Mtl, "mtl", false); // of the generation of dg2
+PIPELINES(Lnl, "lnl", false); // of that of bmg
 
 } // namespace
 } // namespace vellum::test
 
 int main(int argc, char **argv)
 {
-    if (const auto manifest = vellum::test::radvManifest())
-        vellum::test::useRadv(*manifest, VELLUM_TEST_LAYER_PATH);
     testing::InitGoogleTest(&argc, argv);
     return RUN_ALL_TESTS();
 }

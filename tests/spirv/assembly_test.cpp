@@ -91,7 +91,7 @@ TEST(Queries, StructsAndArraysThroughChains)
     %p3 = OpRayQueryProceedKHR %bool %c4
 )";
     std::string text = moduleText(body, globals);
-    text.replace(text.find("%out %private"), 13, "%out %private %holders");
+    text.replace(text.find("%scene %out"), 11, "%scene %out %holders");
     const Forms f = formsOfText(text);
     EXPECT_EQ(f.innerCalls, 3u);
     EXPECT_EQ(f.proceedFunctions, 2u); // two ways to reach a query

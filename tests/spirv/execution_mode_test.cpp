@@ -95,7 +95,7 @@ std::string oneEntry(const std::string &operand, const std::string &globals = ""
 std::string twoEntries(const std::string &main, const std::string &other)
 {
     std::string text = oneEntry(main);
-    put(text, "OpExecutionMode ", R"(OpEntryPoint GLCompute %other "other" %scene %out %private
+    put(text, "OpExecutionMode ", R"(OpEntryPoint GLCompute %other "other" %scene %out
 )");
     put(text, "OpName", "OpExecutionMode %other LocalSize 1 1 1\n" + modeText("other", other));
     return text + R"(

@@ -130,12 +130,18 @@ Forms formsOf(const Module &rewritten)
 
 std::string moduleText(const std::string &body, const std::string &globals, const std::string &functions)
 {
+    // Mesa's ANV crashes on a query of the module's that nothing uses.
+    const bool usesPrivate = (body + globals + functions).find("%private") != std::string::npos;
+    const std::string interface = usesPrivate ? "%scene %out %private" : "%scene %out";
+    const std::string variable = usesPrivate ? "    %private = OpVariable %ptr_private Private\n" : "";
     return R"(
                OpCapability Shader
                OpCapability RayQueryKHR
                OpExtension "SPV_KHR_ray_query"
                OpMemoryModel Logical GLSL450
-               OpEntryPoint GLCompute %main "main" %scene %out %private
+               OpEntryPoint GLCompute %main "main" )" +
+           interface +
+           R"(
                OpExecutionMode %main LocalSize 8 1 1
                OpName %main "main"
                OpDecorate %scene DescriptorSet 0
@@ -173,8 +179,8 @@ std::string moduleText(const std::string &body, const std::string &globals, cons
       %false = OpConstantFalse %bool
       %scene = OpVariable %ptr_scene UniformConstant
         %out = OpVariable %ptr_out StorageBuffer
-    %private = OpVariable %ptr_private Private
-)" + globals +
+)" + variable +
+           globals +
            R"(
        %main = OpFunction %void None %voidfun
       %entry = OpLabel

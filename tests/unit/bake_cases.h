@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <ostream>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -167,10 +168,81 @@ inline std::array<long double, 2> marginsOf(const BakeOptions &options, const Al
     return {margin(&TexCoord::u, texture.width), margin(&TexCoord::v, texture.height)};
 }
 
-inline void describe(testing::Message &message, const AlphaTexture &t)
+// A texture with a sampler, three triangles, and options without tolerances.
+struct RandomCase {
+    AlphaTexture texture;
+    std::vector<TriangleUvs> triangles;
+    BakeOptions options;
+};
+
+// Prints itself for SCOPED_TRACE.
+inline std::ostream &operator<<(std::ostream &out, const RandomCase &c)
 {
-    message << t.width << " x " << t.height << ", wraps " << static_cast<int>(t.wrapU) << ' '
-            << static_cast<int>(t.wrapV) << (t.filter == Filter::Nearest ? ", nearest" : ", bilinear");
+    const AlphaTexture &t = c.texture;
+    return out << t.width << " x " << t.height << ", wraps " << static_cast<int>(t.wrapU) << ' '
+               << static_cast<int>(t.wrapV) << (t.filter == Filter::Nearest ? ", nearest" : ", bilinear");
+}
+
+inline void setRandomSampler(TestRandom &random, AlphaTexture &t)
+{
+    t.wrapU = kWraps[random() % 5];
+    t.wrapV = kWraps[random() % 5];
+    t.filter = random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
+}
+
+// Corners on texel centres, sides and quarters, and some nowhere, alpha equal to the cutoff all the time; slivers,
+// segments and points. All numbers are fractions that the oracle's Rational can hold.
+inline RandomCase caseOnGrid(TestRandom &random)
+{
+    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {4, 4}, {7, 2}, {1, 6}};
+    const auto [width, height] = kSizes[random() % std::size(kSizes)];
+    RandomCase c{.texture = coarseTexture(random, width, height)};
+    setRandomSampler(random, c.texture);
+    const unsigned steps = random() % 2 == 0 ? 2 * width : 8;
+    const auto coordinate = [&random, steps](std::int64_t shift) {
+        const auto k = static_cast<std::int64_t>(random() % (3 * steps)) + shift;
+        return std::round(static_cast<float>(k) / static_cast<float>(steps) * 64) / 64;
+    };
+    for (int n = 0; n < 3; ++n) {
+        const auto shift = static_cast<std::int64_t>(random() % 64) - 32;
+        TriangleUvs uvs;
+        for (TexCoord &uv : uvs)
+            uv = {coordinate(shift), coordinate(-shift)};
+        if (random() % 6 == 0)
+            uvs[2] = uvs[0];
+        if (random() % 12 == 0)
+            uvs[1] = uvs[0];
+        c.triangles.push_back(uvs);
+    }
+    c.options.exactly().level = random() % 4;
+    const double cutoffs[] = {0.5, 0.25, 0.75, 0.4375, 1, 0};
+    c.options.cutoff = cutoffs[random() % std::size(cutoffs)];
+    return c;
+}
+
+// Textures and coordinates of all kinds. The sizes take turns.
+inline RandomCase caseAnywhere(TestRandom &random, unsigned round)
+{
+    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {16, 16}, {64, 48}, {1023, 769}};
+    const auto [width, height] = kSizes[round % std::size(kSizes)];
+    RandomCase c{.texture = smoothTexture(random, width, height)};
+    setRandomSampler(random, c.texture);
+    c.triangles = randomTriangles(random, width, height);
+    c.options.exactly().level = random() % 5;
+    c.options.cutoff = random() % 2 == 0 ? 0.5 : random.uniform(0.05, 0.95);
+    return c;
+}
+
+// The same with the tolerances and the cutoff that are the default.
+inline RandomCase caseWithTolerances(TestRandom &random, unsigned round)
+{
+    constexpr std::array<std::uint32_t, 2> kSizes[] = {{3, 5}, {16, 16}, {64, 48}, {255, 129}};
+    const auto [width, height] = kSizes[round % std::size(kSizes)];
+    RandomCase c{.texture = smoothTexture(random, width, height)};
+    setRandomSampler(random, c.texture);
+    c.triangles = randomTriangles(random, width, height);
+    c.options.level = random() % 5;
+    return c;
 }
 
 } // namespace vellum::test

@@ -18,15 +18,6 @@ using namespace vellum::test;
 namespace
 {
 
-BakeOptions exactly(std::uint32_t level)
-{
-    BakeOptions o;
-    o.level = level;
-    o.threads = 1;
-    o.valueTolerance = o.subtexelTolerance = o.barycentricTolerance = o.interpolationTolerance = 0;
-    return o;
-}
-
 State stateOf(const BakeResult &result, std::uint32_t triangle, std::uint32_t index, std::uint32_t level)
 {
     const std::int32_t special = result.micromap.indices[triangle];
@@ -38,9 +29,9 @@ State stateOf(const BakeResult &result, std::uint32_t triangle, std::uint32_t in
 }
 
 template <typename N>
-void compareAll(Tally &sum, const AlphaTexture &texture, const std::vector<TriangleUvs> &triangles,
-                const BakeOptions &options, const N &hidden)
+void compareAll(Tally &sum, const RandomCase &c, const N &hidden)
 {
+    const auto &[texture, triangles, options] = c;
     const BakeResult result = bake(texture, triangles, options);
     ASSERT_EQ(result.micromap.validate(), std::nullopt);
     const N cutoff = test::numberOf(options.cutoff, N{});
@@ -63,44 +54,11 @@ void compareAll(Tally &sum, const AlphaTexture &texture, const std::vector<Trian
 TEST(BakeExact, EqualsExactArithmeticOnGrids)
 {
     test::TestRandom random(1);
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {4, 4}, {7, 2}, {1, 6}};
     Tally sum;
     for (unsigned round = 0; round < 500 && !HasFatalFailure(); ++round) {
-        const auto [width, height] = kSizes[random() % std::size(kSizes)];
-        AlphaTexture t = coarseTexture(random, width, height);
-        t.wrapU = kWraps[random() % 5];
-        t.wrapV = kWraps[random() % 5];
-        t.filter = random() % 3 == 0 ? Filter::Nearest : Filter::Bilinear;
-        testing::Message message;
-        message << "round " << round << ": ";
-        describe(message, t);
-        SCOPED_TRACE(message);
-        // Corners on texel centres, sides and quarters, and some nowhere; slivers, segments and points.
-        const unsigned steps = random() % 2 == 0 ? 2 * width : 8;
-        const auto coordinate = [&](std::int64_t shift) {
-            const auto k = static_cast<std::int64_t>(random() % (3 * steps)) + shift;
-            return static_cast<float>(k) / static_cast<float>(steps);
-        };
-        std::vector<TriangleUvs> triangles;
-        for (int n = 0; n < 3; ++n) {
-            const auto shift = static_cast<std::int64_t>(random() % 64) - 32;
-            TriangleUvs uvs;
-            for (TexCoord &uv : uvs) {
-                uv = {coordinate(shift), coordinate(-shift)};
-                // 1/3 and the like are longer than the fractions of the oracle can be.
-                uv.u = std::round(uv.u * 64) / 64;
-                uv.v = std::round(uv.v * 64) / 64;
-            }
-            if (random() % 6 == 0)
-                uvs[2] = uvs[0];
-            if (random() % 12 == 0)
-                uvs[1] = uvs[0];
-            triangles.push_back(uvs);
-        }
-        BakeOptions options = exactly(random() % 4);
-        const double cutoffs[] = {0.5, 0.25, 0.75, 0.4375, 1, 0};
-        options.cutoff = cutoffs[random() % std::size(cutoffs)];
-        compareAll<Rational>(sum, t, triangles, options, Rational(0));
+        const RandomCase c = caseOnGrid(random);
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
+        compareAll<Rational>(sum, c, Rational(0));
     }
     EXPECT_EQ(sum.wrong, 0u);
     EXPECT_EQ(sum.needless, 0u);
@@ -114,21 +72,11 @@ TEST(BakeExact, EqualsExactArithmeticOnGrids)
 TEST(BakeExact, EqualsTheMathematicsAnywhere)
 {
     test::TestRandom random(2);
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {16, 16}, {64, 48}, {1023, 769}};
     Tally sum;
     for (unsigned round = 0; round < 400 && !HasFatalFailure(); ++round) {
-        const auto [width, height] = kSizes[round % std::size(kSizes)];
-        AlphaTexture t = smoothTexture(random, width, height);
-        t.wrapU = kWraps[random() % 5];
-        t.wrapV = kWraps[random() % 5];
-        t.filter = random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
-        testing::Message message;
-        message << "round " << round << ": ";
-        describe(message, t);
-        SCOPED_TRACE(message);
-        BakeOptions options = exactly(random() % 5);
-        options.cutoff = random() % 2 == 0 ? 0.5 : random.uniform(0.05, 0.95);
-        compareAll<long double>(sum, t, randomTriangles(random, width, height), options, 1e-11L);
+        const RandomCase c = caseAnywhere(random, round);
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
+        compareAll<long double>(sum, c, 1e-11L);
     }
     EXPECT_EQ(sum.wrong, 0u);
     EXPECT_EQ(sum.needless, 0u);
@@ -141,29 +89,18 @@ TEST(BakeExact, EqualsTheMathematicsAnywhere)
 TEST(BakeExact, TolerancesCostNoMoreThanTheyAskFor)
 {
     test::TestRandom random(3);
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{3, 5}, {16, 16}, {64, 48}, {255, 129}};
     Tally sum;
     for (unsigned round = 0; round < 300 && !HasFatalFailure(); ++round) {
-        const auto [width, height] = kSizes[round % std::size(kSizes)];
-        AlphaTexture t = smoothTexture(random, width, height);
-        t.wrapU = kWraps[random() % 5];
-        t.wrapV = kWraps[random() % 5];
-        t.filter = random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
-        testing::Message message;
-        message << "round " << round << ": ";
-        describe(message, t);
-        SCOPED_TRACE(message);
-        BakeOptions options;
-        options.threads = 1;
-        options.level = random() % 5;
-        const std::vector<TriangleUvs> triangles = randomTriangles(random, width, height);
-        const BakeResult result = bake(t, triangles, options);
+        const RandomCase c = caseWithTolerances(random, round);
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
+        const auto &[texture, triangles, options] = c;
+        const BakeResult result = bake(texture, triangles, options);
         for (std::uint32_t k = 0; k < triangles.size(); ++k) {
             const TriangleUvs &uvs = triangles[k];
-            const auto [marginX, marginY] = test::marginsOf(options, t, uvs);
+            const auto [marginX, marginY] = test::marginsOf(options, texture, uvs);
             for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
-                Oracle<long double> oracle(t);
-                oracle.addPolygon(widened(cornersOf<long double>(t, uvs, i, *options.level), marginX, marginY));
+                Oracle<long double> oracle(texture);
+                oracle.addPolygon(widened(cornersOf<long double>(texture, uvs, i, *options.level), marginX, marginY));
                 tally<long double>(sum, stateOf(result, k, i, *options.level), oracle.least(), oracle.most(),
                                    options.cutoff - options.valueTolerance, options.cutoff + options.valueTolerance,
                                    1e-11L);

@@ -83,9 +83,9 @@ void check(Sum &sum, const AlphaTexture &texture, const Found &found, std::uint3
 }
 
 template <typename N>
-void compare(Sum &sum, TestRandom &random, const AlphaTexture &texture, const std::vector<TriangleUvs> &triangles,
-             const BakeOptions &options, const N &hidden)
+void compare(Sum &sum, TestRandom &random, const RandomCase &c, const N &hidden)
 {
+    const auto &[texture, triangles, options] = c;
     const Micromap micromap = randomMicromap(random, triangles.size(), *options.level);
     const verify::Result result = verify::verify(texture, toCorners(triangles), micromap, verifyOptions(options));
     const Found found = foundBy(result);
@@ -109,41 +109,11 @@ void compare(Sum &sum, TestRandom &random, const AlphaTexture &texture, const st
 TEST(VerifyExact, FindsWhatExactArithmeticFindsOnGrids)
 {
     TestRandom random(11);
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {4, 4}, {7, 2}, {1, 6}};
     Sum sum;
     for (unsigned round = 0; round < 300 && !HasFatalFailure(); ++round) {
-        const auto [width, height] = kSizes[random() % std::size(kSizes)];
-        AlphaTexture t = coarseTexture(random, width, height);
-        t.wrapU = kWraps[random() % 5];
-        t.wrapV = kWraps[random() % 5];
-        t.filter = random() % 3 == 0 ? Filter::Nearest : Filter::Bilinear;
-        testing::Message message;
-        message << "round " << round << ": ";
-        describe(message, t);
-        SCOPED_TRACE(message);
-        // Corners on texel centres, sides and quarters; slivers, segments and points.
-        const unsigned steps = random() % 2 == 0 ? 2 * width : 8;
-        const auto coordinate = [&](std::int64_t shift) {
-            const auto k = static_cast<std::int64_t>(random() % (3 * steps)) + shift;
-            return std::round(static_cast<float>(k) / static_cast<float>(steps) * 64) / 64;
-        };
-        std::vector<TriangleUvs> triangles;
-        for (int n = 0; n < 3; ++n) {
-            const auto shift = static_cast<std::int64_t>(random() % 64) - 32;
-            TriangleUvs uvs;
-            for (TexCoord &uv : uvs)
-                uv = {coordinate(shift), coordinate(-shift)};
-            if (random() % 6 == 0)
-                uvs[2] = uvs[0];
-            if (random() % 12 == 0)
-                uvs[1] = uvs[0];
-            triangles.push_back(uvs);
-        }
-        BakeOptions options = BakeOptions{}.exactly();
-        options.level = random() % 4;
-        const double cutoffs[] = {0.5, 0.25, 0.75, 0.4375, 1, 0};
-        options.cutoff = cutoffs[random() % std::size(cutoffs)];
-        compare<Rational>(sum, random, t, triangles, options, Rational(0));
+        const RandomCase c = caseOnGrid(random);
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
+        compare<Rational>(sum, random, c, Rational(0));
     }
     EXPECT_GT(sum.mixed, sum.all / 10);
     EXPECT_GT(sum.wrong, sum.all / 10);
@@ -153,22 +123,11 @@ TEST(VerifyExact, FindsWhatExactArithmeticFindsOnGrids)
 TEST(VerifyExact, FindsWhatTheMathematicsFindsAnywhere)
 {
     TestRandom random(12);
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {16, 16}, {64, 48}, {1023, 769}};
     Sum sum;
     for (unsigned round = 0; round < 200 && !HasFatalFailure(); ++round) {
-        const auto [width, height] = kSizes[round % std::size(kSizes)];
-        AlphaTexture t = smoothTexture(random, width, height);
-        t.wrapU = kWraps[random() % 5];
-        t.wrapV = kWraps[random() % 5];
-        t.filter = random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
-        testing::Message message;
-        message << "round " << round << ": ";
-        describe(message, t);
-        SCOPED_TRACE(message);
-        BakeOptions options = BakeOptions{}.exactly();
-        options.level = random() % 5;
-        options.cutoff = random() % 2 == 0 ? 0.5 : random.uniform(0.05, 0.95);
-        compare<long double>(sum, random, t, randomTriangles(random, width, height), options, 1e-11L);
+        const RandomCase c = caseAnywhere(random, round);
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
+        compare<long double>(sum, random, c, 1e-11L);
     }
     EXPECT_GT(sum.mixed, sum.all / 50);
     EXPECT_GT(sum.wrong, sum.all / 10);
@@ -179,30 +138,20 @@ TEST(VerifyExact, FindsWhatTheMathematicsFindsAnywhere)
 TEST(VerifyExact, FindsWhatIsTrueButNotWithMargins)
 {
     TestRandom random(13);
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{3, 5}, {16, 16}, {64, 48}, {255, 129}};
     Sum sum;
     for (unsigned round = 0; round < 150 && !HasFatalFailure(); ++round) {
-        const auto [width, height] = kSizes[round % std::size(kSizes)];
-        AlphaTexture t = smoothTexture(random, width, height);
-        t.wrapU = kWraps[random() % 5];
-        t.wrapV = kWraps[random() % 5];
-        t.filter = random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
-        testing::Message message;
-        message << "round " << round << ": ";
-        describe(message, t);
-        SCOPED_TRACE(message);
-        BakeOptions options;
-        options.level = random() % 5;
-        const std::vector<TriangleUvs> triangles = randomTriangles(random, width, height);
+        const RandomCase c = caseWithTolerances(random, round);
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
+        const auto &[texture, triangles, options] = c;
         const Micromap micromap = randomMicromap(random, triangles.size(), *options.level);
-        const Found found = foundBy(verify::verify(t, toCorners(triangles), micromap, verifyOptions(options)));
+        const Found found = foundBy(verify::verify(texture, toCorners(triangles), micromap, verifyOptions(options)));
         for (std::uint32_t k = 0; k < triangles.size(); ++k) {
-            const auto [marginX, marginY] = marginsOf(options, t, triangles[k]);
+            const auto [marginX, marginY] = marginsOf(options, texture, triangles[k]);
             for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
-                const auto corners = cornersOf<long double>(t, triangles[k], i, *options.level);
-                Oracle<long double> wide(t);
+                const auto corners = cornersOf<long double>(texture, triangles[k], i, *options.level);
+                Oracle<long double> wide(texture);
                 wide.addPolygon(widened(corners, marginX, marginY));
-                Oracle<long double> bare(t);
+                Oracle<long double> bare(texture);
                 bare.addPolygon(corners);
                 const long double high = options.cutoff + options.valueTolerance;
                 const long double low = options.cutoff - options.valueTolerance;

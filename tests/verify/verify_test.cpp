@@ -48,23 +48,20 @@ TEST(Verify, FindsNothingInWhatTheBakerMakes)
     std::uint64_t unknown = 0;
     for (unsigned round = 0; round < 300; ++round) {
         const auto [width, height] = kSizes[round % std::size(kSizes)];
-        AlphaTexture t = round % 2 == 0 ? smoothTexture(random, width, height) : coarseTexture(random, width, height);
-        t.wrapU = kWraps[random() % 5];
-        t.wrapV = kWraps[random() % 5];
-        t.filter = random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
-        testing::Message message;
-        message << "round " << round << ": ";
-        describe(message, t);
-        SCOPED_TRACE(message);
-        BakeOptions options;
+        RandomCase c{.texture =
+                         round % 2 == 0 ? smoothTexture(random, width, height) : coarseTexture(random, width, height),
+                     .triangles = randomTriangles(random, width, height)};
+        setRandomSampler(random, c.texture);
+        auto &[texture, triangles, options] = c;
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
         if (random() % 2 == 0)
             options.exactly();
         if (random() % 3 != 0)
             options.level = random() % 7;
         options.cutoff = random() % 2 == 0 ? 0.5 : random.uniform(0.05, 0.95);
-        const std::vector<TriangleUvs> triangles = randomTriangles(random, width, height);
-        const BakeResult baked = bake(t, triangles, options);
-        const verify::Result result = verify::verify(t, toCorners(triangles), baked.micromap, verifyOptions(options));
+        const BakeResult baked = bake(texture, triangles, options);
+        const verify::Result result =
+            verify::verify(texture, toCorners(triangles), baked.micromap, verifyOptions(options));
         for (const Finding &f : result.findings)
             ADD_FAILURE() << "kind " << static_cast<int>(f.kind) << ", triangle " << f.triangle << ", micro-triangle "
                           << f.microTriangle << ", level " << f.level << ", state " << static_cast<int>(f.state) << ", "

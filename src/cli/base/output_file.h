@@ -11,7 +11,7 @@ namespace vellum::cli
 // Throws Error where a file could not be written to `path` later: so that nobody waits for one in vain.
 void checkWritable(const std::filesystem::path &path);
 
-// Writes beside `path` and renames: whatever happens, `path` is never half of a file. Throws Error.
+// The file appears whole, whatever happens. Throws Error.
 void writeWhole(const std::filesystem::path &path, std::span<const std::uint8_t> bytes);
 
 } // namespace vellum::cli

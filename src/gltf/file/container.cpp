@@ -1,8 +1,8 @@
 #include "gltf/file/container.h"
 
-#include <cstring>
 #include <tuple>
 
+#include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/outside_file.h"
 
@@ -11,43 +11,31 @@ namespace vellum
 namespace
 {
 
-constexpr std::size_t kHeaderBytes = 12;
-constexpr std::size_t kChunkHeaderBytes = 8;
-constexpr std::uint32_t kGlbMagic = 0x46546c67;
-constexpr std::uint32_t kJsonChunk = 0x4e4f534a;
-
-std::uint32_t wordAt(const std::vector<std::uint8_t> &bytes, std::size_t offset)
-{
-    std::uint32_t word = 0;
-    std::memcpy(&word, bytes.data() + offset, sizeof word);
-    return word;
-}
-
 // Checks that all chunks lie in the length that the header announces. Returns where the JSON text is.
 std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &bytes)
 {
-    if (bytes.size() < kHeaderBytes + kChunkHeaderBytes)
+    if (bytes.size() < kGlbHeaderBytes + kGlbChunkHeaderBytes)
         throw GltfError("truncated: " + std::to_string(bytes.size()) + " bytes are too short for a GLB header");
-    if (wordAt(bytes, 4) != 2)
-        throw GltfError("GLB version " + std::to_string(wordAt(bytes, 4)) + " is not 2");
-    const std::size_t length = wordAt(bytes, 8);
+    if (glbWord(bytes, 4) != 2)
+        throw GltfError("GLB version " + std::to_string(glbWord(bytes, 4)) + " is not 2");
+    const std::size_t length = glbWord(bytes, 8);
     if (length > bytes.size())
         throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes, there are " +
                         std::to_string(bytes.size()));
-    if (length < kHeaderBytes + kChunkHeaderBytes)
+    if (length < kGlbHeaderBytes + kGlbChunkHeaderBytes)
         throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes");
-    if (wordAt(bytes, 16) != kJsonChunk)
+    if (glbWord(bytes, 16) != kGlbJson)
         throw GltfError("the first GLB chunk is not JSON");
-    std::size_t offset = kHeaderBytes;
+    std::size_t offset = kGlbHeaderBytes;
     while (offset < length) {
-        if (length - offset < kChunkHeaderBytes)
+        if (length - offset < kGlbChunkHeaderBytes)
             throw GltfError("truncated inside a chunk header");
-        const std::size_t chunk = wordAt(bytes, offset);
-        if (chunk > length - offset - kChunkHeaderBytes)
+        const std::size_t chunk = glbWord(bytes, offset);
+        if (chunk > length - offset - kGlbChunkHeaderBytes)
             throw GltfError("a GLB chunk of " + std::to_string(chunk) + " bytes ends outside of the file");
-        offset += kChunkHeaderBytes + chunk;
+        offset += kGlbChunkHeaderBytes + chunk;
     }
-    return {kHeaderBytes + kChunkHeaderBytes, wordAt(bytes, kHeaderBytes)};
+    return {kGlbHeaderBytes + kGlbChunkHeaderBytes, glbWord(bytes, kGlbHeaderBytes)};
 }
 
 // Parsers walk JSON recursively, where thousands of levels would overflow the stack, and an empty list of 2 bytes takes
@@ -96,11 +84,11 @@ Container readContainer(const std::filesystem::path &path)
     if (bytes.empty())
         throw GltfError("the file is empty");
     const char *text = reinterpret_cast<const char *>(bytes.data());
-    container.binary = bytes.size() >= 4 && wordAt(bytes, 0) == kGlbMagic;
+    container.binary = bytes.size() >= 4 && glbWord(bytes, 0) == kGlbMagic;
     if (container.binary) {
         std::tie(container.jsonOffset, container.jsonSize) = checkGlb(bytes);
         // What follows is none of its chunks, and was not looked at.
-        container.bytes.resize(wordAt(bytes, 8));
+        container.bytes.resize(glbWord(bytes, 8));
     } else {
         const std::size_t start = std::string_view(text, bytes.size()).find_first_not_of(" \t\r\n\xef\xbb\xbf");
         if (start == std::string_view::npos || text[start] != '{')

@@ -104,6 +104,8 @@ std::string JsonEdit::apply() const
     std::string result;
     std::size_t done = 0;
     for (const auto &[begin, splice] : splices) {
+        if (begin < done) // inside of what is replaced, or replaced again
+            continue;
         result += text.substr(done, begin - done);
         result += splice.text;
         done = splice.end;

@@ -30,8 +30,8 @@ public:
     // Elements of an array that are this string, or the members of an object that have this name.
     void remove(const JsonValue &container, std::string_view name);
 
-    // The changed text, up to the end of the root. A value that is replaced, or whose container is removed, must not be
-    // changed otherwise.
+    // The changed text, up to the end of the root. Of a value that is replaced twice the first one counts, and of
+    // values in one another the outer one; where a container is removed, what is in it must not be changed.
     [[nodiscard]] std::string apply() const;
 
 private:

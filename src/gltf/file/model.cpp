@@ -8,7 +8,9 @@
 #include <set>
 #include <span>
 
+#include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/json_edit.h"
 #include "gltf/file/json_tree.h"
 #include "gltf/file/outside_file.h"
 #include "gltf/file/tinygltf.h"
@@ -19,7 +21,6 @@ namespace
 {
 
 constexpr const char *kStandIn = R"("data:application/octet-stream;base64,AA==")"; // one byte
-constexpr std::uint32_t kBinaryChunk = 0x004e4942;
 constexpr std::uint64_t kMostBufferBytes = std::uint64_t{1} << 31;
 constexpr std::int64_t kLargestIndex = std::numeric_limits<std::int32_t>::max();
 // What tinygltf's model may take, by a rough count of its structures.
@@ -75,18 +76,13 @@ class ModelReader
 {
 public:
     ModelReader(const Container &container, const std::filesystem::path &folder, tinygltf::Model &model)
-        : m_container(container), m_folder(folder), m_model(model), m_tree(container.json())
+        : m_container(container), m_folder(folder), m_model(model), m_tree(container.json()), m_edit(m_tree)
     {
     }
 
     void read();
 
 private:
-    struct Edit {
-        std::size_t begin;
-        std::size_t end;
-        std::string text;
-    };
     struct BufferSource {
         std::optional<std::string> uri;
         std::uint64_t bytes = 0;
@@ -98,7 +94,6 @@ private:
         int bufferView = -1;
     };
 
-    void replace(const JsonValue &value, std::string text) { m_edits.push_back({value.begin(), value.end(), text}); }
     [[nodiscard]] std::string place() const;
 
     void checkAsset(const JsonValue &root) const;
@@ -110,7 +105,6 @@ private:
     void prepareMember(const JsonMember &member);
     void prepareInteger(const JsonMember &member, std::int64_t most);
     void countObjects(const JsonValue &root) const;
-    [[nodiscard]] std::string editedText();
     void parse();
     void readBuffers();
     void readImages();
@@ -121,7 +115,7 @@ private:
     const std::filesystem::path &m_folder;
     tinygltf::Model &m_model;
     JsonTree m_tree;
-    std::vector<Edit> m_edits;
+    JsonEdit m_edit;                  // to the text that tinygltf gets
     std::vector<std::string> m_place; // of the value that is looked at
     std::vector<BufferSource> m_buffers;
     std::vector<ImageSource> m_images;
@@ -171,13 +165,13 @@ void ModelReader::prepareInteger(const JsonMember &member, std::int64_t most)
                         (most == kLargestIndex ? "from 0 to " + std::to_string(most) : std::string("of at least 0")));
     // 12.0 is an integer too, but not to tinygltf.
     if (member.value.text() != std::to_string(*value))
-        replace(member.value, std::to_string(*value));
+        m_edit.replace(member.value, std::to_string(*value));
 }
 
 void ModelReader::prepareMember(const JsonMember &member)
 {
     if (member.name == "extras" || (m_place.empty() && (member.name == "animations" || member.name == "cameras"))) {
-        replace(member.value, member.value.isArray() ? "[]" : "{}");
+        m_edit.replace(member.value, member.value.isArray() ? "[]" : "{}");
     } else if (m_place.empty() && (member.name == "buffers" || member.name == "images")) {
         // Prepared already.
     } else if (kIndices.contains(member.name) && !member.value.isArray() && !member.value.isObject()) {
@@ -188,7 +182,7 @@ void ModelReader::prepareMember(const JsonMember &member)
         const bool unread =
             !m_place.empty() && m_place.back() == "extensions" && !kExtensionsRead.contains(member.name);
         if (unread || (m_place.size() == 1 && m_place.back() == "extensions")) {
-            replace(member.value, "{}");
+            m_edit.replace(member.value, "{}");
         } else {
             m_place.push_back(member.name);
             prepare(member.value);
@@ -230,7 +224,7 @@ void ModelReader::prepareBuffers(const JsonValue &buffers)
             if (!source.uri)
                 throw GltfError(place() + ": \"uri\" is not a string");
         }
-        replace(buffer, std::string(R"({"byteLength": 1, "uri": )") + kStandIn + "}");
+        m_edit.replace(buffer, std::string(R"({"byteLength": 1, "uri": )") + kStandIn + "}");
         m_buffers.push_back(std::move(source));
     }
     m_place.clear();
@@ -254,7 +248,7 @@ void ModelReader::prepareImages(const JsonValue &images)
                 throw GltfError(place() + ": \"bufferView\" is not an index");
             source.bufferView = static_cast<int>(*index);
         }
-        replace(image, std::string(R"({"uri": )") + kStandIn + "}");
+        m_edit.replace(image, std::string(R"({"uri": )") + kStandIn + "}");
         m_images.push_back(std::move(source));
     }
     m_place.clear();
@@ -283,7 +277,7 @@ void ModelReader::prepareMeshes(const JsonValue &meshes)
             if (const JsonValue accessor = primitive["indices"]; accessor.exists()) {
                 prepareInteger({"indices", accessor}, kLargestIndex);
                 indices.back() = static_cast<int>(*accessor.integer());
-                replace(accessor, "-1");
+                m_edit.replace(accessor, "-1");
             }
         }
     }
@@ -302,25 +296,10 @@ void ModelReader::countObjects(const JsonValue &root) const
         throw GltfError("there are too many objects in it");
 }
 
-std::string ModelReader::editedText()
-{
-    const std::string_view text = m_tree.text();
-    std::sort(m_edits.begin(), m_edits.end(), [](const Edit &a, const Edit &b) { return a.begin < b.begin; });
-    std::string edited;
-    std::size_t done = m_tree.root().begin();
-    for (const Edit &edit : m_edits) {
-        if (edit.begin < done) // inside of a part that was replaced, or replaced in the same way twice
-            continue;
-        edited += text.substr(done, edit.begin - done);
-        edited += edit.text;
-        done = edit.end;
-    }
-    return edited += text.substr(done, m_tree.root().end() - done);
-}
-
 void ModelReader::parse()
 {
-    const std::string text = editedText();
+    const std::string edited = m_edit.apply();
+    const std::string_view text = std::string_view(edited).substr(m_tree.root().begin());
     tinygltf::TinyGLTF loader;
     loader.SetImageLoader(leaveImage, nullptr);
     std::string error;
@@ -343,13 +322,9 @@ std::span<const std::uint8_t> ModelReader::binaryChunk() const
 {
     if (!m_container.binary)
         return {};
-    const auto rest = std::span(m_container.bytes).subspan(m_container.jsonOffset + m_container.jsonSize);
-    std::array<std::uint32_t, 2> header{};
-    if (rest.size() < sizeof header)
-        return {};
-    std::memcpy(header.data(), rest.data(), sizeof header);
-    // readContainer has checked that it ends in the file.
-    return header[1] == kBinaryChunk ? rest.subspan(sizeof header, header[0]) : std::span<const std::uint8_t>();
+    const auto chunk =
+        firstGlbChunk(std::span(m_container.bytes).subspan(m_container.jsonOffset + m_container.jsonSize));
+    return chunk && chunk->type == kGlbBinary ? chunk->data : std::span<const std::uint8_t>();
 }
 
 std::vector<std::uint8_t> ModelReader::readBuffer(std::size_t index, const BufferSource &source) const

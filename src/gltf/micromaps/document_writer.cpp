@@ -5,6 +5,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_edit.h"
 #include "gltf/file/json_tree.h"
@@ -18,8 +19,6 @@ namespace
 
 constexpr const char *kExtension = "EXT_mesh_opacity_micromap";
 constexpr const char *kEarlier = "KHR_mesh_opacity_micromap";
-constexpr std::uint32_t kBinaryChunk = 0x004e4942;
-constexpr std::size_t kChunkHeaderBytes = 8;
 constexpr std::size_t kMostBytes = 0x7fffffff; // what readContainer takes
 // What Vulkan wants of the addresses of both inputs of a micromap build
 // (VUID-vkCmdBuildMicromapsEXT-pInfos-07515): a buffer that is loaded as it is serves.
@@ -50,13 +49,6 @@ void append(std::vector<std::uint8_t> &bytes, const T &value)
 void padTo(std::vector<std::uint8_t> &bytes, std::size_t alignment, std::uint8_t with = 0)
 {
     bytes.resize((bytes.size() + alignment - 1) / alignment * alignment, with);
-}
-
-std::uint32_t wordAt(std::span<const std::uint8_t> bytes, std::size_t offset)
-{
-    std::uint32_t word = 0;
-    std::memcpy(&word, bytes.data() + offset, sizeof word);
-    return word;
 }
 
 std::string dataUri(std::span<const std::uint8_t> bytes)
@@ -172,10 +164,11 @@ bool Writer::dataInChunk() const
     const JsonValue first = m_root["buffers"].children().empty() ? JsonValue() : m_root["buffers"].children()[0];
     if (!first.exists())
         return chunks.empty();
-    if (first["uri"].exists() || chunks.size() < kChunkHeaderBytes || wordAt(chunks, 4) != kBinaryChunk)
+    const auto chunk = firstGlbChunk(chunks);
+    if (first["uri"].exists() || !chunk || chunk->type != kGlbBinary)
         return false;
     const auto length = first["byteLength"].integer();
-    return length && *length >= 0 && static_cast<std::uint64_t>(*length) <= wordAt(chunks, 0);
+    return length && *length >= 0 && static_cast<std::uint64_t>(*length) <= chunk->data.size();
 }
 
 std::size_t Writer::addView(std::span<const std::uint8_t> bytes, std::size_t alignment, const char *more)
@@ -376,15 +369,15 @@ void Writer::assemble(RewrittenFile &result)
     std::span<const std::uint8_t> rest = m_document.otherChunks();
     std::span<const std::uint8_t> binary;
     const bool grows = m_inChunk && !m_data.empty();
-    if (grows && !rest.empty()) {
-        binary = rest.subspan(kChunkHeaderBytes, wordAt(rest, 0));
-        rest = rest.subspan(kChunkHeaderBytes + binary.size());
+    if (const auto first = firstGlbChunk(rest); grows && first) {
+        binary = first->data;
+        rest = first->rest;
     }
     std::vector<std::uint8_t> between(m_dataBegin - binary.size());
     padTo(m_data, 4);
     const std::uint64_t chunk = grows ? m_dataBegin + m_data.size() : 0;
     const std::uint64_t total =
-        12 + kChunkHeaderBytes + text.size() + (grows ? kChunkHeaderBytes + chunk : 0) + rest.size();
+        kGlbHeaderBytes + kGlbChunkHeaderBytes + text.size() + (grows ? kGlbChunkHeaderBytes + chunk : 0) + rest.size();
     if (total > kMostBytes)
         throw GltfError("with micromaps it would be larger than 2 GiB");
     std::vector<std::uint8_t> header(m_document.bytes().begin(), m_document.bytes().begin() + 8);
@@ -396,7 +389,7 @@ void Writer::assemble(RewrittenFile &result)
     if (grows) {
         std::vector<std::uint8_t> chunkHeader;
         append(chunkHeader, static_cast<std::uint32_t>(chunk));
-        append(chunkHeader, kBinaryChunk);
+        append(chunkHeader, kGlbBinary);
         result.file.keep(std::move(chunkHeader));
         result.file.add(binary);
         result.file.keep(std::move(between));
@@ -411,8 +404,8 @@ RewrittenFile Writer::write()
     checkNumbers();
     m_inChunk = dataInChunk();
     if (m_inChunk) {
-        const std::span<const std::uint8_t> chunks = m_document.otherChunks();
-        const std::size_t old = chunks.empty() ? 0 : wordAt(chunks, 0);
+        const auto first = firstGlbChunk(m_document.otherChunks());
+        const std::size_t old = first ? first->data.size() : 0;
         m_dataBegin = (old + kBuildAlignment - 1) / kBuildAlignment * kBuildAlignment;
     }
     std::string micromaps;

@@ -40,8 +40,9 @@ void Reporter::setName(uint64_t object, const std::string &name)
 void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, const std::string &text,
                     VkObjectType type, uint64_t object)
 {
+    const std::string fullId = std::string(kMessagePrefix) + id;
     if (levelOf(severity) <= level_)
-        std::fprintf(stderr, "vellum: %s: %s\n", id, text.c_str());
+        std::fprintf(stderr, "vellum: %s: %s\n", fullId.c_str(), text.c_str());
 
     std::vector<Messenger> messengers;
     std::string objectName;
@@ -56,7 +57,7 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
                                        objectName.empty() ? nullptr : objectName.c_str()};
     VkDebugUtilsMessengerCallbackDataEXT data{};
     data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
-    data.pMessageIdName = id;
+    data.pMessageIdName = fullId.c_str();
     data.pMessage = text.c_str();
     data.objectCount = object != 0 ? 1 : 0;
     data.pObjects = &name;

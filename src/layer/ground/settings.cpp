@@ -117,17 +117,17 @@ Settings readSettings(const void *instanceChain)
     readFile(settings);
     readStructure(settings, instanceChain);
     const std::pair<const char *, const char *> variables[] = {
-        {"VELLUM_FORCE_EMULATION", "force_emulation"},
-        {"VELLUM_REPORT", "report"},
-        {"VELLUM_VALIDATE", "validate"},
-        {"VELLUM_ASSUME_MICROMAPS", "assume_micromaps"},
-        {"VELLUM_STRICT", "strict"},
-        {"VELLUM_CARRIED_RAY_FLAGS", "carried_ray_flags"},
-        {"VELLUM_DUMP_SHADERS", "dump_shaders"},
-        {"VELLUM_CACHE_FOLDER", "cache_folder"},
+        {"FORCE_EMULATION", "force_emulation"},
+        {"REPORT", "report"},
+        {"VALIDATE", "validate"},
+        {"ASSUME_MICROMAPS", "assume_micromaps"},
+        {"STRICT", "strict"},
+        {"CARRIED_RAY_FLAGS", "carried_ray_flags"},
+        {"DUMP_SHADERS", "dump_shaders"},
+        {"CACHE_FOLDER", "cache_folder"},
     };
     for (const auto &[variable, key] : variables) {
-        if (const char *value = std::getenv(variable))
+        if (const char *value = std::getenv((std::string(kVariablePrefix) + variable).c_str()))
             apply(settings, key, value);
     }
     return settings;

@@ -7,7 +7,11 @@
 namespace vellum::layer
 {
 
-inline constexpr const char *kLayerName = "VK_LAYER_VELLUM_opacity_micromap";
+// What tells copies of the layer apart (copy.cpp): the tests have a second one, which stands for a driver with
+// micromaps under the first.
+extern const char *const kLayerName;      // VK_LAYER_VELLUM_opacity_micromap
+extern const char *const kVariablePrefix; // of environment variables: VELLUM_
+extern const char *const kMessagePrefix;  // of ids of messages; empty but in the copy
 
 enum class ReportLevel { None, Error, Warning, Info };
 

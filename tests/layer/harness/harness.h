@@ -53,12 +53,14 @@ inline bool strictTests()
 }
 
 // False: the layer takes the driver for one that drops unused ray flag bits, by its own environment variable
-// VELLUM_CARRIED_RAY_FLAGS. Then intersection shaders may not see the ray flags that are hidden from the driver, nor
-// can they be skipped by one of those (docs/limits.md).
+// VELLUM_CARRIED_RAY_FLAGS or because it is one: the trait "emulating", whose copy of the layer uses these bits itself.
+// Then intersection shaders may not see the ray flags that are hidden from the driver, nor can they be skipped by one
+// of those (docs/limits.md).
 inline bool carriedRayFlags()
 {
     const char *value = std::getenv("VELLUM_CARRIED_RAY_FLAGS");
-    return !value || std::strcmp(value, "off") != 0;
+    const char *traits = std::getenv("VELLUM_TEST_TRAITS");
+    return !(value && std::strcmp(value, "off") == 0) && !(traits && std::strstr(traits, "emulating"));
 }
 
 struct Options {
@@ -67,9 +69,8 @@ struct Options {
     bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
     bool spy = true;           // layers/spy.cpp: what must not reach the driver
     std::string traits = {};   // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
-    // A GPU that RADV compiles for though it is not there, by RADV's name of it; null_layer.cpp stands for the device.
-    // The process must have RADV as its driver.
-    std::string absentGpu{};
+    std::string absentGpu{};   // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
+    bool nullDevice = false;   // null_layer.cpp stands for all of the device but its compiler
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension
     bool bothApis = false;     // enable the other one, too

@@ -123,8 +123,8 @@ public:
     void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
     void create(VkDeviceSize size);
-    // Where it lies, if not placed, and what a build writes to beside that.
-    [[nodiscard]] Arena::Range range() const { return {address_, size_}; }
+    // Where it lies, if not placed, and what a build writes to beside that. The structure's own address may be elsewhere.
+    [[nodiscard]] Arena::Range range() const { return {storage_->address(), size_}; }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
     // Frees what the last build has read or used.
     virtual void forgetInput() { scratch_.reset(); }

@@ -22,7 +22,19 @@ namespace driver
 {
 
 // From the application's side to lavapipe's.
-enum class Level { Deferral, Spy, Failures, Limits, Queues, Structures, Memory, Addresses, Replay, IndirectBuilds };
+enum class Level {
+    Deferral,
+    Spy,
+    Ext,
+    Failures,
+    Limits,
+    Queues,
+    Structures,
+    Memory,
+    Addresses,
+    Replay,
+    IndirectBuilds
+};
 
 struct Row {
     // Without the KHR of the extension it came from.
@@ -41,6 +53,7 @@ struct LevelRows {
 LevelRows spyRows();
 LevelRows failureRows();
 LevelRows deferralRows();
+LevelRows extRows();
 LevelRows limitRows();
 LevelRows queueRows();
 LevelRows structureRows();

@@ -32,11 +32,17 @@ struct NamedLevel {
 std::span<const NamedLevel> levels()
 {
     static const NamedLevel all[]{
-        {Level::Deferral, deferralRows()}, {Level::Spy, spyRows()},
-        {Level::Failures, failureRows()},  {Level::Limits, limitRows()},
-        {Level::Queues, queueRows()},      {Level::Structures, structureRows()},
-        {Level::Memory, memoryRows()},     {Level::Addresses, addressRows()},
-        {Level::Replay, replayRows()},     {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Deferral, deferralRows()},
+        {Level::Spy, spyRows()},
+        {Level::Ext, extRows()},
+        {Level::Failures, failureRows()},
+        {Level::Limits, limitRows()},
+        {Level::Queues, queueRows()},
+        {Level::Structures, structureRows()},
+        {Level::Memory, memoryRows()},
+        {Level::Addresses, addressRows()},
+        {Level::Replay, replayRows()},
+        {Level::IndirectBuilds, indirectBuildRows()},
     };
     return all;
 }

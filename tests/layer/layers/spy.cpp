@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <set>
 #include <vector>
 
 namespace spy
@@ -63,30 +64,54 @@ VKAPI_ATTR void VKAPI_CALL getProperties(VkPhysicalDevice handle, VkPhysicalDevi
     answer(keyOf(handle), properties->pNext, static_cast<VkStructureType>(1000397001), 5);
 }
 
+// Keys of devices with the driver's own VK_EXT_opacity_micromap.
+std::set<void *> withMicromaps;
+
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkDevice *device)
 {
-    for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount)) {
-        for (const char *ours :
-             {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
-              VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, kDisplacement}) {
-            if (std::strcmp(name, ours) == 0)
-                tell(std::string("vkCreateDevice: ") + ours);
-        }
+    const bool ext = driver::has(keyOf(handle), "ext");
+    const std::span names(info->ppEnabledExtensionNames, info->enabledExtensionCount);
+    const auto asked = [&names](const char *extension) {
+        return std::any_of(names.begin(), names.end(),
+                           [extension](const char *name) { return std::strcmp(name, extension) == 0; });
+    };
+    for (const char *ours :
+         {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME,
+          "VK_ARM_pipeline_opacity_micromap", VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, kDisplacement}) {
+        if (asked(ours) && !(ext && std::strcmp(ours, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0))
+            tell(std::string("vkCreateDevice: ") + ours);
     }
-    if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT) != nullptr)
+    const auto *features = inChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    if (features != nullptr && !ext)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
-    if (inChain(info->pNext, static_cast<VkStructureType>(1000623000)) != nullptr)
+    if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesKHR");
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR");
     // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
     if (inChain(info->pNext, static_cast<VkStructureType>(1000596000)) != nullptr)
         tell("vkCreateDevice: features of pipelines with micromaps");
-    return SPY_NEXT(vkCreateDevice)(handle, info, allocator, device);
+    const VkResult result = SPY_NEXT(vkCreateDevice)(handle, info, allocator, device);
+    if (result == VK_SUCCESS) {
+        std::lock_guard lock(mutex);
+        withMicromaps.erase(keyOf(*device)); // one that is gone
+        if (ext && asked(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) && features != nullptr &&
+            features->micromap == VK_TRUE)
+            withMicromaps.insert(keyOf(*device));
+    }
+    return result;
 }
 
 } // namespace
+
+bool knowsMicromaps(void *key)
+{
+    std::lock_guard lock(mutex);
+    return withMicromaps.contains(key);
+}
+
 } // namespace spy
 
 driver::LevelRows driver::spyRows()

@@ -27,7 +27,11 @@ inline void tell(const std::string &text)
     driver::tell(text, "SPY");
 }
 
-void expectStages(const char *where, VkPipelineStageFlags2 stages);
+// Whether it is of a device with the driver's own VK_EXT_opacity_micromap (trait "ext"): then that extension is
+// welcome.
+bool knowsMicromaps(void *key);
+
+void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages);
 // There was a build in the command buffer.
 void noteBuild(VkCommandBuffer commands);
 

@@ -12,7 +12,7 @@ namespace spy
 namespace
 {
 
-void expectNoMicromapUsage(const char *where, VkBufferUsageFlags usage, const void *chain)
+void expectNoMicromapUsage(void *key, const char *where, VkBufferUsageFlags usage, const void *chain)
 {
     struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
         VkStructureType sType;
@@ -20,7 +20,8 @@ void expectNoMicromapUsage(const char *where, VkBufferUsageFlags usage, const vo
         VkFlags64 usage;
     };
     const auto *flags2 = static_cast<const Usage2 *>(inChain(chain, static_cast<VkStructureType>(1000470006)));
-    if (((usage | (flags2 != nullptr ? flags2->usage : 0)) &
+    if (!knowsMicromaps(key) &&
+        ((usage | (flags2 != nullptr ? flags2->usage : 0)) &
          (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
         tell(std::string(where) + ": micromap usage");
 }
@@ -28,7 +29,7 @@ void expectNoMicromapUsage(const char *where, VkBufferUsageFlags usage, const vo
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkBuffer *buffer)
 {
-    expectNoMicromapUsage("vkCreateBuffer", info->usage, info->pNext);
+    expectNoMicromapUsage(keyOf(handle), "vkCreateBuffer", info->usage, info->pNext);
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
 }
 
@@ -36,7 +37,7 @@ VKAPI_ATTR void VKAPI_CALL bindDescriptorBuffers(VkCommandBuffer handle, std::ui
                                                  const VkDescriptorBufferBindingInfoEXT *infos)
 {
     for (std::uint32_t i = 0; i < count; ++i)
-        expectNoMicromapUsage("vkCmdBindDescriptorBuffersEXT", infos[i].usage, infos[i].pNext);
+        expectNoMicromapUsage(keyOf(handle), "vkCmdBindDescriptorBuffersEXT", infos[i].usage, infos[i].pNext);
     SPY_NEXT(vkCmdBindDescriptorBuffersEXT)(handle, count, infos);
 }
 

@@ -33,12 +33,53 @@ void expectPromises(const char *where, VkFlags64 flags)
         tell(std::string(where) + ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR");
 }
 
+// --- modules ---
+
+void expectModule(void *key, const char *where, const void *code, std::size_t size)
+{
+    constexpr std::uint32_t kExtension = 10, kExecutionModeId = 331, kCapability = 17; // Op...
+    const std::span words(static_cast<const std::uint32_t *>(code), size / sizeof(std::uint32_t));
+    for (std::size_t at = 5; at < words.size() && words[at] >> 16 != 0; at += words[at] >> 16) {
+        const std::uint32_t opcode = words[at] & 0xffff, length = words[at] >> 16;
+        if (opcode == kExtension) {
+            const std::string_view name(reinterpret_cast<const char *>(&words[at + 1]));
+            if (name == "SPV_KHR_opacity_micromap" || (name == "SPV_EXT_opacity_micromap" && !knowsMicromaps(key)))
+                tell(std::string(where) + ": a module with " + std::string(name));
+        }
+        if (opcode == kCapability && length == 2) {
+            constexpr std::uint32_t kMicromap = 5381, kExecutionMode = 6032; // RayTracingOpacityMicromap...
+            if (words[at + 1] == kExecutionMode || (words[at + 1] == kMicromap && !knowsMicromaps(key)))
+                tell(std::string(where) + ": a module with the capability " + std::to_string(words[at + 1]));
+        }
+        if (opcode == kExecutionModeId && length > 2 && words[at + 2] == 6031)
+            tell(std::string(where) + ": a module with OpacityMicromapIdKHR");
+    }
+}
+
+void expectStageModules(void *key, const char *where, std::span<const VkPipelineShaderStageCreateInfo> stages)
+{
+    for (const VkPipelineShaderStageCreateInfo &stage : stages) {
+        if (const auto *module =
+                inChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO))
+            expectModule(key, where, module->pCode, module->codeSize);
+    }
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
+                                                  const VkAllocationCallbacks *allocator, VkShaderModule *module)
+{
+    expectModule(keyOf(handle), "vkCreateShaderModule", info->pCode, info->codeSize);
+    return SPY_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
                                                       const VkComputePipelineCreateInfo *infos,
                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    for (const VkComputePipelineCreateInfo &info : std::span(infos, count))
+    for (const VkComputePipelineCreateInfo &info : std::span(infos, count)) {
         expectPromises("vkCreateComputePipelines", pipelineFlags(info.pNext, info.flags));
+        expectStageModules(keyOf(handle), "vkCreateComputePipelines", {&info.stage, 1});
+    }
     const VkResult result = SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
     for (std::uint32_t i = 0; i < count; ++i)
         lookInCache(cache, infos[i], pipelines[i]);
@@ -49,8 +90,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipeli
                                                        const VkGraphicsPipelineCreateInfo *infos,
                                                        const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    for (const VkGraphicsPipelineCreateInfo &info : std::span(infos, count))
+    for (const VkGraphicsPipelineCreateInfo &info : std::span(infos, count)) {
         expectPromises("vkCreateGraphicsPipelines", pipelineFlags(info.pNext, info.flags));
+        expectStageModules(keyOf(handle), "vkCreateGraphicsPipelines", {info.pStages, info.stageCount});
+    }
     return SPY_NEXT(vkCreateGraphicsPipelines)(handle, cache, count, infos, allocator, pipelines);
 }
 
@@ -78,6 +121,9 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t coun
     for (const ShaderCreateInfo &info : std::span(infos, count)) {
         if ((info.flags & disallowMixed) != 0)
             tell("vkCreateShadersEXT: OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT");
+        constexpr std::uint32_t spirv = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
+        if (info.codeType == spirv)
+            expectModule(keyOf(handle), "vkCreateShadersEXT", info.pCode, info.codeSize);
     }
     const auto next = nextOfDevice<decltype(&createShaders)>(keyOf(handle), "vkCreateShadersEXT");
     return next(handle, count, infos, allocator, shaders);
@@ -140,12 +186,13 @@ StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &in
     return need;
 }
 
-void expectPipeline(const VkRayTracingPipelineCreateInfoKHR &info)
+void expectPipeline(void *key, const VkRayTracingPipelineCreateInfoKHR &info)
 {
     const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
-    if ((flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
+    if (!knowsMicromaps(key) && (flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
         tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
     expectPromises("vkCreateRayTracingPipelinesKHR", flags);
+    expectStageModules(key, "vkCreateRayTracingPipelinesKHR", {info.pStages, info.stageCount});
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
@@ -154,7 +201,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDefe
                                                          const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     for (std::uint32_t i = 0; i < count; ++i)
-        expectPipeline(infos[i]);
+        expectPipeline(keyOf(handle), infos[i]);
     const VkResult result =
         SPY_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, count, infos, allocator, pipelines);
     if (result != VK_SUCCESS && result != VK_OPERATION_NOT_DEFERRED_KHR)
@@ -196,6 +243,7 @@ VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, std::uint32_t
 std::span<const Row> pipelines()
 {
     static const Row rows[]{
+        {"vkCreateShaderModule", SPY_FUNCTION(createShaderModule)},
         {"vkCreateComputePipelines", SPY_FUNCTION(createComputePipelines)},
         {"vkCreateGraphicsPipelines", SPY_FUNCTION(createGraphicsPipelines)},
         {"vkCreateShadersEXT", SPY_FUNCTION(createShaders)},

@@ -8,26 +8,27 @@ namespace spy
 namespace
 {
 
-void expectBuild(const char *where, const VkAccelerationStructureBuildGeometryInfoKHR &info)
+void expectBuild(void *key, const char *where, const VkAccelerationStructureBuildGeometryInfoKHR &info)
 {
-    constexpr VkFlags ours = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
-                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
-                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT |
-                             0x400; // VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR
+    constexpr VkFlags ext = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
+                            VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
+                            VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
     if (info.type > VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
         tell(std::string(where) + ": a type that the driver does not know");
-    if ((info.flags & ours) != 0)
+    if ((info.flags & VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR) != 0)
+        tell(std::string(where) + ": VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR");
+    if (!knowsMicromaps(key) && (info.flags & ext) != 0)
         tell(std::string(where) + ": micromap build flags");
     for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
         const VkAccelerationStructureGeometryKHR &geometry =
             info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
         if (geometry.geometryType > VK_GEOMETRY_TYPE_INSTANCES_KHR)
             tell(std::string(where) + ": a type of geometry that the driver does not know");
-        // VkAccelerationStructureTrianglesOpacityMicromapKHR
         if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
-            inChain(geometry.geometry.triangles.pNext, static_cast<VkStructureType>(1000623003)) != nullptr)
+            inChain(geometry.geometry.triangles.pNext,
+                    VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR) != nullptr)
             tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapKHR");
-        if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
+        if (!knowsMicromaps(key) && geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
             inChain(geometry.geometry.triangles.pNext,
                     VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT) != nullptr)
             tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapEXT");
@@ -51,8 +52,10 @@ bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
     return theDrivers;
 }
 
-bool expectObject(const char *where, VkObjectType type, std::uint64_t object)
+bool expectObject(void *key, const char *where, VkObjectType type, std::uint64_t object)
 {
+    if (type == VK_OBJECT_TYPE_MICROMAP_EXT && knowsMicromaps(key))
+        return true;
     if (type == VK_OBJECT_TYPE_MICROMAP_EXT)
         tell(std::string(where) + ": an object of type VK_OBJECT_TYPE_MICROMAP_EXT");
     if (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
@@ -110,21 +113,23 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
 VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
                                               VkPrivateDataSlot slot, std::uint64_t data)
 {
-    return expectObject("vkSetPrivateData", type, object) ? SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data)
-                                                          : VK_SUCCESS;
+    return expectObject(keyOf(handle), "vkSetPrivateData", type, object)
+               ? SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data)
+               : VK_SUCCESS;
 }
 
 VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
                                           VkPrivateDataSlot slot, std::uint64_t *data)
 {
-    if (expectObject("vkGetPrivateData", type, object))
+    if (expectObject(keyOf(handle), "vkGetPrivateData", type, object))
         SPY_NEXT(vkGetPrivateData)(handle, type, object, slot, data);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL setName(VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
 {
     const auto next = SPY_NEXT(vkSetDebugUtilsObjectNameEXT);
-    return expectObject("vkSetDebugUtilsObjectNameEXT", info->objectType, info->objectHandle) && next != nullptr
+    return expectObject(keyOf(handle), "vkSetDebugUtilsObjectNameEXT", info->objectType, info->objectHandle) &&
+                   next != nullptr
                ? next(handle, info)
                : VK_SUCCESS;
 }
@@ -132,21 +137,24 @@ VKAPI_ATTR VkResult VKAPI_CALL setName(VkDevice handle, const VkDebugUtilsObject
 VKAPI_ATTR VkResult VKAPI_CALL setTag(VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
 {
     const auto next = SPY_NEXT(vkSetDebugUtilsObjectTagEXT);
-    return expectObject("vkSetDebugUtilsObjectTagEXT", info->objectType, info->objectHandle) && next != nullptr
+    return expectObject(keyOf(handle), "vkSetDebugUtilsObjectTagEXT", info->objectType, info->objectHandle) &&
+                   next != nullptr
                ? next(handle, info)
                : VK_SUCCESS;
 }
 
 // Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
-VKAPI_ATTR VkResult VKAPI_CALL setMarkerName(VkDevice, const VkDebugMarkerObjectNameInfoEXT *info)
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerName(VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
 {
-    expectObject("vkDebugMarkerSetObjectNameEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    expectObject(keyOf(handle), "vkDebugMarkerSetObjectNameEXT", static_cast<VkObjectType>(info->objectType),
+                 info->object);
     return VK_SUCCESS;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL setMarkerTag(VkDevice, const VkDebugMarkerObjectTagInfoEXT *info)
+VKAPI_ATTR VkResult VKAPI_CALL setMarkerTag(VkDevice handle, const VkDebugMarkerObjectTagInfoEXT *info)
 {
-    expectObject("vkDebugMarkerSetObjectTagEXT", static_cast<VkObjectType>(info->objectType), info->object);
+    expectObject(keyOf(handle), "vkDebugMarkerSetObjectTagEXT", static_cast<VkObjectType>(info->objectType),
+                 info->object);
     return VK_SUCCESS;
 }
 
@@ -154,7 +162,7 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
                                          const VkAccelerationStructureBuildGeometryInfoKHR *info,
                                          const std::uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
-    expectBuild("vkGetAccelerationStructureBuildSizesKHR", *info);
+    expectBuild(keyOf(handle), "vkGetAccelerationStructureBuildSizesKHR", *info);
     SPY_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, sizes);
 }
 
@@ -163,9 +171,20 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     for (std::uint32_t i = 0; i < count; ++i)
-        expectBuild("vkCmdBuildAccelerationStructuresKHR", infos[i]);
+        expectBuild(keyOf(handle), "vkCmdBuildAccelerationStructuresKHR", infos[i]);
     noteBuild(handle);
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, std::uint32_t count,
+                                            const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                            const VkDeviceAddress *addresses, const std::uint32_t *strides,
+                                            const std::uint32_t *const *most)
+{
+    for (std::uint32_t i = 0; i < count; ++i)
+        expectBuild(keyOf(handle), "vkCmdBuildAccelerationStructuresIndirectKHR", infos[i]);
+    noteBuild(handle);
+    SPY_NEXT(vkCmdBuildAccelerationStructuresIndirectKHR)(handle, count, infos, addresses, strides, most);
 }
 
 } // namespace
@@ -184,6 +203,7 @@ std::span<const Row> structures()
         {"vkSetDebugUtilsObjectTagEXT", SPY_FUNCTION(setTag)},
         {"vkGetAccelerationStructureBuildSizesKHR", SPY_FUNCTION(getBuildSizes)},
         {"vkCmdBuildAccelerationStructuresKHR", SPY_FUNCTION(cmdBuild)},
+        {"vkCmdBuildAccelerationStructuresIndirectKHR", SPY_FUNCTION(cmdBuildIndirect)},
         {"vkDebugMarkerSetObjectNameEXT", SPY_FUNCTION(setMarkerName), Row::Where::Always},
         {"vkDebugMarkerSetObjectTagEXT", SPY_FUNCTION(setMarkerTag), Row::Where::Always},
     };

@@ -9,28 +9,29 @@
 namespace spy
 {
 
-void expectStages(const char *where, VkPipelineStageFlags2 stages)
+void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages)
 {
-    if ((stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0)
+    if (!knowsMicromaps(key) && (stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0)
         tell(std::string(where) + ": MICROMAP_BUILD stage");
 }
 
 namespace
 {
 
-void expectAccess(const char *where, VkAccessFlags2 access)
+void expectAccess(void *key, const char *where, VkAccessFlags2 access)
 {
-    if ((access & (VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT)) != 0)
+    if (!knowsMicromaps(key) &&
+        (access & (VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT)) != 0)
         tell(std::string(where) + ": MICROMAP_READ or MICROMAP_WRITE access");
 }
 
 template <class Barrier>
-void expectBarrier(const char *where, const Barrier &barrier)
+void expectBarrier(void *key, const char *where, const Barrier &barrier)
 {
-    expectStages(where, barrier.srcStageMask);
-    expectStages(where, barrier.dstStageMask);
-    expectAccess(where, barrier.srcAccessMask);
-    expectAccess(where, barrier.dstAccessMask);
+    expectStages(key, where, barrier.srcStageMask);
+    expectStages(key, where, barrier.dstStageMask);
+    expectAccess(key, where, barrier.srcAccessMask);
+    expectAccess(key, where, barrier.dstAccessMask);
 }
 
 // "MEMORY srcStage srcAccess dstStage dstAccess", and for buffers " srcFamily dstFamily offset size buffer" after it.
@@ -48,7 +49,7 @@ void tellBarrier(const Barrier &b)
     tell(text.str());
 }
 
-void expectDependency(const char *where, const VkDependencyInfo &info)
+void expectDependency(void *key, const char *where, const VkDependencyInfo &info)
 {
     if (inChain(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR) != nullptr)
         tell(std::string(where) + ": VkMemoryRangeBarriersInfoKHR");
@@ -57,28 +58,28 @@ void expectDependency(const char *where, const VkDependencyInfo &info)
     for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
         tellBarrier(b);
     for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
-        expectBarrier(where, b);
+        expectBarrier(key, where, b);
     for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
-        expectBarrier(where, b);
+        expectBarrier(key, where, b);
     for (const VkImageMemoryBarrier2 &b : std::span(info.pImageMemoryBarriers, info.imageMemoryBarrierCount))
-        expectBarrier(where, b);
+        expectBarrier(key, where, b);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
 {
-    expectDependency("vkCmdPipelineBarrier2", *info);
+    expectDependency(keyOf(handle), "vkCmdPipelineBarrier2", *info);
     SPY_NEXT(vkCmdPipelineBarrier2)(handle, info);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdSetEvent2(VkCommandBuffer handle, VkEvent event, const VkDependencyInfo *info)
 {
-    expectDependency("vkCmdSetEvent2", *info);
+    expectDependency(keyOf(handle), "vkCmdSetEvent2", *info);
     SPY_NEXT(vkCmdSetEvent2)(handle, event, info);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer handle, VkEvent event, VkPipelineStageFlags2 stages)
 {
-    expectStages("vkCmdResetEvent2", stages);
+    expectStages(keyOf(handle), "vkCmdResetEvent2", stages);
     SPY_NEXT(vkCmdResetEvent2)(handle, event, stages);
 }
 
@@ -86,14 +87,14 @@ VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer handle, std::uint32_t 
                                           const VkDependencyInfo *infos)
 {
     for (std::uint32_t i = 0; i < count; ++i)
-        expectDependency("vkCmdWaitEvents2", infos[i]);
+        expectDependency(keyOf(handle), "vkCmdWaitEvents2", infos[i]);
     SPY_NEXT(vkCmdWaitEvents2)(handle, count, events, infos);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkQueryPool pool,
                                               std::uint32_t query)
 {
-    expectStages("vkCmdWriteTimestamp2", stage);
+    expectStages(keyOf(handle), "vkCmdWriteTimestamp2", stage);
     SPY_NEXT(vkCmdWriteTimestamp2)(handle, stage, pool, query);
 }
 
@@ -106,7 +107,7 @@ bool hasMarkers()
 VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkBuffer buffer,
                                                  VkDeviceSize offset, std::uint32_t marker)
 {
-    expectStages("vkCmdWriteBufferMarker2AMD", stage);
+    expectStages(keyOf(handle), "vkCmdWriteBufferMarker2AMD", stage);
     if (hasMarkers())
         SPY_NEXT(vkCmdFillBuffer)(handle, buffer, offset, 4, marker);
 }
@@ -116,9 +117,9 @@ VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, std::uint32_t count,
 {
     for (const VkSubmitInfo2 &s : std::span(submits, count)) {
         for (const VkSemaphoreSubmitInfo &w : std::span(s.pWaitSemaphoreInfos, s.waitSemaphoreInfoCount))
-            expectStages("vkQueueSubmit2", w.stageMask);
+            expectStages(keyOf(handle), "vkQueueSubmit2", w.stageMask);
         for (const VkSemaphoreSubmitInfo &w : std::span(s.pSignalSemaphoreInfos, s.signalSemaphoreInfoCount))
-            expectStages("vkQueueSubmit2", w.stageMask);
+            expectStages(keyOf(handle), "vkQueueSubmit2", w.stageMask);
     }
     return SPY_NEXT(vkQueueSubmit2)(handle, count, submits, fence);
 }
@@ -128,7 +129,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRender
 {
     for (const VkSubpassDependency2 &d : std::span(info->pDependencies, info->dependencyCount)) {
         if (const void *barrier = inChain(d.pNext, VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
-            expectBarrier("vkCreateRenderPass2", *static_cast<const VkMemoryBarrier2 *>(barrier));
+            expectBarrier(keyOf(handle), "vkCreateRenderPass2", *static_cast<const VkMemoryBarrier2 *>(barrier));
     }
     return SPY_NEXT(vkCreateRenderPass2)(handle, info, allocator, pass);
 }

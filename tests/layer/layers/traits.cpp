@@ -11,6 +11,12 @@ std::span<const Trait> allTraits()
          "a driver that knows nothing of micromaps, and tells of every flag, structure and name of theirs"},
         {"displacement", Level::Spy, "a driver with micromaps and VK_NV_displacement_micromap, which it only says"},
         {"hostmemory", Level::Spy, "a memory type more, of which there is memory left when there is no other"},
+        {"ext", Level::Ext,
+         "VK_EXT_opacity_micromap, of a second copy of Vellum's layer below, and neither VK_KHR_opacity_micromap nor "
+         "VK_KHR_device_address_commands"},
+        {"emulating", Level::Ext,
+         "a driver that rewrites shaders and structures itself: that copy emulates micromaps on every device, though "
+         "it says nothing of them"},
         {"failures", Level::Failures, "what a test asks for runs out of memory, or the device is lost (Lost Device)"},
         {"uncompiled", Level::Failures,
          "pipelines that are made only if nothing has to be compiled are not made (VK_PIPELINE_COMPILE_REQUIRED)"},

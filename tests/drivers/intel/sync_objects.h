@@ -1,0 +1,35 @@
+// Synchronization objects as the kernel has them: a number that only grows. A binary object is signaled when it is not
+// 0.
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <span>
+
+#include "interface.h"
+
+namespace vellum::test::intel
+{
+
+// Every function returns 0 or an error of errno.h.
+class SyncObjects
+{
+public:
+    u32 create(bool signaled);
+    int destroy(u32 handle);
+    int reset(std::span<const u32> handles);
+    // A point of 0 signals a binary object.
+    int signal(u32 handle, u64 point);
+    int value(u32 handle, u64 &value);
+    // Nothing that the GPU still works on is ever waited for, as it works on nothing; only other threads are.
+    int wait(std::span<const u32> handles, std::span<const u64> points, std::int64_t deadline, u32 flags, u32 &first);
+
+private:
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::map<u32, u64> values_;
+    u32 last_ = 0;
+};
+
+} // namespace vellum::test::intel

@@ -1,0 +1,83 @@
+// Commands of the layer and of an application that a GPU's driver records and submits. What they do is nothing, as
+// there is no GPU (intel/absent_gpu.h): the driver must take them, and the layer must get on with a device that
+// computes nothing.
+#include "compiled.h"
+
+#include <gtest/gtest.h>
+
+#include "harness/pipeline_tracer.h"
+
+namespace vellum::test
+{
+namespace
+{
+
+struct Device {
+    const char *name;
+    vt::Api api;
+    const char *carriedRayFlags; // the layer's setting: "on" tries what the driver does with unused ray flag bits
+};
+
+std::ostream &operator<<(std::ostream &out, const Device &device)
+{
+    return out << device.name;
+}
+
+class Submission : public testing::TestWithParam<Device>
+{
+};
+
+TEST_P(Submission, BuildsAndTracesAreTaken)
+{
+    vt::Options options{.validation = false, .spy = false};
+    options.api = GetParam().api;
+    options.newer = true;
+    if (!useGpu(GetParam().name, options))
+        GTEST_SKIP() << "the driver " << nameOf(driverOf(GetParam().name))
+                     << " is not installed (Debian: mesa-vulkan-drivers)";
+    setenv("VELLUM_CARRIED_RAY_FLAGS", GetParam().carriedRayFlags, 1);
+    vt::Gpu gpu(options);
+    vt::MicromapInput input;
+    const std::vector<std::uint8_t> states(16, 2);
+    input.add(2, vt::kFourState, states);
+    vt::Micromap micromap(gpu, input, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    micromap.build();
+    vt::Geometry triangle;
+    vt::appendTriangle(triangle.vertices, {});
+    triangle.micromap = vt::Attachment{&micromap};
+    vt::Geometry box;
+    box.boxes = {{0, 0, 0, 1, 1, 1}};
+    const vt::Blas triangles(gpu, {triangle}), boxes(gpu, {box});
+    const vt::Tlas scene(gpu, {vt::instance(triangles, {}, 1), vt::instance(boxes, {2, 0, 0}, 2)});
+    const std::vector<vt::Ray> rays(4);
+    EXPECT_EQ(vt::Tracer(gpu).trace(scene, rays).size(), rays.size());
+    // An intersection shader that no group has would crash ANV, without the layer as well.
+    vt::PipelineTracer tracer(gpu, {.groups = {{}, {.box = true}, {.box = true, .anyHit = false}}});
+    EXPECT_EQ(tracer.trace(scene, rays).size(), rays.size());
+    // The trial finds nothing where it looks for its ray flag bits, and the layer warns of what it cannot do then.
+    const bool trial = std::string_view(GetParam().carriedRayFlags) == "on";
+    std::size_t warnings = 0;
+    for (const vt::Message &m : gpu.takeUnexpectedMessages()) {
+        if (trial && m.id == "VELLUM-intersection-ray-flags")
+            ++warnings;
+        else
+            ADD_FAILURE() << m.id << ": " << m.text;
+    }
+    EXPECT_EQ(warnings > 0, trial);
+}
+
+std::string nameOf(const testing::TestParamInfo<Device> &info)
+{
+    const std::string flags = std::string_view(info.param.carriedRayFlags) == "on" ? "WithTrial" : "";
+    return info.param.name + std::string(info.param.api == vt::Api::Khr ? "Khr" : "Ext") + flags;
+}
+
+INSTANTIATE_TEST_SUITE_P(Intel, Submission,
+                         testing::Values(Device{"dg2", vt::Api::Ext, "off"}, Device{"dg2", vt::Api::Khr, "off"},
+                                         Device{"dg2", vt::Api::Ext, "on"}, Device{"mtl", vt::Api::Ext, "off"},
+                                         Device{"lnl", vt::Api::Ext, "off"}, Device{"bmg", vt::Api::Ext, "off"},
+                                         Device{"bmg", vt::Api::Khr, "on"}),
+                         nameOf);
+
+} // namespace
+} // namespace vellum::test
