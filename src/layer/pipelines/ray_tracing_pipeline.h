@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <mutex>
 
@@ -24,6 +25,7 @@ struct RayTracingPipeline {
     // The driver's pipeline has one group more after these: the one that stands in for null handles.
     bool hasNullGroup = false;
     std::array<uint32_t, kGroupHandleBytes / 4> nullHandle{};
+    spirv::HiddenFlags hidden; // of its rays
 
     [[nodiscard]] uint32_t driverGroup(uint32_t group) const
     {
@@ -35,6 +37,10 @@ struct RayTracingPipeline {
 VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
                                    const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
                                    VkPipeline *);
+// Calls `use` with a pipeline as the driver would get it. VK_PIPELINE_COMPILE_REQUIRED where there is no code for it.
+VkResult withDriverInfo(
+    DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+    const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const spirv::HiddenFlags &)> &use);
 void destroyPipeline(DevicePipelines &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
 VkResult getShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
 VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t,

@@ -16,6 +16,7 @@ struct PipelineFlags2 {
 class ComputePipeline
 {
 public:
+    // `inlineModule`: the code is in the stage's chain.
     ComputePipeline(Gpu &gpu, VkPipelineLayout layout, std::span<const std::uint32_t> words, VkFlags64 flags,
                     bool inlineModule = false)
         : gpu_(gpu)

@@ -89,7 +89,7 @@ TEST_F(GeneratedCommandsOfDevice, ChoosesPipelines)
         Tracer tracer(gpu());
         tracer.prepare(scene.tlas(), StateScene::rays());
         const ComputePipeline other(gpu(), tracer.layout(), tracer_constant_080, generated::kIndirectBindableBit);
-        const ComputePipeline pipeline(gpu(), tracer.layout(), tracer_comp, generated::kIndirectBindableBit);
+        const ComputePipeline pipeline(gpu(), tracer.layout(), tracer_comp, generated::kIndirectBindableBit, true);
         const ExecutionSet set(gpu(), std::array{other.handle(), pipeline.handle()});
         const GeneratedCommands generated(
             gpu(),
