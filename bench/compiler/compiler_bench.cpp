@@ -1,5 +1,6 @@
-// What the layer makes of shaders, as compilers for GPUs see it: Mesa's RADV compiles for GPUs that are not there
-// (tests/layer/layers/null_layer.cpp). Numbers of VK_KHR_pipeline_executable_properties, without the layer and with it.
+// What the layer makes of shaders, as compilers for GPUs see it: Mesa's RADV and ANV compile for GPUs that are not
+// there (tests/drivers). Numbers of VK_KHR_pipeline_executable_properties, without the layer and with it.
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <iterator>
@@ -21,11 +22,41 @@ namespace
 {
 
 using vellum::test::Compiled;
+using vellum::test::Driver;
 using vellum::test::Executable;
 
-struct Numbers {
-    std::uint64_t instructions = 0, vectors = 0, scalars = 0, spills = 0, loads = 0, latency = 0;
+// A column of the table: a number that the driver tells, by the names that it has there.
+enum class Over { Sum, Most, Least }; // of all shaders of a pipeline
+enum class Shown { Plain, Difference, Thousands };
+struct Column {
+    const char *title;
+    Over over;
+    Shown shown;
+    std::vector<const char *> names; // added up
 };
+
+const std::vector<Column> &columnsOf(Driver driver)
+{
+    // RADV puts a pipeline's shaders into the one for ray generation, where it can.
+    static const std::vector<Column> radv{
+        {"instructions", Over::Sum, Shown::Difference, {"Instructions"}},
+        {"VGPRs", Over::Most, Shown::Difference, {"VGPRs"}},
+        {"SGPRs", Over::Most, Shown::Plain, {"SGPRs"}},
+        {"spills", Over::Sum, Shown::Plain, {"Spilled VGPRs", "Spilled SGPRs"}},
+        {"load groups", Over::Sum, Shown::Difference, {"VMEM Clause", "SMEM Clause"}},
+        {"est. latency", Over::Sum, Shown::Thousands, {"Latency"}},
+    };
+    // With the names of Mesa 25 and of Mesa 26.
+    static const std::vector<Column> anv{
+        {"instructions", Over::Sum, Shown::Difference, {"Instruction Count", "Instructions"}},
+        {"live registers", Over::Most, Shown::Difference, {"Max live registers"}},
+        {"SIMD width", Over::Least, Shown::Plain, {"Max dispatch width"}},
+        {"spills", Over::Sum, Shown::Plain, {"Spill Count", "Fill Count", "Spills", "Fills"}},
+        {"messages", Over::Sum, Shown::Difference, {"SEND Count", "SENDs"}},
+        {"est. cycles", Over::Sum, Shown::Thousands, {"Cycle Count", "Cycles"}},
+    };
+    return driver == Driver::Anv ? anv : radv;
+}
 
 std::uint64_t get(const Executable &executable, const char *name)
 {
@@ -33,25 +64,46 @@ std::uint64_t get(const Executable &executable, const char *name)
     return found == executable.statistics.end() ? 0 : found->second;
 }
 
-// Of all shaders of a pipeline. Where the compiler puts all into the ray generation shader, that is all there is.
-Numbers numbersOf(const Compiled &pipeline, bool all)
+using Numbers = std::vector<std::uint64_t>; // one for each column
+
+Numbers numbersOf(const Compiled &pipeline, const std::vector<Column> &columns, bool all)
 {
-    Numbers sum;
-    for (const Executable &e : pipeline.executables()) {
-        if (all) {
-            fmt::print("    {} (stages {:#x}):", e.name, e.stages);
-            for (const auto &[name, value] : e.statistics)
-                fmt::print(" {} {};", name, value);
-            fmt::print("\n");
-        }
-        sum.instructions += get(e, "Instructions");
-        sum.vectors = std::max(sum.vectors, get(e, "VGPRs"));
-        sum.scalars = std::max(sum.scalars, get(e, "SGPRs"));
-        sum.spills += get(e, "Spilled VGPRs") + get(e, "Spilled SGPRs");
-        sum.loads += get(e, "VMEM Clause") + get(e, "SMEM Clause");
-        sum.latency += get(e, "Latency");
+    const std::vector<Executable> executables = pipeline.executables();
+    for (const Executable &e : executables) {
+        if (!all)
+            break;
+        fmt::print("    {} (stages {:#x}):", e.name, e.stages);
+        for (const auto &[name, value] : e.statistics)
+            fmt::print(" {} {};", name, value);
+        fmt::print("\n");
     }
-    return sum;
+    Numbers numbers;
+    for (const Column &column : columns) {
+        std::uint64_t number = column.over == Over::Least ? UINT64_MAX : 0;
+        for (const Executable &e : executables) {
+            std::uint64_t one = 0;
+            for (const char *name : column.names)
+                one += get(e, name);
+            number = column.over == Over::Sum    ? number + one
+                     : column.over == Over::Most ? std::max(number, one)
+                                                 : std::min(number, one);
+        }
+        numbers.push_back(number);
+    }
+    return numbers;
+}
+
+std::string cell(Shown shown, std::uint64_t from, std::uint64_t to)
+{
+    const auto a = static_cast<double>(from), b = static_cast<double>(to);
+    switch (shown) {
+    case Shown::Plain: return fmt::format("{} -> {}", from, to);
+    case Shown::Difference:
+        return fmt::format("{} -> {} ({:+})", from, to,
+                           static_cast<std::int64_t>(to) - static_cast<std::int64_t>(from));
+    case Shown::Thousands: return fmt::format("{:.1f}k -> {:.1f}k ({:+.0f} %)", a / 1e3, b / 1e3, (b / a - 1) * 100);
+    }
+    return {};
 }
 
 enum class Kind { Query, Pipeline, PipelineWithoutAnyHit };
@@ -96,9 +148,9 @@ constexpr Case kCases[] = {
 void measure(const std::string &name, bool all)
 {
     vt::Options options{.vellum = false, .validation = false, .spy = false, .micromaps = false};
-    if (!vellum::test::useGpu(name, options))
-        throw std::runtime_error(fmt::format("{} is not installed (Debian: mesa-vulkan-drivers)",
-                                             vellum::test::nameOf(vellum::test::driverOf(name))));
+    if (const std::string whyNot = vellum::test::useGpu(name, options); !whyNot.empty())
+        throw std::runtime_error(whyNot);
+    const std::vector<Column> &columns = columnsOf(vellum::test::driverOf(name));
     std::vector<Numbers> without, with;
     for (const bool layer : {false, true}) {
         options.vellum = options.micromaps = layer;
@@ -106,42 +158,49 @@ void measure(const std::string &name, bool all)
         for (const Case &c : kCases) {
             if (all)
                 fmt::print("  {}, {}, {} the layer\n", name, c.name, layer ? "with" : "without");
-            (layer ? with : without).push_back(numbersOf(compile(gpu, c.kind, c.heavy), all));
+            (layer ? with : without).push_back(numbersOf(compile(gpu, c.kind, c.heavy), columns, all));
         }
     }
     for (std::size_t i = 0; i < std::size(kCases); ++i) {
-        const Numbers &a = without[i], &b = with[i];
-        const auto difference = [](std::uint64_t from, std::uint64_t to) {
-            return static_cast<std::int64_t>(to) - static_cast<std::int64_t>(from);
-        };
-        fmt::print("| {} | {} | {} -> {} ({:+}) | {} -> {} ({:+}) | {} -> {} | {} -> {} | {} -> {} ({:+}) | {:.1f}k -> "
-                   "{:.1f}k ({:+.0f} %) |\n",
-                   name, kCases[i].name, a.instructions, b.instructions, difference(a.instructions, b.instructions),
-                   a.vectors, b.vectors, difference(a.vectors, b.vectors), a.scalars, b.scalars, a.spills, b.spills,
-                   a.loads, b.loads, difference(a.loads, b.loads), static_cast<double>(a.latency) / 1e3,
-                   static_cast<double>(b.latency) / 1e3,
-                   (static_cast<double>(b.latency) / static_cast<double>(a.latency) - 1) * 100);
+        fmt::print("| {} | {} |", name, kCases[i].name);
+        for (std::size_t c = 0; c < columns.size(); ++c)
+            fmt::print(" {} |", cell(columns[c].shown, without[i][c], with[i][c]));
+        fmt::print("\n");
     }
+}
+
+void printHeader(Driver driver)
+{
+    std::string titles = "| GPU | shader |", rule = "|---|---|";
+    for (const Column &column : columnsOf(driver)) {
+        titles += fmt::format(" {} |", column.title);
+        rule += "--:|";
+    }
+    fmt::print("{}\n{}\n", titles, rule);
 }
 
 } // namespace
 
 int main(int argc, char **argv)
 {
-    CLI::App app("What RADV's compiler makes of shaders, without the layer -> with it. No GPU is needed.");
-    std::vector<std::string> gpus{"navi21", "navi31", "gfx1201"};
+    CLI::App app("What the compilers of RADV and ANV make of shaders, without the layer -> with it. No GPU is needed.");
+    std::vector<std::string> gpus{"navi21", "navi31", "gfx1201", "dg2", "bmg"};
     bool all = false, emulate = false;
-    app.add_option("gpu", gpus, "RADV's names of GPUs");
+    app.add_option("gpu", gpus, "RADV's names of AMD's GPUs; of Intel's dg2, mtl, lnl, bmg");
     app.add_flag("--all", all, "Print all numbers of each shader of each pipeline");
-    app.add_flag("--emulate", emulate, "Emulate what the GPU lacks to trace rays");
+    app.add_flag("--emulate", emulate, "Emulate what AMD's GPU lacks to trace rays");
     CLI11_PARSE(app, argc, argv);
     if (emulate)
         setenv("RADV_PERFTEST", "emulate_rt", 1);
-    fmt::print("| GPU | shader | instructions | VGPRs | SGPRs | spills | load groups | est. latency |\n"
-               "|---|---|--:|--:|--:|--:|--:|--:|\n");
+    // Each driver has a table of its own.
+    std::ranges::stable_sort(gpus, {}, vellum::test::driverOf);
     try {
-        for (const std::string &gpu : gpus)
-            measure(gpu, all);
+        for (std::size_t i = 0; i < gpus.size(); ++i) {
+            const Driver driver = vellum::test::driverOf(gpus[i]);
+            if (i == 0 || driver != vellum::test::driverOf(gpus[i - 1]))
+                printHeader(driver);
+            measure(gpus[i], all);
+        }
     } catch (const std::exception &e) {
         fmt::print(stderr, "vellum-compiler-bench: {}\n", e.what());
         return 1;

@@ -39,6 +39,17 @@ std::optional<std::string> manifestOf(Driver driver)
     return {};
 }
 
+bool makesInstances()
+{
+    const VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
+    VkInstance instance = VK_NULL_HANDLE;
+    const VkResult result = vkCreateInstance(&info, nullptr, &instance);
+    if (result != VK_SUCCESS && result != VK_ERROR_INCOMPATIBLE_DRIVER)
+        VT_CHECK(result);
+    vkDestroyInstance(instance, nullptr);
+    return result == VK_SUCCESS;
+}
+
 } // namespace
 
 Driver driverOf(const std::string &gpu)
@@ -47,17 +58,12 @@ Driver driverOf(const std::string &gpu)
     return std::ranges::any_of(intel::gpus(), sameName) ? Driver::Anv : Driver::Radv;
 }
 
-const char *nameOf(Driver driver)
-{
-    return driver == Driver::Anv ? "ANV" : "RADV";
-}
-
-bool useGpu(const std::string &gpu, vt::Options &options)
+std::string useGpu(const std::string &gpu, vt::Options &options)
 {
     const Driver driver = driverOf(gpu);
     const std::optional<std::string> manifest = manifestOf(driver);
     if (!manifest)
-        return false;
+        return std::string(driver == Driver::Anv ? "ANV" : "RADV") + " is not installed (Debian: mesa-vulkan-drivers)";
     options.absentGpu = gpu;
     options.nullDevice = driver == Driver::Radv;
     if (driver == Driver::Anv) {
@@ -76,7 +82,9 @@ bool useGpu(const std::string &gpu, vt::Options &options)
     setenv("VK_DRIVER_FILES", manifest->c_str(), 1);
     setenv("VK_ICD_FILENAMES", manifest->c_str(), 1);
     setenv("MESA_SHADER_CACHE_DISABLE", "true", 1);
-    return true;
+    if (driver == Driver::Radv && !makesInstances())
+        return "this RADV makes no device without a GPU: RADV_FORCE_FAMILY is gone from Mesa 26.1";
+    return {};
 }
 
 Layout::Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules) : gpu_(gpu)

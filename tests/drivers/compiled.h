@@ -16,13 +16,12 @@ namespace vellum::test
 // Drivers that compile for GPUs that are not there: Mesa's for GPUs of AMD and of Intel.
 enum class Driver { Radv, Anv };
 Driver driverOf(const std::string &gpu);
-const char *nameOf(Driver driver);
 
 // Lets this process use a driver without its cache on disk, one of its GPUs, and the layers of this build, from the
-// next instance on. GPUs have RADV's names, or those of intel/absent_gpu.h. False if the driver is not installed. RADV
-// makes a device that can do nothing but compile, and nullDevice in the options stands for the rest of it. ANV gets a
-// GPU that does nothing, and has the layer's setting for drivers that drop ray flag bits, as ANV does.
-bool useGpu(const std::string &gpu, vt::Options &options);
+// next instance on. GPUs have RADV's names, or those of intel/absent_gpu.h. Gives back why it cannot; nothing if it
+// can. RADV makes a device that can do nothing but compile, and nullDevice in the options stands for the rest of it.
+// ANV gets a GPU that does nothing, and has the layer's setting for drivers that drop ray flag bits, as ANV does.
+std::string useGpu(const std::string &gpu, vt::Options &options);
 
 // What VK_KHR_pipeline_executable_properties tells of a shader.
 struct Executable {

@@ -64,9 +64,8 @@ protected:
         else
             unsetenv("RADV_PERFTEST");
         vt::Options options{.validation = false, .spy = false};
-        if (!useGpu(GetParam().name, options))
-            GTEST_SKIP() << "the driver " << nameOf(driverOf(GetParam().name))
-                         << " is not installed (Debian: mesa-vulkan-drivers)";
+        if (const std::string whyNot = useGpu(GetParam().name, options); !whyNot.empty())
+            GTEST_SKIP() << whyNot;
         options.api = GetParam().api;
         options.newer = true; // VkPipelineCreateFlags2CreateInfo
         // To see whose fault a failure is.

@@ -32,9 +32,8 @@ TEST_P(Submission, BuildsAndTracesAreTaken)
     vt::Options options{.validation = false, .spy = false};
     options.api = GetParam().api;
     options.newer = true;
-    if (!useGpu(GetParam().name, options))
-        GTEST_SKIP() << "the driver " << nameOf(driverOf(GetParam().name))
-                     << " is not installed (Debian: mesa-vulkan-drivers)";
+    if (const std::string whyNot = useGpu(GetParam().name, options); !whyNot.empty())
+        GTEST_SKIP() << whyNot;
     setenv("VELLUM_CARRIED_RAY_FLAGS", GetParam().carriedRayFlags, 1);
     vt::Gpu gpu(options);
     vt::MicromapInput input;
