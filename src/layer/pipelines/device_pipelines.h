@@ -4,7 +4,6 @@
 
 #include <atomic>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "layer/commands/device_commands.h"
@@ -28,7 +27,7 @@ struct DevicePipelines {
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
     HandleMap<VkShaderModule, bool> rewrittenModules{};                               // true: shaders that trace rays
     GivenIdentifiers givenIdentifiers{};
-    HandleMap<newer::PipelineBinary, std::optional<spirv::HiddenFlags>> pipelineBinaries{};
+    HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};
     std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
 };

@@ -57,9 +57,10 @@ Mask deviceMask(DevicePipelines &device)
 {
     const struct {
         ShaderBinaryHeader header;
-        uint64_t carriedRayFlags; // rewritten in another way where it is off
-    } facts{shaderBinaryHeader(device), uint64_t{device.driver.settings->carriedRayFlags}};
-    static_assert(sizeof facts == sizeof facts.header + sizeof facts.carriedRayFlags);
+        uint64_t settings; // that have shaders rewritten in another way
+    } facts{shaderBinaryHeader(device), uint64_t{device.driver.settings->carriedRayFlags} |
+                                            uint64_t{device.driver.settings->constantRayFlags} << 1};
+    static_assert(sizeof facts == sizeof facts.header + sizeof facts.settings);
     return maskOf(std::as_bytes(std::span(&facts, 1)));
 }
 

@@ -26,22 +26,22 @@ struct BinaryHeader {
 };
 static_assert(sizeof(BinaryHeader) == 48);
 
-BinaryHeader headerOf(DevicePipelines &device, const spirv::HiddenFlags &hidden)
+BinaryHeader headerOf(DevicePipelines &device, const HiddenInBinary &hidden)
 {
     return {shaderBinaryHeader(device), static_cast<uint32_t>(hidden.way), hidden.constant, 0};
 }
 
-// The hidden flags of a header that fits the device.
-std::optional<spirv::HiddenFlags> fits(DevicePipelines &device, const newer::PipelineBinaryData &data)
+// Of a header that fits the device; otherwise not known.
+HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinaryData &data)
 {
     using Way = spirv::HiddenFlags::Way;
     BinaryHeader header{};
     if (data.dataSize < sizeof header)
-        return std::nullopt;
+        return {};
     std::memcpy(&header, data.pData, sizeof header);
     if (!(header.device == shaderBinaryHeader(device)) || header.hiddenWay > static_cast<uint32_t>(Way::InPayload))
-        return std::nullopt;
-    return spirv::HiddenFlags{static_cast<Way>(header.hiddenWay), header.hiddenConstant};
+        return {};
+    return {true, static_cast<Way>(header.hiddenWay), header.hiddenConstant};
 }
 
 void mixKey(DevicePipelines &device, newer::PipelineBinaryKey &key)
@@ -50,7 +50,7 @@ void mixKey(DevicePipelines &device, newer::PipelineBinaryKey &key)
 }
 
 // Calls `use` with a create info as the driver gets it. VK_PIPELINE_COMPILE_REQUIRED where there is no code for it.
-using Use = std::function<VkResult(const newer::PipelineCreateInfo &, const spirv::HiddenFlags &)>;
+using Use = std::function<VkResult(const newer::PipelineCreateInfo &, const HiddenInBinary &)>;
 VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo &info, const Use &use)
 {
     const auto *const structure = static_cast<const VkBaseInStructure *>(info.pNext);
@@ -73,7 +73,7 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
     }
     if (structure && structure->sType == VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR) {
         return withDriverInfo(device, *reinterpret_cast<const VkRayTracingPipelineCreateInfoKHR *>(structure),
-                              [&](const VkRayTracingPipelineCreateInfoKHR &own, const spirv::HiddenFlags &hidden) {
+                              [&](const VkRayTracingPipelineCreateInfoKHR &own, const HiddenInBinary &hidden) {
                                   const newer::PipelineCreateInfo driverInfo{
                                       info.sType, const_cast<VkRayTracingPipelineCreateInfoKHR *>(&own)};
                                   return use(driverInfo, hidden);
@@ -97,18 +97,17 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
                                                given.pPipelineBinaryKeys + given.binaryCount);
     std::vector<newer::PipelineBinaryData> data(given.pPipelineBinaryData,
                                                 given.pPipelineBinaryData + given.binaryCount);
-    std::vector<spirv::HiddenFlags> hidden(given.binaryCount);
+    std::vector<HiddenInBinary> hidden(given.binaryCount);
     for (uint32_t i = 0; i < given.binaryCount; ++i) {
         mixKey(device, keys[i]);
-        const auto found = fits(device, data[i]);
-        if (!found) {
+        hidden[i] = hiddenFlagsOf(device, data[i]);
+        if (!hidden[i].known) {
             device.driver.report().error("VELLUM-pipeline-binary",
                                          "vkCreatePipelineBinariesKHR: binary " + std::to_string(i) +
                                              " is of another version of the layer, or of a device that had its tables "
                                              "elsewhere. The global key tells");
             return failAll(binaries);
         }
-        hidden[i] = *found;
         data[i].pData = static_cast<std::byte *>(data[i].pData) + sizeof(BinaryHeader);
         data[i].dataSize -= sizeof(BinaryHeader);
     }
@@ -132,7 +131,7 @@ const newer::PipelineBinaryInfo *binariesOf(const void *pNext)
     return info && info->binaryCount > 0 ? info : nullptr;
 }
 
-std::optional<spirv::HiddenFlags> hiddenFlagsIn(const DevicePipelines &device, const newer::PipelineBinaryInfo &info)
+HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const newer::PipelineBinaryInfo &info)
 {
     return device.pipelineBinaries.get(info.pPipelineBinaries[0]);
 }
@@ -142,7 +141,7 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
 {
     if (info->pKeysAndDataInfo)
         return createFromData(device, handle, *info, allocator, *binaries);
-    const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const spirv::HiddenFlags &hidden) {
+    const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
         for (uint32_t i = 0; binaries->pPipelineBinaries && i < binaries->pipelineBinaryCount; ++i) {
             if (result >= 0 && binaries->pPipelineBinaries[i])
@@ -153,7 +152,7 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
     if (info->pPipelineCreateInfo) {
         const VkResult result =
             withDriverInfo(device, *info->pPipelineCreateInfo,
-                           [&](const newer::PipelineCreateInfo &pipeline, const spirv::HiddenFlags &hidden) {
+                           [&](const newer::PipelineCreateInfo &pipeline, const HiddenInBinary &hidden) {
                                newer::PipelineBinaryCreateInfo driverInfo = *info;
                                driverInfo.pPipelineCreateInfo = &pipeline;
                                return create(driverInfo, hidden);
@@ -164,7 +163,7 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
         return newer::kPipelineBinaryMissing;
     }
     const auto pipeline = device.rayTracingPipelines.get(info->pipeline);
-    return create(*info, pipeline ? pipeline->hidden : spirv::HiddenFlags{});
+    return create(*info, pipeline ? pipeline->hidden : HiddenInBinary{true});
 }
 
 void destroyPipelineBinary(DevicePipelines &device, VkDevice handle, newer::PipelineBinary binary,
@@ -180,7 +179,7 @@ VkResult getPipelineKey(DevicePipelines &device, VkDevice handle, const newer::P
     VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
     if (info)
         result =
-            withDriverInfo(device, *info, [&](const newer::PipelineCreateInfo &driverInfo, const spirv::HiddenFlags &) {
+            withDriverInfo(device, *info, [&](const newer::PipelineCreateInfo &driverInfo, const HiddenInBinary &) {
                 return device.driver.next.GetPipelineKeyKHR(handle, &driverInfo, key);
             });
     else
@@ -214,8 +213,7 @@ VkResult getPipelineBinaryData(DevicePipelines &device, VkDevice handle, const n
         result = device.driver.next.GetPipelineBinaryDataKHR(handle, info, key, &driverSize,
                                                              static_cast<std::byte *>(data) + sizeof(BinaryHeader));
     if (result == VK_SUCCESS && data) {
-        const BinaryHeader header =
-            headerOf(device, device.pipelineBinaries.get(info->pipelineBinary).value_or(spirv::HiddenFlags{}));
+        const BinaryHeader header = headerOf(device, device.pipelineBinaries.get(info->pipelineBinary));
         std::memcpy(data, &header, sizeof header);
     }
     *size = result == VK_SUCCESS && data ? driverSize + sizeof(BinaryHeader) : needed;

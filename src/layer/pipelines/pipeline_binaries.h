@@ -4,12 +4,10 @@
 // what the driver gets, mixed with a mask of the device's tables (module_identifiers.h).
 #pragma once
 
-#include <optional>
-
 #include <vulkan/vulkan.h>
 
 #include "layer/ground/vulkan_newer.h"
-#include "spirv/rewrite.h"
+#include "layer/pipelines/ray_tracing_pipeline.h"
 
 namespace vellum::layer
 {
@@ -20,8 +18,8 @@ struct DevicePipelines;
 const newer::PipelineBinaryInfo *binariesOf(const void *pNext);
 
 // How the ray flags travel that are hidden from the driver, in a ray tracing pipeline that was made of code: the same
-// must be so in one that is made of its binaries. Nothing where a binary is not known.
-std::optional<spirv::HiddenFlags> hiddenFlagsIn(const DevicePipelines &device, const newer::PipelineBinaryInfo &info);
+// must be so in one that is made of its binaries.
+HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const newer::PipelineBinaryInfo &info);
 
 VkResult createPipelineBinaries(DevicePipelines &, VkDevice, const newer::PipelineBinaryCreateInfo *,
                                 const VkAllocationCallbacks *, newer::PipelineBinaryHandlesInfo *);

@@ -129,10 +129,7 @@ public:
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
     // Of the last one.
-    [[nodiscard]] spirv::HiddenFlags hidden() const
-    {
-        return records_.back() ? records_.back()->hidden : spirv::HiddenFlags{};
-    }
+    [[nodiscard]] HiddenInBinary hidden() const { return records_.back() ? records_.back()->hidden : HiddenInBinary{}; }
     [[nodiscard]] bool changed() const
     {
         return stages_.changed() || changed_ || !chains_.empty() ||
@@ -201,9 +198,14 @@ private:
         Stages stages;
         const newer::PipelineBinaryInfo *const binaries = binariesOf(info.pNext);
         // Binaries that came from elsewhere are those of a pipeline without micromaps.
-        const auto inBinaries = binaries ? hiddenFlagsIn(device_, *binaries) : std::nullopt;
-        stages.hidden = record.hidden = inBinaries ? *inBinaries : hiddenFlags(info);
+        const HiddenInBinary kept = binaries ? hiddenFlagsIn(device_, *binaries) : HiddenInBinary{};
+        stages.hidden = kept.known ? spirv::HiddenFlags{kept.way, kept.constant} : hiddenFlags(info);
         stages.needCode = !binaries;
+        if (stages.hidden.way == spirv::HiddenFlags::Way::InPayload) {
+            record.payloads = payloadTypes(info);
+            stages.hidden.payload = record.payloads.common();
+        }
+        record.hidden = {true, stages.hidden.way, stages.hidden.constant};
         widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
             return result;
@@ -288,7 +290,8 @@ private:
     spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
     {
         using Way = spirv::HiddenFlags::Way;
-        const bool complete = (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
+        const bool complete = device_.driver.settings->constantRayFlags &&
+                              (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
                               (!info.pLibraryInfo || info.pLibraryInfo->libraryCount == 0);
         std::set<std::optional<uint32_t>> hidden;
         for (uint32_t i = 0; complete && i < info.stageCount; ++i) {
@@ -300,6 +303,19 @@ private:
         if (hidden.size() == 1 && *hidden.begin())
             return {Way::Constant, **hidden.begin()};
         return {device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload, 0};
+    }
+
+    // Of all shaders, as far as they are known here: what a library will be linked with is not.
+    spirv::PayloadTypes payloadTypes(const VkRayTracingPipelineCreateInfoKHR &info) const
+    {
+        spirv::PayloadTypes types;
+        for (uint32_t i = 0; i < info.stageCount; ++i)
+            types.add(codeOf(info.pStages[i]), info.pStages[i].pName, executionModelOf(info.pStages[i].stage));
+        for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
+            if (const auto library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
+                types.add(library->payloads);
+        }
+        return types;
     }
 
     // Our any-hit shaders read the barycentrics, also where none of the application's does, and payloads may have a
@@ -493,9 +509,9 @@ VkResult createOneByOne(DevicePipelines &device, VkDevice handle, VkPipelineCach
 
 } // namespace
 
-VkResult withDriverInfo(
-    DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-    const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const spirv::HiddenFlags &)> &use)
+VkResult
+withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+               const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use)
 {
     Creation creation(device, nullptr);
     const VkResult result = creation.add(info);
