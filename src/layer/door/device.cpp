@@ -128,13 +128,16 @@ VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const
     provided.translated = provides && have.khr == Implementation::Translation;
     provided.emulated = provides && !provided.translated;
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
-        hidden = hiddenExtension(info.ppEnabledExtensionNames[i]);
-        if (!hidden || !(provided.emulated || have.ext == Implementation::Emulation ||
-                         (provided.translated && !hidden->besideTranslation)))
+        const char *name = info.ppEnabledExtensionNames[i];
+        const char *reason = provided.translated ? notBesideTranslation(name) : nullptr;
+        hidden = hiddenExtension(name);
+        if (hidden && (provided.emulated || have.ext == Implementation::Emulation))
+            reason = hidden->reason;
+        if (!reason)
             continue;
         instance.report.error("VELLUM-hidden-extension",
-                              std::string(hidden->name) + " is not there beside " +
-                                  (provided.translated ? "translated" : "emulated") + " micromaps: " + hidden->reason,
+                              std::string(name) + " is not there beside " +
+                                  (provided.translated ? "translated" : "emulated") + " micromaps: " + reason,
                               VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
+#include <utility>
 
 namespace vellum::layer
 {
@@ -10,32 +11,44 @@ namespace
 {
 
 constexpr HiddenExtension kHidden[] = {
-    {newer::kDisplacementMicromapExtension, "it extends the driver's own VK_EXT_opacity_micromap", true,
+    {newer::kDisplacementMicromapExtension, "it extends the driver's own VK_EXT_opacity_micromap",
      newer::kDisplacementMicromapFeatures, 1},
     // What makes top-level structures in ways that give instances no slot.
-    {"VK_NV_ray_tracing", "its structures are built and traced by commands of its own", true, VkStructureType{}, 0},
-    {"VK_NV_ray_tracing_motion_blur", "its instances have another layout", true,
+    {"VK_NV_ray_tracing", "its structures are built and traced by commands of its own", VkStructureType{}, 0},
+    {"VK_NV_ray_tracing_motion_blur", "its instances have another layout",
      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MOTION_BLUR_FEATURES_NV, 2},
-    {"VK_NV_cluster_acceleration_structure", "its structures are built by commands of its own", true,
+    {"VK_NV_cluster_acceleration_structure", "its structures are built by commands of its own",
      static_cast<VkStructureType>(1000569000), 1},
-    {"VK_NV_partitioned_acceleration_structure", "its structures are built by commands of its own", true,
+    {"VK_NV_partitioned_acceleration_structure", "its structures are built by commands of its own",
      static_cast<VkStructureType>(1000570000), 1},
-    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own", false,
+    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own",
      static_cast<VkStructureType>(1000478000), 1},
-    // What would keep code from one run to the next, or know it by its name, without the tables' addresses in it.
-    {"VK_KHR_pipeline_binary", "its binaries and keys would hold for other addresses of the layer's tables", false,
-     static_cast<VkStructureType>(1000483000), 1},
-    {VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME, "its identifiers would name code that was not rewritten", false,
-     VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_FEATURES_EXT, 1},
     // "recording any non-heap descriptor state commands immediately invalidates" what vkCmdPushDataEXT pushed, and the
     // layer's own dispatches push constants.
-    {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound", false,
+    {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound",
      static_cast<VkStructureType>(1000135009), 2},
-    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be rewritten", false,
+    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be rewritten",
      static_cast<VkStructureType>(1000134000), 2},
 };
 
+constexpr std::pair<const char *, const char *> kNotBesideTranslation[] = {
+    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own"},
+    {"VK_KHR_pipeline_binary", "its keys would be of shaders that were not translated"},
+    {VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME, "its identifiers would name shaders that were not translated"},
+    {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound"},
+    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be translated"},
+};
+
 } // namespace
+
+const char *notBesideTranslation(const char *name)
+{
+    for (const auto &[extension, reason] : kNotBesideTranslation) {
+        if (std::strcmp(extension, name) == 0)
+            return reason;
+    }
+    return nullptr;
+}
 
 const HiddenExtension *hiddenExtension(const char *name)
 {
