@@ -56,14 +56,74 @@ constexpr Notice kNoticeTexts[kNotices] = {
 
 } // namespace
 
-void takePlace(DeviceObjects &device, AccelerationStructure &structure)
+void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
 {
     structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
     structure.place = device.places.acquire(structure.key);
+    std::lock_guard lock(structure.place->mutex);
+    structure.place->structures.emplace_back(&structure, handle);
 }
+
+namespace
+{
+
+// With the place's mutex held, as below.
+void letBeNamed(DeviceObjects &device, StructurePlace &place, AccelerationStructure &structure,
+                VkAccelerationStructureKHR handle)
+{
+    const VkDeviceAddress address = device.driver.structureAddress(handle);
+    const auto known = std::ranges::find(place.references, address, &StructurePlace::Reference::address);
+    if (known != place.references.end()) {
+        ++known->structures;
+    } else if (!place.cell.address) {
+        place.cell = device.root.acquireCell(address);
+        if (!place.cell.address)
+            return;
+        place.references.push_back({address, 1});
+    } else {
+        const VkDeviceAddress leads = place.references.empty() ? place.heldKey : place.references.front().address;
+        if (!device.root.addReference(address, leads))
+            return; // which the next one who asks tries again
+        place.references.push_back({address, 1});
+    }
+    structure.reference = address;
+}
+
+// A structure that had that address is gone. If it was the last one, the driver may give the address to a structure
+// somewhere else, whose cell must be another one. What was built here stays, for the other structures of this place,
+// whose own addresses lead to it then.
+void forgetReference(DeviceObjects &device, StructurePlace &place, VkDeviceAddress address)
+{
+    const auto find = [&] { return std::ranges::find(place.references, address, &StructurePlace::Reference::address); };
+    if (--find()->structures > 0)
+        return;
+    for (const auto &[other, handle] : place.structures) {
+        if (other->reference == 0 && other->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+            letBeNamed(device, place, *other, handle);
+    }
+    const auto gone = find();
+    if (gone->structures > 0)
+        return;
+    if (place.references.size() == 1 && place.heldKey == 0)
+        place.heldKey = device.root.holdCell(address);
+    if (place.references.size() == 1 && place.heldKey == 0)
+        return; // no memory
+    device.root.releaseCell(address);
+    place.references.erase(gone);
+}
+
+} // namespace
 
 void leavePlace(DeviceObjects &device, const AccelerationStructure &structure)
 {
+    {
+        StructurePlace &place = *structure.place;
+        std::lock_guard lock(place.mutex);
+        std::erase_if(place.structures, [&structure](const auto &entry) { return entry.first == &structure; });
+        // The last one takes the place along, with all that leads to it.
+        if (structure.reference != 0 && !place.structures.empty())
+            forgetReference(device, place, structure.reference);
+    }
     device.places.release(structure.key);
 }
 
@@ -71,18 +131,8 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
-    if (structure.hasReference)
-        return place.cell;
-    const VkDeviceAddress reference = device.driver.structureAddress(handle);
-    if (!place.cell.address) {
-        place.reference = reference;
-        place.cell = device.root.acquireCell(reference);
-    } else if (reference != place.reference) {
-        if (!device.root.addReference(reference, place.reference))
-            return place.cell; // which the next one who asks tries again
-        place.otherReferences.push_back(reference);
-    }
-    structure.hasReference = place.cell.address != 0;
+    if (structure.reference == 0)
+        letBeNamed(device, place, structure, handle);
     return place.cell;
 }
 

@@ -28,8 +28,8 @@ struct AccelerationStructure {
     // pointer to this structure; the driver knows nothing of it.
     Micromap micromap;
 
-    bool hasReference = false;             // its address leads to the cell of its place, whose mutex guards this
-    StructurePlaces::Key key;              // of its place
+    VkDeviceAddress reference = 0; // its address, once it leads to the cell of its place, whose mutex guards this
+    StructurePlaces::Key key;      // of its place
     std::shared_ptr<StructurePlace> place; // never null
 
     std::mutex mutex;                // guards what is below
@@ -42,7 +42,7 @@ struct AccelerationStructure {
 };
 
 // Finds the place of a structure that was made in `buffer`, and lets go of it.
-void takePlace(DeviceObjects &device, AccelerationStructure &structure);
+void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);
 void leavePlace(DeviceObjects &device, const AccelerationStructure &structure);
 
 // Makes the structure's place a user of its reference's cell, if it is none yet. Address 0: no memory.

@@ -16,7 +16,8 @@ namespace
 
 using namespace shared;
 
-constexpr uint32_t kSlots = 1u << 24; // instanceCustomIndex has 24 bits
+constexpr VkDeviceAddress kHeldKey = 2; // and a multiple of 4: of a cell that no address leads to
+constexpr uint32_t kSlots = 1u << 24;   // instanceCustomIndex has 24 bits
 constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
 // A record of zeros leaves every hit but those in transparent micro-triangles to the shader.
@@ -134,14 +135,21 @@ bool RootTable::addPages(uint32_t lastPage)
         GpuBuffer buffer;
         if (createTable(buffer, kFirstPages, pages_.empty()) != VK_SUCCESS)
             return false;
-        store64(root_.words() + kRootHeaderWords + size_t{pageCount_} * 2, buffer.address());
+        setPage(pageCount_, buffer.address());
         pages_.push_back(std::move(buffer));
     }
     // A shader that reads the custom index where there is no hit reads some slot: every page must be readable.
-    const uint64_t firstPage = load64(root_.words() + kRootHeaderWords);
     for (uint32_t page = pageCount_; page < kDirectoryPages; ++page)
-        store64(root_.words() + kRootHeaderWords + size_t{page} * 2, firstPage);
+        setPage(page, firstSlots());
     return true;
+}
+
+// Where the page would begin if it had the records of all slots before its own, but for the upper word, which is right
+// as it is: so shaders add the slot to it, and not what is left of the slot.
+void RootTable::setPage(uint32_t page, VkDeviceAddress address)
+{
+    const auto low = static_cast<uint32_t>(address) - static_cast<uint32_t>(page * kPageBytes);
+    store64(root_.words() + kRootHeaderWords + size_t{page} * 2, (address >> 32 << 32) | low);
 }
 
 std::shared_ptr<SlotRange> RootTable::allocateSlots(uint32_t count)
@@ -231,6 +239,18 @@ void RootTable::releaseCell(VkDeviceAddress key)
 bool RootTable::addReference(VkDeviceAddress reference, VkDeviceAddress known)
 {
     std::lock_guard lock(mutex_);
+    return addKey(reference, known);
+}
+
+VkDeviceAddress RootTable::holdCell(VkDeviceAddress known)
+{
+    std::lock_guard lock(mutex_);
+    const VkDeviceAddress key = ++heldKeys_ * 4 + kHeldKey; // no structure has such an address
+    return addKey(key, known) ? key : 0;
+}
+
+bool RootTable::addKey(VkDeviceAddress reference, VkDeviceAddress known)
+{
     const auto leads = cells_.find(known);
     if (leads == cells_.end())
         return false;

@@ -64,6 +64,9 @@ public:
     // Another reference that leads to the cell of a known one; paired with a releaseCell. False where it leads to
     // another cell already, or there is no memory.
     bool addReference(VkDeviceAddress reference, VkDeviceAddress known);
+    // Another user of the cell of a known reference, under a key that is no address; paired with a releaseCell. 0 where
+    // there is no memory.
+    VkDeviceAddress holdCell(VkDeviceAddress known);
     // Says that there is a micromap of so many bytes at an address; returns the key to release its cell by, 0 where
     // there is no memory.
     VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
@@ -80,8 +83,10 @@ private:
         std::shared_ptr<uint32_t> keys; // that lead to this cell; null: there is only one
     };
     CellPlace acquireCell(VkDeviceAddress key, CellPool &pool);
+    bool addKey(VkDeviceAddress key, VkDeviceAddress known);
     void freeSlots(uint32_t first, uint32_t count);
     bool addPages(uint32_t lastPage);
+    void setPage(uint32_t page, VkDeviceAddress address);
     bool growHashTable();
     void insertBucket(VkDeviceAddress reference, VkDeviceAddress cell);
     void removeBucket(VkDeviceAddress reference);
@@ -102,7 +107,8 @@ private:
 
     std::vector<GpuBuffer> hashTables_; // the last one is in use
     uint32_t buckets_ = 0;
-    uint32_t usedBuckets_ = 0; // with deleted ones
+    uint32_t usedBuckets_ = 0;     // with deleted ones
+    VkDeviceAddress heldKeys_ = 0; // that there were
     std::unordered_map<VkDeviceAddress, Cell> cells_;
     CellPool structureCells_; // written by the device
     CellPool micromapCells_;  // written by the host

@@ -5,10 +5,10 @@ namespace vellum::layer
 
 StructurePlace::~StructurePlace()
 {
-    for (const VkDeviceAddress other : otherReferences)
-        root.releaseCell(other);
-    if (cell.address)
-        root.releaseCell(reference);
+    for (const Reference &reference : references)
+        root.releaseCell(reference.address);
+    if (heldKey != 0)
+        root.releaseCell(heldKey);
 }
 
 std::shared_ptr<StructurePlace> StructurePlaces::acquire(const Key &key)

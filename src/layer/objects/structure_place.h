@@ -17,6 +17,8 @@
 namespace vellum::layer
 {
 
+struct AccelerationStructure;
+
 // What all acceleration structures share that begin at the same place.
 struct StructurePlace {
     explicit StructurePlace(RootTable &table) : root(table) {}
@@ -25,11 +27,18 @@ struct StructurePlace {
     StructurePlace &operator=(const StructurePlace &) = delete;
 
     RootTable &root;
-    std::mutex mutex;              // guards what is below
-    VkDeviceAddress reference = 0; // once acquired: this place is a user of that cell
-    // Of handles of other types. Only the address of a GENERIC one must be that of the buffer
-    // (vkGetAccelerationStructureDeviceAddressKHR), so handles at one place may have several. They lead to the same cell.
-    std::vector<VkDeviceAddress> otherReferences;
+    std::mutex mutex; // guards what is below
+    // The structures that begin here, each as long as its handle lives.
+    std::vector<std::pair<AccelerationStructure *, VkAccelerationStructureKHR>> structures;
+    // The addresses of those that were asked for theirs, each a user of the cell: what instances may name. Only the
+    // address of a GENERIC one must be that of the buffer (vkGetAccelerationStructureDeviceAddressKHR), so there may be
+    // several. One that no structure has any more may be given to a structure somewhere else.
+    struct Reference {
+        VkDeviceAddress address = 0;
+        uint32_t structures = 0;
+    };
+    std::vector<Reference> references;
+    VkDeviceAddress heldKey = 0; // of the cell, where there was nothing else that led to it; 0: none
     CellPlace cell;
     // Of what was recorded last; GENERIC: nothing was, or data of which only the device knows what it holds.
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;

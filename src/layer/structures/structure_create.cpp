@@ -76,7 +76,7 @@ void addStructure(DeviceStructures &device, std::shared_ptr<AccelerationStructur
                            structure->offset,
                            structure->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(handle)}};
-    takePlace(device.objects, *structure);
+    takePlace(device.objects, *structure, handle);
     letMicromapBeNamedOnceBound(device.objects, structure);
     device.objects.accelerationStructures.set(handle, std::move(structure));
 }

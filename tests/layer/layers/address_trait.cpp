@@ -1,12 +1,14 @@
-// The trait "elsewhere": all memory with device addresses is mapped twice. Buffers are at the first place; structures
-// say that they are at the second one, and the host's mappings are there. Both work on lavapipe, as on a GPU where they
-// differ.
+// The trait "elsewhere": all memory with device addresses is mapped twice. Buffers are at the first place, the host's
+// mappings at the second one. Structures say that they are at a third one, which there is as long as one of that memory
+// lives that was asked for its address; then structures of other memory get it. All of them work on lavapipe, as on a
+// GPU where they differ.
 #include "layers/imported_memory.h"
 
 #include <sys/mman.h>
 #include <unistd.h>
 
 #include <map>
+#include <utility>
 
 namespace
 {
@@ -14,45 +16,69 @@ namespace
 using namespace driver;
 constexpr Level kLevel = Level::Addresses;
 
-struct TwoPlaces {
+struct Places {
     std::uint8_t *first = nullptr, *second = nullptr;
     std::size_t bytes = 0;
+    int file = -1;
+    std::uint8_t *third = nullptr;
+    std::uint32_t structures = 0; // at the third place
 };
 struct Structure {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkAccelerationStructureTypeKHR type{};
+    VkDeviceMemory thirdPlaceOf = VK_NULL_HANDLE;
 };
 
 std::mutex mutex;
-std::map<VkDeviceMemory, TwoPlaces> memories;
+std::map<VkDeviceMemory, Places> memories;
 std::map<VkBuffer, VkDeviceMemory> bindings;
 std::map<VkAccelerationStructureKHR, Structure> structures;
+std::multimap<std::size_t, std::uint8_t *> freeThirdPlaces; // by their bytes; the next one that is needed is the last
 
-void unmap(const TwoPlaces &places)
+void unmap(const Places &places)
 {
-    for (void *place : {places.first, places.second}) {
+    for (void *place : {places.first, places.second, places.third}) {
         if (place != nullptr)
             munmap(place, places.bytes);
     }
+    if (places.file >= 0)
+        close(places.file);
 }
 
-TwoPlaces mapTwice(std::size_t bytes)
+std::uint8_t *mapAt(std::uint8_t *at, const Places &places)
 {
-    const int file = memfd_create("vellum test driver", MFD_CLOEXEC);
-    TwoPlaces places{.bytes = bytes};
-    if (file < 0)
-        return {};
-    if (ftruncate(file, static_cast<off_t>(bytes)) == 0) {
-        for (std::uint8_t **place : {&places.first, &places.second}) {
-            void *mapped = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
-            *place = mapped == MAP_FAILED ? nullptr : static_cast<std::uint8_t *>(mapped);
-        }
+    void *mapped =
+        mmap(at, places.bytes, PROT_READ | PROT_WRITE, MAP_SHARED | (at != nullptr ? MAP_FIXED : 0), places.file, 0);
+    return mapped == MAP_FAILED ? nullptr : static_cast<std::uint8_t *>(mapped);
+}
+
+Places mapTwice(std::size_t bytes)
+{
+    Places places{.bytes = bytes, .file = memfd_create("vellum test driver", MFD_CLOEXEC)};
+    if (places.file >= 0 && ftruncate(places.file, static_cast<off_t>(bytes)) == 0) {
+        places.first = mapAt(nullptr, places);
+        places.second = mapAt(nullptr, places);
     }
-    close(file);
     if (places.first != nullptr && places.second != nullptr)
         return places;
     unmap(places);
     return {};
+}
+
+// With the mutex held. Null: there is no room for it.
+std::uint8_t *thirdPlace(Places &places)
+{
+    if (places.third != nullptr)
+        return places.third;
+    std::uint8_t *free = nullptr;
+    if (auto last = freeThirdPlaces.upper_bound(places.bytes); last != freeThirdPlaces.begin()) {
+        --last;
+        if (last->first == places.bytes) {
+            free = last->second;
+            freeThirdPlaces.erase(last);
+        }
+    }
+    return places.third = mapAt(free, places);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
@@ -64,7 +90,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     const bool imported = inChain(info->pNext, VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT) != nullptr;
     if (!addressed || placed || imported)
         return DRIVER_NEXT(vkAllocateMemory)(handle, info, allocator, memory);
-    const TwoPlaces places = mapTwice(importedBytes(info->allocationSize));
+    const Places places = mapTwice(importedBytes(info->allocationSize));
     if (places.first == nullptr)
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
     const VkResult result = importMemory(kLevel, handle, *info, places.first, allocator, memory);
@@ -124,8 +150,21 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelera
     const VkResult result = DRIVER_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
     std::lock_guard lock(mutex);
     if (result == VK_SUCCESS)
-        structures[*structure] = {info->buffer, info->type};
+        structures[*structure] = {info->buffer, info->type, VK_NULL_HANDLE};
     return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
+                                            const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        const auto gone = structures.extract(structure);
+        const auto places = gone ? memories.find(gone.mapped().thirdPlaceOf) : memories.end();
+        if (places != memories.end() && --places->second.structures == 0)
+            freeThirdPlaces.emplace(places->second.bytes, std::exchange(places->second.third, nullptr));
+    }
+    DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
 }
 
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
@@ -133,14 +172,19 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
 {
     const VkDeviceAddress address = DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, info);
     std::lock_guard lock(mutex);
-    const Structure &known = structures[info->accelerationStructure];
+    Structure &known = structures[info->accelerationStructure];
     // Of these it is as far from another one's of the same buffer as their offsets are, and may be the buffer's.
     if (known.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
         return address;
-    const auto places = memories.find(bindings[known.buffer]);
-    return places == memories.end() ? address
-                                    : address + reinterpret_cast<std::uint64_t>(places->second.second) -
-                                          reinterpret_cast<std::uint64_t>(places->second.first);
+    const VkDeviceMemory memory = bindings[known.buffer];
+    const auto places = memories.find(memory);
+    if (places == memories.end() || thirdPlace(places->second) == nullptr)
+        return address;
+    if (known.thirdPlaceOf == VK_NULL_HANDLE)
+        ++places->second.structures;
+    known.thirdPlaceOf = memory;
+    return address + reinterpret_cast<std::uint64_t>(places->second.third) -
+           reinterpret_cast<std::uint64_t>(places->second.first);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
@@ -160,6 +204,7 @@ driver::LevelRows driver::addressRows()
         {"vkBindBufferMemory", DRIVER_FUNCTION(bindBufferMemory)},
         {"vkBindBufferMemory2", DRIVER_FUNCTION(bindBufferMemory2)},
         {"vkCreateAccelerationStructureKHR", DRIVER_FUNCTION(createStructure)},
+        {"vkDestroyAccelerationStructureKHR", DRIVER_FUNCTION(destroyStructure)},
         {"vkGetAccelerationStructureDeviceAddressKHR", DRIVER_FUNCTION(structureAddress)},
     };
     static const Row instance[]{{"vkCreateDevice", DRIVER_FUNCTION(createDevice)}};

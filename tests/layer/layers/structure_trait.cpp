@@ -3,7 +3,8 @@
 // pattern; the compacted size is lavapipe's. Of a handle the driver writes no more than a structure needs, however
 // large it is, as lavapipe does from Mesa 26 on; so it says that it is that one.
 //
-// What a structure holds is known here by what was recorded last at its place. Of deserialized ones nothing is known.
+// What a structure holds is known here by what was recorded last at its place, and of deserialized ones, once that was
+// executed, by what lavapipe has written.
 #include "layers/driver.h"
 
 #include <cstdio>
@@ -19,6 +20,7 @@ constexpr Level kLevel = Level::Structures;
 using Key = std::pair<VkBuffer, VkDeviceSize>; // of a place: buffer, offset
 
 struct Handle {
+    VkDevice device = VK_NULL_HANDLE;
     Key place;
     VkDeviceSize size = 0;
     VkAccelerationStructureTypeKHR type{};
@@ -91,7 +93,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelera
     const VkResult result = DRIVER_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
     std::lock_guard lock(mutex);
     if (result == VK_SUCCESS)
-        handles[*structure] = {{info->buffer, info->offset}, info->size, info->type};
+        handles[*structure] = {handle, {info->buffer, info->offset}, info->size, info->type};
     return result;
 }
 
@@ -111,12 +113,32 @@ Handle handleOf(VkAccelerationStructureKHR structure)
     return handles[structure];
 }
 
+// What lavapipe 25 has written at the begin of a structure, which is host memory: its bounds, and how much it needs
+// when it is serialized, which is the header of the specification, the handles of instances, and the structure.
+Content writtenBy(VkAccelerationStructureKHR structure)
+{
+    const Handle own = handleOf(structure);
+    VkAccelerationStructureDeviceAddressInfoKHR query{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR};
+    query.accelerationStructure = structure;
+    const VkDevice handle = own.device;
+    const auto *words = reinterpret_cast<const std::uint32_t *>(
+        DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, &query));
+    const VkDeviceSize serialized = words[6], besides = 56 + VkDeviceSize{8} * words[7];
+    if (serialized <= besides || serialized - besides > own.size || words[8] >= serialized || words[9] != 0)
+        return {};
+    return {serialized - besides, serialized - besides};
+}
+
 // Zeros: not known.
 Content contentOf(VkAccelerationStructureKHR structure)
 {
-    std::lock_guard lock(mutex);
-    const auto found = contents.find(handles[structure].place);
-    return found == contents.end() ? Content{} : found->second;
+    {
+        std::lock_guard lock(mutex);
+        const auto found = contents.find(handles[structure].place);
+        if (found != contents.end() && found->second.bytes > 0)
+            return found->second;
+    }
+    return writtenBy(structure);
 }
 
 void setContent(VkAccelerationStructureKHR structure, const Content &content)
@@ -202,10 +224,10 @@ VkAccelerationStructureBuildGeometryInfoKHR fittedBuild(VkCommandBuffer handle,
             "vkCmdBuildAccelerationStructuresKHR: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126: a handle of " +
             std::to_string(target.size) + " bytes for a build of " + std::to_string(content.claimed));
     if (update) {
+        // As compact as what is updated, as it is also where that was deserialized.
         const Content source = contentOf(info.srcAccelerationStructure);
-        below.srcAccelerationStructure = fitted(handle, info.srcAccelerationStructure, source.bytes);
-        if (source.bytes > 0)
-            content = source; // as compact as what is updated
+        content = source.bytes > 0 ? source : Content{bytes, bytes};
+        below.srcAccelerationStructure = fitted(handle, info.srcAccelerationStructure, content.bytes);
     }
     below.dstAccelerationStructure = fitted(handle, info.dstAccelerationStructure, content.bytes);
     setContent(info.dstAccelerationStructure, content);

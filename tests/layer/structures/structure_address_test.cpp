@@ -35,6 +35,77 @@ TEST_F(StructureAddresses, TwoOfOnePlace)
     }
 }
 
+// A structure that is gone, while another one at its place lives on, has no address any more: the driver gives it to
+// one somewhere else.
+TEST_F(StructureAddresses, OneThatIsGivenAgain)
+{
+    const Patchwork first(gpu(), 1), second(gpu(), 2);
+    const VkBufferUsageFlags usage = gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    const Buffer room(gpu(), 65536, usage), other(gpu(), 65536, usage);
+    const auto expectedFirst = seenOf(gpu(), Blas(gpu(), first.geometries()));
+    const auto expectedSecond = seenOf(gpu(), Blas(gpu(), second.geometries()));
+    ASSERT_NE(expectedFirst, expectedSecond);
+    // Whether the one that stays was asked for its address before the other was gone.
+    for (const bool asked : {false, true}) {
+        auto gone = std::make_unique<Blas>(gpu());
+        gone->placeIn(room.handle(), 256);
+        gone->build(first.geometries());
+        const VkDeviceAddress address = gone->address();
+        VkAccelerationStructureCreateInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
+        info.buffer = room.handle();
+        info.offset = 256;
+        info.size = 32768;
+        info.type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        VkAccelerationStructureKHR stays = VK_NULL_HANDLE;
+        VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &stays));
+        VkAccelerationStructureDeviceAddressInfoKHR query{};
+        query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
+        query.accelerationStructure = stays;
+        if (asked)
+            gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query);
+        gone.reset();
+
+        Blas elsewhere(gpu());
+        elsewhere.placeIn(other.handle(), 256);
+        elsewhere.build(second.geometries());
+        ASSERT_EQ(elsewhere.address(), address);
+        VkAccelerationStructureInstanceKHR named = instance(elsewhere, {}, 77);
+        named.accelerationStructureReference =
+            gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query);
+        EXPECT_EQ(seen(gpu(), Tlas(gpu(), {named}), Patchwork::rays()), expectedFirst);
+        EXPECT_EQ(seenOf(gpu(), elsewhere), expectedSecond);
+        gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), stays, nullptr);
+    }
+}
+
+// What was built at a place stays there, also while nothing lives there that has an address of the driver's.
+TEST(StructureAddressesKhr, OneThatIsMadeAgain)
+{
+    Gpu gpu({.traits = "elsewhere", .api = Api::Khr});
+    const Patchwork patchwork(gpu);
+    const auto expected = seenOf(gpu, Blas(gpu, patchwork.geometries()));
+    const Buffer room(gpu, 65536, gpu.structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    auto gone = std::make_unique<Blas>(gpu);
+    gone->placeIn(room.handle(), 256);
+    gone->build(patchwork.geometries());
+    const VkDeviceSize size = gone->size();
+    VkAccelerationStructureCreateInfo2KHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+    info.addressRange = {room.address() + 256, 256};
+    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;
+    VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &micromap));
+    gone.reset();
+    Blas again(gpu);
+    again.placeIn(room.handle(), 256);
+    again.create(size);
+    EXPECT_EQ(seenOf(gpu, again), expected);
+    gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), micromap, nullptr);
+    for (const Message &m : gpu.takeUnexpectedMessages())
+        ADD_FAILURE() << m.id << ": " << m.text;
+}
+
 // The same memory, whatever their addresses are.
 TEST_F(StructureAddresses, CopyToItself)
 {
