@@ -33,7 +33,8 @@ enum class Level {
     Memory,
     Addresses,
     Replay,
-    IndirectBuilds
+    IndirectBuilds,
+    Garbage
 };
 
 struct Row {
@@ -61,6 +62,7 @@ LevelRows memoryRows();
 LevelRows addressRows();
 LevelRows replayRows();
 LevelRows indirectBuildRows();
+LevelRows garbageRows();
 
 struct Trait {
     const char *name;

@@ -43,6 +43,7 @@ std::span<const NamedLevel> levels()
         {Level::Addresses, addressRows()},
         {Level::Replay, replayRows()},
         {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Garbage, garbageRows()},
     };
     return all;
 }
