@@ -23,47 +23,49 @@ VELLUM_FN uint spreadBits(VELLUM_IN uint x)
     return (r | (r << 1u)) & 0x55555555u;
 }
 
-// Index on the curve of a micro-triangle.
-//   iu, iv  its cell in steps of 1 / 2^level
-//   iw      so many cells lie between it and the edge opposite vertex 0: 2^level - 1 - iu - iv, or one less for the
+// Index on the curve of a micro-triangle of the highest level. That of the micro-triangle of a lower level that it lies
+// in is what is left when two bits for each level between them are cut off at the end.
+//   iu, iv  its cell in steps of 1 / 2^12
+//   iw      so many cells lie between it and the edge opposite vertex 0: 2^12 - 1 - iu - iv, or one less for the
 //           cell's far half
-//   mask    2^level - 1, for level 0..12
 //
 // Seen bit by bit from the top, the micro-triangle lies at vertex 0, in the middle, at vertex 1 or at vertex 2 of the
 // triangle of the level above. At vertex 0 and in the middle the bits of u and w differ; at the corners they do not.
 // Which of the corners or halves it is depends on how often the path so far was flipped, a running parity, which a
 // prefix xor gives for all levels at once.
-VELLUM_FN uint curveIndexOfCell(VELLUM_IN uint iu, VELLUM_IN uint iv, VELLUM_IN uint iw, VELLUM_IN uint mask)
+VELLUM_CONST uint kFinestMask = (1u << kMaxSubdivisionLevel) - 1u;
+VELLUM_FN uint curveIndexOfCell(VELLUM_IN uint iu, VELLUM_IN uint iv, VELLUM_IN uint sum)
 {
-    const uint differ = iu ^ iw;
-    const uint flips = (iu ^ iv) & ~differ;
-    uint parity = flips;
+    const uint low = iu ^ sum;
+    const uint corner = iu ^ iv;
+    uint parity = corner & low;
     parity = parity ^ (parity >> 1u);
     parity = parity ^ (parity >> 2u);
-    parity = parity ^ (parity >> 4u);
-    parity = parity ^ (parity >> 8u);
-    const uint high = ((parity ^ iu) & differ) | flips;
-    return spreadBits(differ ^ mask) | (spreadBits(high) << 1u);
+    parity = parity ^ (parity >> 4u) ^ (parity >> 8u); // of 12 bits
+    const uint high = (low & corner) | (~low & (parity ^ iu));
+    return spreadBits(low) | (spreadBits(high) << 1u);
 }
 
-// Index on the curve of the micro-triangle at barycentrics (u, v), the weights of vertices 1 and 2.
-// Any input is safe: the index of some micro-triangle, and for what is outside by no more than rounding errors, of one
-// at the edge.
+// Index on the curve of the micro-triangle of the highest level at barycentrics (u, v), the weights of vertices 1
+// and 2. Any input is safe: the index of some micro-triangle, and for what is outside by no more than rounding errors,
+// of one at the edge.
+VELLUM_FN uint finestCurveIndex(VELLUM_IN float u, VELLUM_IN float v)
+{
+    const float scale = toFloat(1u << kMaxSubdivisionLevel);
+    uint iu = toUint(u * scale);
+    uint iv = toUint(v * scale);
+    iv = iv < kFinestMask ? iv : kFinestMask;
+    iu = iu < kFinestMask - iv ? iu : kFinestMask - iv;
+    // It is the cell's far half if the sum has reached the next diagonal.
+    uint sum = toUint((u + v) * scale);
+    sum = sum < kFinestMask ? sum : kFinestMask;
+    return curveIndexOfCell(iu, iv, iu + iv + (sum > iu + iv ? 1u : 0u));
+}
+
+// The same of a level 0..12.
 VELLUM_FN uint curveIndex(VELLUM_IN float u, VELLUM_IN float v, VELLUM_IN uint level)
 {
-    const uint mask = (1u << level) - 1u;
-    const float cu = u * toFloat(1u << level);
-    const float cv = v * toFloat(1u << level);
-    uint iu = toUint(cu);
-    uint iv = toUint(cv);
-    iv = iv < mask ? iv : mask;
-    iu = iu < mask - iv ? iu : mask - iv;
-    // Of the cells from its own to the edge opposite vertex 0, one less where it is the far half: then the sum has
-    // reached the next diagonal.
-    const uint rest = mask - iv - iu;
-    uint sum = toUint(cu + cv);
-    sum = sum < mask ? sum : mask;
-    return curveIndexOfCell(iu, iv, rest - (mask - sum < rest ? 1u : 0u), mask);
+    return finestCurveIndex(u, v) >> (2u * (kMaxSubdivisionLevel - level));
 }
 
 VELLUM_SHARED_END

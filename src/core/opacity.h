@@ -34,9 +34,9 @@ VELLUM_CONST uint kRayCullNoOpaque = 0x080u;
 VELLUM_CONST uint kRayForce2State = 0x400u;
 
 // What traversal does with a candidate.
-VELLUM_CONST uint kHitIgnored = 0u;   // next candidate; the shader never sees it
+VELLUM_CONST uint kHitNonOpaque = 0u; // the shader decides
 VELLUM_CONST uint kHitOpaque = 1u;    // committed without asking the shader
-VELLUM_CONST uint kHitNonOpaque = 2u; // the shader decides
+VELLUM_CONST uint kHitIgnored = 2u;   // next candidate; the shader never sees it
 
 // A hit in a micro-triangle, as the instance says and before ray flags do. kStateNone: on a geometry that has no
 // micromap and is not opaque; on an opaque one a hit is as in an opaque micro-triangle.
@@ -82,8 +82,7 @@ VELLUM_FN uint resolveHit(VELLUM_IN uint state, VELLUM_IN bool geometryOpaque, V
 }
 
 // hitInInstance() of all states for one instance: two bits for each but kStateTransparent, which is always ignored, in
-// the upper 8 bits of a word. 0 stands for kHitNonOpaque, so that a record of zeros, which nobody wrote, decides
-// nothing.
+// the upper 8 bits of a word. A record of zeros, which nobody wrote, decides nothing: kHitNonOpaque is 0.
 VELLUM_CONST uint kHitTableShift = 24u;
 VELLUM_FN uint hitTable(VELLUM_IN uint instanceFlags)
 {
@@ -93,14 +92,12 @@ VELLUM_FN uint hitTable(VELLUM_IN uint instanceFlags)
         hitInInstance(twoState ? kStateTransparent : kStateUnknownTransparent, instanceFlags);
     const uint unknownOpaque = hitInInstance(twoState ? kStateOpaque : kStateUnknownOpaque, instanceFlags);
     const uint none = hitInInstance(kStateNone, instanceFlags);
-    const uint hits = opaque | (unknownTransparent << 2u) | (unknownOpaque << 4u) | (none << 6u);
-    return (hits ^ (kHitNonOpaque * 0x55u)) << kHitTableShift;
+    return (opaque | (unknownTransparent << 2u) | (unknownOpaque << 4u) | (none << 6u)) << kHitTableShift;
 }
 
 VELLUM_FN uint hitInTable(VELLUM_IN uint word, VELLUM_IN uint state)
 {
-    return state == kStateTransparent ? kHitIgnored
-                                      : ((word >> (kHitTableShift - 2u + 2u * state)) & 3u) ^ kHitNonOpaque;
+    return state == kStateTransparent ? kHitIgnored : (word >> (kHitTableShift - 2u + 2u * state)) & 3u;
 }
 
 VELLUM_SHARED_END

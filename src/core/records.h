@@ -5,7 +5,7 @@
 //               records; in a structure that was deserialized, then the data units of its unnamed micromaps
 //   TLAS tail   the application's instances (16 words each), as the build read them
 //   slot page   2^kSlotsPerPageLog2 instance records (4 words)
-//   root        header (16 words), then kDirectoryPages page addresses (2 words each)
+//   root        header (16 words), then kDirectoryPages page addresses (2 words each), see below
 #ifndef VELLUM_CORE_RECORDS_H
 #define VELLUM_CORE_RECORDS_H
 
@@ -142,6 +142,7 @@ VELLUM_CONST uint kInstanceFlagsMask = 15u;
 VELLUM_CONST uint kInstanceBoxes = 0x10000000u;
 VELLUM_CONST uint kInstanceBoxFlagsShift = 24u;
 // Neither a page nor the root crosses a multiple of 2^32: the upper word of its address is that of all that it holds.
+// In the root, the lower word of a page's address is less by the bytes of all pages before it.
 VELLUM_CONST uint kSlotsPerPageLog2 = 16u;
 VELLUM_CONST uint kDirectoryPages = 256u;
 VELLUM_CONST uint kFirstSlots = 65536u; // in the first page

@@ -36,6 +36,17 @@ Id restoreValue(Types &types, Id function, Id type, Id value, Code &out)
     return out.value(spv::OpBitcast, type, {out.value(spv::OpFunctionCall, uint, {function, asUint})});
 }
 
+void loadUint(const Module &module, Types &types, Id pointer, Instruction in, Code &out)
+{
+    const Id uint = types.uint32();
+    const Id type = module.word(in, 1);
+    const Id result = module.word(in, 2);
+    if (type == uint)
+        out.put(spv::OpLoad, {uint, result, pointer});
+    else
+        out.put(spv::OpBitcast, {type, result, out.value(spv::OpLoad, uint, {pointer})});
+}
+
 void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out)
 {
     const Id type = module.word(in, 1);
@@ -104,12 +115,7 @@ void BuiltIns::readKnownIndex(Instruction in, Code &out)
         name.insert(name.begin(), knownIndex_);
         module_.append(Section::Names, spv::OpName, name);
     }
-    const Id type = module_.word(in, 1);
-    const Id result = module_.word(in, 2);
-    if (type == uint)
-        out.put(spv::OpLoad, {uint, result, knownIndex_});
-    else
-        out.put(spv::OpBitcast, {type, result, out.value(spv::OpLoad, uint, {knownIndex_})});
+    loadUint(module_, types_, knownIndex_, in, out);
 }
 
 bool BuiltIns::restore(Instruction in, Restored what, Code &out)

@@ -10,6 +10,7 @@ namespace
 
 constexpr std::uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
 constexpr std::uint32_t kCandidateTriangle = 0;
+constexpr std::uint32_t kKeepsIndex = 2; // in a shape
 
 std::vector<std::uint32_t> keyOf(const QueryAccess &access, const Consumes &consumes)
 {
@@ -34,6 +35,7 @@ std::optional<QueryAccess> CandidateFunctions::access(Id query) const
     if (module_.isGlobal(base)) {
         a.base = base;
         a.flags = flags;
+        a.index = indices_.beside(base);
         a.shape = {1, base};
     } else {
         const Id type = module_.resultType(path->base);
@@ -44,6 +46,12 @@ std::optional<QueryAccess> CandidateFunctions::access(Id query) const
             a.flags.type = flags.type;
             a.arguments.push_back(flags.id);
             a.parameterTypes.push_back(flags.type);
+        }
+        a.index = indices_.beside(base);
+        if (a.index.id != 0) {
+            a.shape.push_back(kKeepsIndex);
+            a.arguments.push_back(a.index.id);
+            a.parameterTypes.push_back(a.index.type);
         }
     }
     for (const Id index : path->indices) {
@@ -87,10 +95,13 @@ CandidateFunctions::Reached CandidateFunctions::reach(const QueryAccess &access,
     QueryFlags::Beside flags = access.flags;
     if (access.base == 0 && queryFlags_.inUse())
         flags.id = parameters[next++];
+    Id index = access.index.id;
+    if (access.base == 0 && index != 0)
+        index = parameters[next++];
     std::vector<Id> indices;
-    for (const Id index : access.indices)
-        indices.push_back(index != 0 ? index : parameters[next++]);
-    Reached reached{base, 0};
+    for (const Id i : access.indices)
+        indices.push_back(i != 0 ? i : parameters[next++]);
+    Reached reached{base, 0, index};
     if (queryFlags_.inUse())
         reached.flags = queryFlags_.element(flags, indices, types_.uint32(), code_);
     if (!indices.empty()) {
@@ -162,19 +173,32 @@ Id CandidateFunctions::decide(const QueryAccess &access)
     const Id query = reached.query;
     const auto get = [&](spv::Op opcode, Id type) { return code_.value(opcode, type, {query, intersection}); };
 
+    const Id record = types_.get(spv::OpTypeVector, {uint, 4});
+    const auto readInstance = [&] {
+        const Id slot = get(spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR, uint);
+        return code_.value(spv::OpFunctionCall, record, {linker_.function("vellumInstance"), slot});
+    };
+
+    Id instance = 0;
+    if (reached.index != 0) { // of boxes, too
+        instance = readInstance();
+        code_.put(spv::OpStore, {reached.index, code_.value(spv::OpFunctionCall, uint,
+                                                            {linker_.function("vellumIndexOf"), instance})});
+    }
     const Id type = get(spv::OpRayQueryGetIntersectionTypeKHR, uint);
     const Id isTriangle = code_.value(spv::OpIEqual, boolean, {type, types_.uintConstant(kCandidateTriangle)});
     code_.put(spv::OpSelectionMerge, {end, spv::SelectionControlMaskNone});
     code_.put(spv::OpBranchConditional, {isTriangle, triangle, aabb});
 
     code_.put(spv::OpLabel, {triangle});
-    const Id slot = get(spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR, uint);
+    if (instance == 0)
+        instance = readInstance();
     const Id geometry = get(spv::OpRayQueryGetIntersectionGeometryIndexKHR, uint);
     const Id primitive = get(spv::OpRayQueryGetIntersectionPrimitiveIndexKHR, uint);
     const Id uv = get(spv::OpRayQueryGetIntersectionBarycentricsKHR, types_.float32x2());
     const Id flags = opacityFlags(code_, reached);
     const Id hit = code_.value(spv::OpFunctionCall, uint,
-                               {linker_.function("vellumResolve"), slot, geometry, primitive, uv, flags});
+                               {linker_.function("vellumResolve"), instance, geometry, primitive, uv, flags});
     const Id isOpaque = code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitOpaque)});
     code_.put(spv::OpSelectionMerge, {decided, spv::SelectionControlMaskNone});
     code_.put(spv::OpBranchConditional, {isOpaque, confirm, decided});

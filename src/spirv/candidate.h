@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "spirv/candidate_index.h"
 #include "spirv/consumption.h"
 #include "spirv/module/code.h"
 #include "spirv/module/link.h"
@@ -29,19 +30,20 @@ struct QueryAccess {
     std::vector<std::uint32_t> shape; // equal shapes share their functions
     std::vector<Id> arguments;        // what the function is called with
     std::vector<Id> parameterTypes;
-    Id base = 0;              // module-scope variable, or 0: the first argument
-    QueryFlags::Beside flags; // what lies beside the variable or argument; an argument's is the next one
-    std::vector<Id> indices;  // ids that are valid everywhere, or 0: the next argument
-    Id pointerType = 0;       // type of the pointer to the query
+    Id base = 0;                    // module-scope variable, or 0: the first argument
+    QueryFlags::Beside flags;       // what lies beside the variable or argument; an argument's is the next one
+    CandidateIndices::Beside index; // where the candidate's custom index is kept, likewise; of no id: nowhere
+    std::vector<Id> indices;        // ids that are valid everywhere, or 0: the next argument
+    Id pointerType = 0;             // type of the pointer to the query
 };
 
 class CandidateFunctions
 {
 public:
     CandidateFunctions(Module &module, Types &types, Linker &linker, Consumption &consumption, QueryFlags &queryFlags,
-                       RayFlagMode mode)
+                       const CandidateIndices &indices, RayFlagMode mode)
         : module_(module), types_(types), linker_(linker), consumption_(consumption), queryFlags_(queryFlags),
-          mode_(mode)
+          indices_(indices), mode_(mode)
     {
     }
 
@@ -55,9 +57,9 @@ public:
     // bool vellumProceed(query): OpRayQueryProceedKHR up to a candidate that the application must see.
     Id proceed(const QueryAccess &access, const Consumes &consumes);
 
-    // Pointers to a query and, where there is such a thing, to its flags beside it.
+    // Pointers to a query and, where there are such things, to its flags and its candidate's index beside it.
     struct Reached {
-        Id query = 0, flags = 0;
+        Id query = 0, flags = 0, index = 0;
     };
     // Ray flags as the application wrote them, or at least those that matter to opacity; 0 if the linker failed.
     Id opacityFlags(Code &code, Reached reached);
@@ -78,6 +80,7 @@ private:
     Linker &linker_;
     Consumption &consumption_;
     QueryFlags &queryFlags_;
+    const CandidateIndices &indices_;
     RayFlagMode mode_;
     std::map<std::vector<std::uint32_t>, Id> candidates_;
     std::map<std::vector<std::uint32_t>, Id> conditional_; // by shape, with what Consumes holds before it

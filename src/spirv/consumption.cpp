@@ -11,8 +11,6 @@ namespace
 
 using When = Consumes::When;
 
-constexpr std::size_t kMaxInstructionWords = 65535;
-
 bool isConstant(std::uint32_t opcode)
 {
     switch (opcode) {
@@ -164,27 +162,10 @@ bool Consumption::finish()
         pending = nullptr;
     }
     module_.section(Section::Functions) = std::move(out);
-    return addToInterfaces();
-}
-
-// From SPIR-V 1.4 on an interface has all module-scope variables that the entry point uses.
-bool Consumption::addToInterfaces()
-{
-    if (module_.version() < kVersion14)
+    if (module_.addToInterfaces({variable_}))
         return true;
-    for (Instruction &in : module_.section(Section::EntryPoints)) {
-        if (in.opcode != spv::OpEntryPoint)
-            continue;
-        const Words words = module_.words(in);
-        std::vector<std::uint32_t> operands(words.begin() + 1, words.end());
-        if (operands.size() + 2 > kMaxInstructionWords) {
-            error_ = "an entry point has too long an interface";
-            return false;
-        }
-        operands.push_back(variable_);
-        in = module_.make(spv::OpEntryPoint, operands);
-    }
-    return true;
+    error_ = kTooLongInterface;
+    return false;
 }
 
 } // namespace vellum::spirv

@@ -48,7 +48,6 @@ public:
 private:
     std::optional<Consumes> declared(Instruction mode);
     void spread();
-    bool addToInterfaces();
 
     Module &module_;
     Types &types_;

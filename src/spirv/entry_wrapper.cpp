@@ -94,13 +94,13 @@ void EntryWrapper::decideTriangle()
     const Id primitive = readBuiltIn(spv::BuiltInPrimitiveId);
     const Id barycentrics = readBarycentrics();
     const Id flags = applicationFlags();
-    const Id pair = types_.get(spv::OpTypeVector, {uint, 2});
-    const Id resolved =
-        code_.value(spv::OpFunctionCall, pair,
-                    {linker_.function("vellumResolveIndexed"), slot, geometry, primitive, barycentrics, flags});
-    const Id hit = code_.value(spv::OpCompositeExtract, uint, {resolved, 0});
+    const Id record = types_.get(spv::OpTypeVector, {uint, 4});
+    const Id instance = code_.value(spv::OpFunctionCall, record, {linker_.function("vellumInstance"), slot});
+    const Id hit = code_.value(spv::OpFunctionCall, uint,
+                               {linker_.function("vellumResolve"), instance, geometry, primitive, barycentrics, flags});
     if (knownIndex_ != 0) {
-        code_.put(spv::OpStore, {knownIndex_, code_.value(spv::OpCompositeExtract, uint, {resolved, 1})});
+        const Id index = code_.value(spv::OpFunctionCall, uint, {linker_.function("vellumIndexOf"), instance});
+        code_.put(spv::OpStore, {knownIndex_, index});
         if (module_.version() >= kVersion14) // before, an interface holds inputs and outputs only
             entry_.push_back(knownIndex_);
     }

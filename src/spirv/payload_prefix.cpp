@@ -12,7 +12,6 @@ namespace
 // In struct {uint, T}.
 constexpr std::uint32_t kPrefix = 0;
 constexpr std::uint32_t kPayload = 1;
-constexpr std::size_t kMaxInstructionWords = 65535;
 
 } // namespace
 

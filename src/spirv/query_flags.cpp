@@ -12,7 +12,6 @@ constexpr int kMaxChain = 64;
 // Ray queries nested deeper than this would need functions with more parameters than SPIR-V allows (2.17).
 constexpr std::size_t kMaxIndices = 64;
 constexpr int kMaxNesting = 64;
-constexpr std::size_t kMaxInstructionWords = 65535;
 
 } // namespace
 
@@ -121,8 +120,10 @@ bool QueryFlags::declare()
             variables.push_back(made->id);
         }
     }
-    if (!variables.empty() && !addToInterfaces(variables))
+    if (!module_.addToInterfaces(variables)) {
+        error_ = kTooLongInterface;
         return false;
+    }
     declareInFunctions();
     return error_.empty();
 }
@@ -191,26 +192,6 @@ Instruction QueryFlags::widenedCall(Instruction call, Code &out)
         return call;
     }
     return changed ? module_.make(spv::OpFunctionCall, operands) : call;
-}
-
-// From SPIR-V 1.4 on an interface has all module-scope variables that the entry point uses.
-bool QueryFlags::addToInterfaces(const std::vector<Id> &variables)
-{
-    if (module_.version() < kVersion14)
-        return true;
-    for (Instruction &in : module_.section(Section::EntryPoints)) {
-        if (in.opcode != spv::OpEntryPoint)
-            continue;
-        const Words words = module_.words(in);
-        std::vector<std::uint32_t> operands(words.begin() + 1, words.end());
-        operands.insert(operands.end(), variables.begin(), variables.end());
-        if (operands.size() + 1 > kMaxInstructionWords) {
-            error_ = "an entry point has too long an interface";
-            return false;
-        }
-        in = module_.make(spv::OpEntryPoint, operands);
-    }
-    return true;
 }
 
 } // namespace vellum::spirv

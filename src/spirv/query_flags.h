@@ -51,7 +51,6 @@ private:
     void declareInFunctions();
     Instruction widenedFunction(Instruction function);
     Instruction widenedCall(Instruction call, Code &out);
-    bool addToInterfaces(const std::vector<Id> &variables);
 
     Module &module_;
     Types &types_;

@@ -45,8 +45,8 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
 
 RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
     : module_(module), types_(types), linker_(linker), mode_(findMode(module, types, consumption)),
-      consumption_(consumption), options_(options), queryFlags_(module, types),
-      candidates_(module, types, linker, consumption, queryFlags_, mode_)
+      consumption_(consumption), options_(options), queryFlags_(module, types), indices_(module, types, consumption),
+      candidates_(module, types, linker, consumption, queryFlags_, indices_, mode_)
 {
 }
 
@@ -72,6 +72,10 @@ bool RayQueries::rewrite()
 {
     if (travel() && !options_.carriesFlagBits() && !queryFlags_.declare()) {
         error_ = queryFlags_.error();
+        return false;
+    }
+    if (!indices_.declare()) {
+        error_ = indices_.error();
         return false;
     }
     const std::vector<Instruction> code = module_.section(Section::Functions);
@@ -148,9 +152,7 @@ bool RayQueries::replace(Instruction in, Code &out)
     case spv::OpRayQueryProceedKHR: return proceed(in, out);
     case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
-    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR:
-        restoreResult(module_, types_, linker_.function("vellumCustomIndex"), in, out);
-        return true;
+    case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: getCustomIndex(in, out); return true;
     default: return false;
     }
 }
@@ -280,13 +282,17 @@ bool RayQueries::getKeptFlags(Instruction in, Code &out)
         error_ = "OpRayQueryGetRayFlagsKHR on a ray query that is not reached through a variable or parameter";
         return false;
     }
-    const Id uint = types_.uint32();
-    const Id type = module_.resultType(in);
-    if (type == uint)
-        out.put(spv::OpLoad, {uint, module_.result(in), pointer});
-    else
-        out.put(spv::OpBitcast, {type, module_.result(in), out.value(spv::OpLoad, uint, {pointer})});
+    loadUint(module_, types_, pointer, in, out);
     return true;
+}
+
+void RayQueries::getCustomIndex(Instruction in, Code &out)
+{
+    const Id known = indices_.of(in);
+    if (known == 0)
+        restoreResult(module_, types_, linker_.function("vellumCustomIndex"), in, out);
+    else
+        loadUint(module_, types_, known, in, out);
 }
 
 // With the Opaque flag, which the driver does not see, every box is opaque.

@@ -37,6 +37,7 @@ private:
     bool getKeptFlags(Instruction in, Code &out);
     bool proceed(Instruction in, Code &out);
     bool getRayFlags(Instruction in, Code &out);
+    void getCustomIndex(Instruction in, Code &out);
     bool getAabbOpaque(Instruction in, Code &out);
     // Whether some flags cannot be told at compile time, and have to travel with the query.
     [[nodiscard]] bool travel() const;
@@ -56,6 +57,7 @@ private:
     Consumption &consumption_;
     RayQueryOptions options_;
     QueryFlags queryFlags_;
+    CandidateIndices indices_;
     Consumes consumes_; // of the function that is being rewritten
     CandidateFunctions candidates_;
     std::set<Id> decidedInLoops_; // results of proceed calls that stay

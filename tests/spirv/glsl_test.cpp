@@ -159,6 +159,26 @@ Module rewriteWithoutBits(const char *shader, const char *variant)
     return result.words;
 }
 
+// One that a function advances is not known where the application gets it, and of a committed hit that the driver
+// decided nobody has looked it up.
+TEST(Modules, KeepTheCustomIndexOfACandidateThatTheyDecide)
+{
+    for (const char *variant : {"v15", "v14", "v16"}) {
+        const std::string text = disassemble(rewriteValid(loadShader("candidate_index.comp", variant)));
+        EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 2u);
+        EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumIndexOf"), 2u);
+        EXPECT_EQ(count(disassemble(rewriteWithoutBits("candidate_index.comp", variant)),
+                        "OpFunctionCall %uint %vellumCustomIndex"),
+                  2u);
+    }
+    // Queries that do not consume micromaps have no candidates that are decided.
+    spirv::RewriteOptions options;
+    options.queriesConsume = spirv::QueriesConsume::WhereDeclared;
+    const auto idle = spirv::rewrite(loadShader("candidate_index.comp", "v15"), options);
+    EXPECT_EQ(count(disassemble(idle.words), "OpFunctionCall %uint %vellumCustomIndex"), 4u);
+    EXPECT_EQ(count(disassemble(idle.words), "vellumIndexOf"), 0u);
+}
+
 // Where the driver gives no unused bits back, none are sent, and nothing is asked of the driver's flags.
 TEST(GlslFlags, LieBesideTheQueryWhereBitsAreNotCarried)
 {
@@ -171,7 +191,8 @@ TEST(GlslFlags, LieBesideTheQueryWhereBitsAreNotCarried)
             EXPECT_EQ(count(text, "OpConstant %uint 4294966142"), 1u) << shader; // all but the three flags
         }
     }
-    EXPECT_EQ(count(disassemble(rewriteWithoutBits("flags.comp", "v15")), "OpVariable %_ptr_Private_uint Private"), 1u);
+    // The flags, and the candidate's custom index.
+    EXPECT_EQ(count(disassemble(rewriteWithoutBits("flags.comp", "v15")), "OpVariable %_ptr_Private_uint Private"), 2u);
 }
 
 // constant_flags.comp passes the same constants everywhere: nothing has to be kept.

@@ -57,7 +57,7 @@ TEST(PipelineStages, AreValidInEveryVersion)
 TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
 {
     const std::string text = rewriteStage(kTriangles);
-    EXPECT_EQ(count(text, "OpFunctionCall %v2uint %vellumResolveIndexed"), 1u);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
     EXPECT_EQ(count(text, "OpFunctionCall %void %main"), 1u);
     EXPECT_EQ(count(text, "OpEntryPoint AnyHitNV %vellumEntry \"main\"") +
                   count(text, "OpEntryPoint AnyHitKHR %vellumEntry \"main\""),
@@ -72,7 +72,7 @@ TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
 TEST(PipelineStages, WhatAnAnyHitShaderLacksIsAdded)
 {
     const std::string text = rewriteStage(kEmpty);
-    EXPECT_EQ(count(text, "OpFunctionCall %v2uint %vellumResolveIndexed"), 1u);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
     for (const char *builtIn : {"InstanceCustomIndex", "IncomingRayFlags", "PrimitiveId", "RayGeometryIndex"})
         EXPECT_EQ(count(text, std::string("BuiltIn ") + builtIn), 1u) << builtIn;
 }
@@ -339,7 +339,7 @@ TEST(PipelineStages, AreKnownByTheirEntryPointsToo)
     EXPECT_TRUE(spirv::tracesRays(words));
     const auto result = spirv::rewrite(words, optionsOf(kTriangles));
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
-    EXPECT_EQ(count(disassemble(result.words), "OpFunctionCall %v2uint %vellumResolveIndexed"), 1u);
+    EXPECT_EQ(count(disassemble(result.words), "OpFunctionCall %uint %vellumResolve"), 1u);
 }
 
 // spirv-val refuses it; the rewriter must survive it.

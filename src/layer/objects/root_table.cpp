@@ -135,14 +135,21 @@ bool RootTable::addPages(uint32_t lastPage)
         GpuBuffer buffer;
         if (createTable(buffer, kFirstPages, pages_.empty()) != VK_SUCCESS)
             return false;
-        store64(root_.words() + kRootHeaderWords + size_t{pageCount_} * 2, buffer.address());
+        setPage(pageCount_, buffer.address());
         pages_.push_back(std::move(buffer));
     }
     // A shader that reads the custom index where there is no hit reads some slot: every page must be readable.
-    const uint64_t firstPage = load64(root_.words() + kRootHeaderWords);
     for (uint32_t page = pageCount_; page < kDirectoryPages; ++page)
-        store64(root_.words() + kRootHeaderWords + size_t{page} * 2, firstPage);
+        setPage(page, firstSlots());
     return true;
+}
+
+// Where the page would begin if it had the records of all slots before its own, but for the upper word, which is right
+// as it is: so shaders add the slot to it, and not what is left of the slot.
+void RootTable::setPage(uint32_t page, VkDeviceAddress address)
+{
+    const auto low = static_cast<uint32_t>(address) - static_cast<uint32_t>(page * kPageBytes);
+    store64(root_.words() + kRootHeaderWords + size_t{page} * 2, (address >> 32 << 32) | low);
 }
 
 std::shared_ptr<SlotRange> RootTable::allocateSlots(uint32_t count)

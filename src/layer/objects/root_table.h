@@ -86,6 +86,7 @@ private:
     bool addKey(VkDeviceAddress key, VkDeviceAddress known);
     void freeSlots(uint32_t first, uint32_t count);
     bool addPages(uint32_t lastPage);
+    void setPage(uint32_t page, VkDeviceAddress address);
     bool growHashTable();
     void insertBucket(VkDeviceAddress reference, VkDeviceAddress cell);
     void removeBucket(VkDeviceAddress reference);

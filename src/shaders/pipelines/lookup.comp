@@ -26,7 +26,7 @@ layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Qu
 // member lane by lane, and an address in one load. What it would be the address of has the alignment that glslang takes for
 // that of the load.
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Eight { uint w[]; };
-layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Eight at; };
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Eight at[]; };
 
 // Records by their members (core/records.h), so that only the words that are needed are loaded.
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instance
@@ -44,27 +44,32 @@ layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Ge
 layout(buffer_reference, std430, buffer_reference_align = 4) readonly buffer Word { uint w; };
 
 // Where the instance record of a slot is. Most devices never have more than the first slots, which no load leads to. The
-// root and pages cross no multiple of 2^32.
+// root and pages cross no multiple of 2^32, and what the root says of a page is where it would begin if it had the records
+// of all slots before its own.
 uvec2 vellumRecord(const in uint slot)
 {
+    const uint number = slot & kCustomIndexMask;
     uint low = kFirstSlotsLow;
     uint high = kFirstSlotsHigh;
-    if (slot >= kFirstSlots) {
-        const uint page = (slot >> kSlotsPerPageLog2) & (kDirectoryPages - 1u);
-        const uvec2 entry = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at);
+    if (number >= kFirstSlots) {
+        const uint page = number >> kSlotsPerPageLog2;
+        const uvec2 entry = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at[0]);
         low = entry.x;
         high = entry.y;
     }
-    return uvec2(low + ((slot & ((1u << kSlotsPerPageLog2) - 1u)) << kInstanceRecordLog2), high);
+    return uvec2(low + (number << kInstanceRecordLog2), high);
 }
 
-// An address and a sum that the lower word may carry over from. Compilers for GPUs make less of it than of an index, which
-// is extended to 64 bits with its sign.
-uvec2 vellumPlus(const in uvec2 address, const in uint low, const in uint high)
+// An address and what fits a word. Compilers for GPUs make less of it than of an index, which they extend to 64 bits with its
+// sign.
+uvec2 vellumPlus(const in uvec2 address, const in uint low)
 {
     const uint sum = address.x + low;
-    return uvec2(sum, address.y + high + (sum < low ? 1u : 0u));
+    return uvec2(sum, address.y + (sum < low ? 1u : 0u));
 }
+
+const uint kCoarseBits = 2u * ((1u << (2u * kCoarseLevel)) - 1u);                      // of the coarse index, times two
+const uint kKindFinest4 = kKindData + 2u * (kMaxSubdivisionLevel - kCoarseLevel) - 1u; // 4-state data of the highest level
 
 // State of the micro-triangle at barycentrics uv.
 //   geometries  address of the BLAS's geometry records
@@ -74,45 +79,48 @@ uint vellumState(const in uvec2 geometries, const in uint triangle, const in uve
 {
     // Not where it is needed: so it does not wait for the triangle's record.
     const uvec2 units = uvec2(Geometry(geometry).units);
-    const uvec2 record = uvec2(Pairs(vellumPlus(geometries, triangle << 3u, triangle >> 29u)).at);
+    const uvec2 record = uvec2(Pairs(geometries).at[triangle]);
+    // It needs nothing of the record, and is computed while that is on its way. Its leading digits are the index at every
+    // level, the coarse one and the micromap's.
+    const uint index = finestCurveIndex(uv.x, uv.y);
+    const uint coarse = (record.y >> ((index >> (2u * (kMaxSubdivisionLevel - kCoarseLevel) - 1u)) & kCoarseBits)) & 3u;
     const uint kind = record.x & kKindMask;
     const bool far = kind == kKindFar;
-    const uint n = far ? ((record.x >> kUnitShift) & kKindMask) + kKindData : kind;
-    const bool upperHalf = n == kKindUpperHalf + kKindData;
-    // Of kKindInline, 0, too.
-    const uint level = upperHalf ? 3u : (n + 2u * kCoarseLevel + 1u) >> 1u;
-
-    // One curve index serves both: its leading digits are the index at the coarse level.
-    const uint index = curveIndex(uv.x, uv.y, level);
-    const uint coarse = (record.y >> (2u * (index >> (2u * (level - kCoarseLevel))))) & 3u;
     uint state = coarse;
     // One way out, for LLVM 21 behind lavapipe 26: with a return here, and loops in the body of the query's loop
     // (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, brings it back only on the
     // way past the load, and the traversal runs off.
     if (far || (kind != kKindInline && coarse >= kCoarseLook)) {
+        const uint n = far ? ((record.x >> kUnitShift) & kKindMask) + kKindData : kind;
+        const bool upperHalf = n == kKindUpperHalf + kKindData;
         const uint fourState = (n & 1u) ^ 1u;
-        const uint bit = (index << fourState) + (upperHalf ? kDataUnitBytes * 4u : 0u);
+        // Of the digits below the level, one bit stays in 4-state data, where the lower bit of the state is.
+        const uint digits = (index << 1u) >> (kKindFinest4 - (upperHalf ? kKindData : n));
+        const uint bit = (digits & ~fourState) + (upperHalf ? kDataUnitBytes * 4u : 0u);
         const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
-        const uint word = Word(vellumPlus(units, (unit << 4u) | ((bit >> 3u) & 12u), unit >> 28u)).w;
+        const uint word = Word(vellumPlus(uvec2(units.x, units.y + (unit >> 28u)), (unit << 4u) | ((bit >> 3u) & 12u))).w;
         state = (word >> (bit & 31u)) & (1u + 2u * fourState);
     }
     return state;
 }
 
-// kHit* of a triangle candidate that the driver holds for non-opaque, and the application's instanceCustomIndex. rayFlags are
-// the application's.
-uvec2 vellumResolveIndexed(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
-                           const in uint rayFlags)
+// The instance record of a slot.
+uvec4 vellumInstance(const in uint slot)
 {
     const uvec2 record = vellumRecord(slot);
-    const uvec2 words = uvec2(Instance(record).words);
-    const uvec2 geometries = uvec2(Instance(record).geometries);
-    uvec2 ofGeometry = geometries;
-    uint word = words.y;
-    if ((word & kManyGeometries) != 0u) {
-        ofGeometry = vellumPlus(geometries, geometry << 4u, geometry >> 28u);
+    return uvec4(uvec2(Instance(record).words), uvec2(Instance(record).geometries));
+}
+
+// kHit* of a triangle candidate that the driver holds for non-opaque. rayFlags are the application's.
+uint vellumResolve(const in uvec4 instance, const in uint geometry, const in uint primitive, const in vec2 uv,
+                   const in uint rayFlags)
+{
+    const uvec2 geometries = instance.zw;
+    // Of the only one, too. 2^28 of them would take 4 GiB.
+    const uvec2 ofGeometry = vellumPlus(geometries, geometry << 4u);
+    uint word = instance.y;
+    if ((word & kManyGeometries) != 0u)
         word &= Geometry(ofGeometry).triangles;
-    }
     const uint triangles = word >> kGeometryTrianglesShift;
     uint state = (word & kGeometryRecordOpaque) != 0u ? kStateOpaque : kStateNone;
     if (triangles != 0u) {
@@ -120,16 +128,15 @@ uvec2 vellumResolveIndexed(const in uint slot, const in uint geometry, const in 
         if ((rayFlags & kRayForce2State) != 0u)
             state &= 1u;
     }
-    return uvec2(hitOfRay(hitInTable(words.x, state), rayFlags), words.x & kCustomIndexMask);
-}
-
-uint vellumResolve(const in uint slot, const in uint geometry, const in uint primitive, const in vec2 uv,
-                   const in uint rayFlags)
-{
-    return vellumResolveIndexed(slot, geometry, primitive, uv, rayFlags).x;
+    return hitOfRay(hitInTable(instance.x, state), rayFlags);
 }
 
 // The application's instanceCustomIndex.
+uint vellumIndexOf(const in uvec4 instance)
+{
+    return instance.x & kCustomIndexMask;
+}
+
 uint vellumCustomIndex(const in uint slot)
 {
     return InstanceWords(vellumRecord(slot)).w[0] & kCustomIndexMask;

@@ -73,8 +73,8 @@ Referenced findReferenced(uvec2 reference)
 void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
 {
     const uvec2 entry = elementAddress(push.root, (slot >> kSlotsPerPageLog2) + kRootHeaderWords / 2u, 8u);
-    const uint inPage = slot & ((1u << kSlotsPerPageLog2) - 1u);
-    Words record = Words(elementAddress(loadAddress(entry), inPage, kInstanceRecordWords * 4u));
+    const uvec2 page = loadAddress(entry);
+    Words record = Words(uvec2(page.x + (slot << kInstanceRecordLog2), page.y));
     record.w[2] = found.records.x;
     record.w[3] = found.records.y;
     if (found.boxes) {

@@ -291,6 +291,23 @@ void Module::append(Section s, std::uint32_t opcode, Words operands)
     global_[id] = true;
 }
 
+bool Module::addToInterfaces(const std::vector<Id> &variables)
+{
+    if (version_ < kVersion14 || variables.empty())
+        return true;
+    for (Instruction &in : section(Section::EntryPoints)) {
+        if (in.opcode != spv::OpEntryPoint)
+            continue;
+        const Words before = words(in);
+        std::vector<std::uint32_t> operands(before.begin() + 1, before.end());
+        operands.insert(operands.end(), variables.begin(), variables.end());
+        if (operands.size() + 1 > kMaxInstructionWords)
+            return false;
+        in = make(spv::OpEntryPoint, operands);
+    }
+    return true;
+}
+
 Instruction Module::with(Instruction in, std::uint32_t i, std::uint32_t value)
 {
     if (i == 0 || i >= in.count)

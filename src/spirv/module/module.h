@@ -41,6 +41,9 @@ struct Instruction {
     std::uint16_t opcode = 0;
 };
 
+inline constexpr std::size_t kMaxInstructionWords = 65535;
+inline constexpr const char *kTooLongInterface = "an entry point has too long an interface";
+
 class Module
 {
 public:
@@ -88,6 +91,9 @@ public:
     Instruction with(Instruction in, std::uint32_t i, std::uint32_t value);
 
     bool hasCapability(std::uint32_t capability) const;
+    // Adds module-scope variables to the interfaces of all entry points, where the version of SPIR-V wants that:
+    // from 1.4 on an interface has all that the entry point uses. False if one gets too long.
+    bool addToInterfaces(const std::vector<Id> &variables);
 
 private:
     bool split(Words words, std::string &error);

@@ -29,6 +29,7 @@ inline constexpr std::uint32_t kOpHitObjectTraceRayEXT = 5316;
 inline constexpr std::uint32_t kOpHitObjectTraceRayMotionEXT = 5317;
 inline constexpr std::uint32_t kOpHitObjectGetInstanceCustomIndexEXT = 5326;
 
+inline constexpr std::uint32_t kOpRayQueryGetIntersectionTriangleVertexPositionsKHR = 5340;
 inline constexpr std::uint32_t kOpUntypedVariableKHR = 4418;
 
 inline constexpr std::uint32_t kVersion14 = 0x00010400;

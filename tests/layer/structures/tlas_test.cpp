@@ -178,12 +178,25 @@ TEST_F(Top, EmptyStructure)
 
 TEST_F(Top, ManyInstances)
 {
-    // More than one page of instance records.
     std::vector<Shown> shown;
     for (std::uint32_t i = 0; i < 9001; ++i)
         shown.push_back({i * 1861 & 0xffffff, static_cast<int>(i % 5) - 1});
     Tlas tlas(gpu(), instances(shown));
     expectShown(tlas, shown);
+}
+
+// Instance records lie in pages of 65,536: of a structure that begins in one and ends in the next.
+TEST_F(Top, InstancesOnTwoPages)
+{
+    std::vector<Shown> shown;
+    for (std::uint32_t i = 0; i < 1200; ++i)
+        shown.push_back({i * 13921 & 0xffffff, static_cast<int>(i % 5) - 1});
+    for (const std::size_t before : {65'000u, 196'000u}) {
+        const std::vector<VkAccelerationStructureInstanceKHR> others(before, instances({{1, 1}}).front());
+        const Tlas filler(gpu(), others);
+        const Tlas tlas(gpu(), instances(shown));
+        expectShown(tlas, shown);
+    }
 }
 
 TEST_F(Top, TwoAtOnceSharingBlas)
