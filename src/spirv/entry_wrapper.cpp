@@ -1,10 +1,10 @@
 #include "spirv/entry_wrapper.h"
 
 #include <algorithm>
-#include <set>
 
 #include "core/opacity.h"
 #include "spirv/module/opcodes.h"
+#include "spirv/module/reach.h"
 
 namespace vellum::spirv
 {
@@ -15,15 +15,44 @@ namespace
 constexpr std::size_t kMaxTypes = 256;
 constexpr std::size_t kMaxEntryOperands = 65000;
 
+// Whether an instruction has a pointer to the payload or the hit attributes among its operands. Other words may be
+// literals that are equal to the id.
+bool usesPointer(const Module &module, Instruction in, Id pointer)
+{
+    const auto among = [&](std::uint32_t first, std::uint32_t last) {
+        for (std::uint32_t i = first; i <= last && i < in.count; ++i)
+            if (module.word(in, i) == pointer)
+                return true;
+        return false;
+    };
+    switch (in.opcode) {
+    case spv::OpLoad:
+    case spv::OpAccessChain:
+    case spv::OpInBoundsAccessChain:
+    case spv::OpCopyObject: return among(3, 3);
+    case spv::OpStore: return among(1, 1);
+    case spv::OpCopyMemory:
+    case spv::OpCopyMemorySized: return among(1, 2);
+    case spv::OpFunctionCall: return among(4, in.count);
+    case spv::OpExtInst: return among(5, in.count);
+    case spv::OpTraceRayKHR:
+    case kOpTraceRayMotionNV: return among(11, 12);
+    default: return makesOrExecutesHitObject(in.opcode) && among(2, 13);
+    }
+}
+
 } // namespace
+
+bool isEntryPoint(const Module &module, Instruction in, const PipelineStage &stage)
+{
+    return in.opcode == spv::OpEntryPoint && module.word(in, 1) == stage.executionModel &&
+           module.string(in, 3) == stage.entryPoint;
+}
 
 bool EntryWrapper::selectEntryPoint(const PipelineStage &stage)
 {
     auto &entries = module_.section(Section::EntryPoints);
-    const auto chosen = std::ranges::find_if(entries, [&](Instruction in) {
-        return in.opcode == spv::OpEntryPoint && module_.word(in, 1) == stage.executionModel &&
-               module_.string(in, 3) == stage.entryPoint;
-    });
+    const auto chosen = std::ranges::find_if(entries, [&](Instruction in) { return isEntryPoint(module_, in, stage); });
     if (chosen == entries.end()) {
         error_ = "it has no entry point \"" + std::string(stage.entryPoint) + "\" of the stage";
         return false;
@@ -167,13 +196,20 @@ Id EntryWrapper::incomingPrefix()
 {
     if (incomingPrefix_ != 0)
         return incomingPrefix_;
+    std::vector<Id> declared;
     for (const Instruction in : module_.section(Section::Globals)) {
         const Id variable = module_.result(in);
-        if (in.opcode == spv::OpVariable && module_.word(in, 3) == spv::StorageClassIncomingRayPayloadKHR &&
-            (module_.version() < kVersion14 ? isUsed(variable) : inInterface(variable)))
+        if (in.opcode != spv::OpVariable || module_.word(in, 3) != spv::StorageClassIncomingRayPayloadKHR)
+            continue;
+        declared.push_back(variable);
+        if (module_.version() < kVersion14 ? isUsed(variable) : inInterface(variable))
             return incomingPrefix_ = prefix_.pointer(variable, code_);
     }
-    const Id variable = makeInput(spv::StorageClassIncomingRayPayloadKHR, prefix_.emptyPayload());
+    // Before SPIR-V 1.4 no interface says whose a payload is that nothing uses. The only one of a module is the one
+    // that the application declares for the ray.
+    if (module_.version() < kVersion14 && declared.size() == 1)
+        return incomingPrefix_ = prefix_.pointer(declared.front(), code_);
+    const Id variable = makeInput(spv::StorageClassIncomingRayPayloadKHR, prefix_.ownPayload(hidden_.payload));
     const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassIncomingRayPayloadKHR, types_.uint32()});
     incomingPrefix_ = code_.value(spv::OpAccessChain, pointer, {variable, types_.uintConstant(0)});
     return incomingPrefix_;
@@ -233,26 +269,15 @@ Id EntryWrapper::makeInput(std::uint32_t storageClass, Id type)
     return variable;
 }
 
-// Whether the application's function, or one that it calls, has the id among its words.
-bool EntryWrapper::isUsed(Id id) const
+// Whether the application's function, or one that it calls, uses the variable.
+bool EntryWrapper::isUsed(Id variable) const
 {
-    std::set<Id> reached{application_};
-    for (std::size_t before = 0; before != reached.size();) {
-        before = reached.size();
-        Id function = 0;
-        for (const Instruction in : module_.section(Section::Functions)) {
-            if (in.opcode == spv::OpFunction)
-                function = module_.result(in);
-            else if (in.opcode == spv::OpFunctionCall && reached.contains(function))
-                reached.insert(module_.word(in, 3));
-        }
-    }
+    const std::set<Id> reached = reachedFrom(module_, application_);
     Id function = 0;
     for (const Instruction in : module_.section(Section::Functions)) {
         if (in.opcode == spv::OpFunction)
             function = module_.result(in);
-        const Words words = module_.words(in);
-        if (reached.contains(function) && std::find(words.begin() + 1, words.end(), id) != words.end())
+        if (reached.contains(function) && usesPointer(module_, in, variable))
             return true;
     }
     return false;

@@ -13,6 +13,9 @@
 namespace vellum::spirv
 {
 
+// Whether an instruction is the OpEntryPoint of a stage.
+bool isEntryPoint(const Module &module, Instruction in, const PipelineStage &stage);
+
 class EntryWrapper
 {
 public:
@@ -51,7 +54,7 @@ private:
     };
     bool findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found, std::size_t &budget) const;
     [[nodiscard]] std::uint32_t arrayLength(Instruction array) const;
-    [[nodiscard]] bool isUsed(Id id) const;
+    [[nodiscard]] bool isUsed(Id variable) const;
     Id makeInput(std::uint32_t storageClass, Id type);
     [[nodiscard]] bool inInterface(Id variable) const;
 

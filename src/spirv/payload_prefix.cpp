@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "spirv/module/opcodes.h"
+#include "spirv/payload_types.h"
 
 namespace vellum::spirv
 {
@@ -26,14 +27,17 @@ bool PayloadPrefix::isPayload(std::uint32_t storageClass)
     return storageClass == spv::StorageClassRayPayloadKHR || storageClass == spv::StorageClassIncomingRayPayloadKHR;
 }
 
-Id PayloadPrefix::emptyPayload()
+Id PayloadPrefix::ownPayload(std::span<const std::uint32_t> payload)
 {
-    if (empty_ == 0) {
-        const Id uint = types_.uint32();
-        empty_ = module_.newId();
-        module_.append(Section::Globals, spv::OpTypeStruct, {empty_, uint});
+    if (own_ == 0) {
+        std::vector<std::uint32_t> members{types_.uint32()};
+        if (const Id type = makeType(module_, types_, payload); type != 0)
+            members.push_back(type);
+        own_ = module_.newId();
+        members.insert(members.begin(), own_);
+        module_.append(Section::Globals, spv::OpTypeStruct, members);
     }
-    return empty_;
+    return own_;
 }
 
 Id PayloadPrefix::keptFlags()
@@ -108,6 +112,7 @@ void PayloadPrefix::widenFunctions()
     const std::vector<Instruction> functions = module_.section(Section::Functions);
     for (const Instruction in : functions) {
         if (in.opcode == spv::OpFunction) {
+            function_ = module_.result(in);
             code.out.push_back(widenedFunction(in));
         } else if (in.opcode == spv::OpFunctionParameter) {
             const Id type = widened(module_.word(in, 1), module_.section(Section::Globals));
@@ -134,6 +139,13 @@ Instruction PayloadPrefix::widenedFunction(Instruction function)
         changed = changed || pointer != 0;
     }
     return changed ? module_.with(function, 4, types_.function(module_.word(type, 2), parameters)) : function;
+}
+
+// What is wrong in functions that the stage does not reach does not matter.
+void PayloadPrefix::fail(const char *error)
+{
+    if (reached_.contains(function_))
+        error_ = error;
 }
 
 bool PayloadPrefix::isDebugInformation(Instruction extInst) const
@@ -169,7 +181,7 @@ Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
         const Words words = module_.words(in);
         std::vector<std::uint32_t> operands(words.begin() + 1, words.end());
         if (operands.size() + 2 > kMaxInstructionWords) {
-            error_ = "an access chain has too many indices";
+            fail("an access chain has too many indices");
             return in;
         }
         operands.insert(operands.begin() + 3, types_.uintConstant(kPayload));
@@ -188,7 +200,7 @@ Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
             const Id argument = module_.word(in, i);
             const Instruction type = module_.definition(module_.resultType(module_.definition(argument)));
             if (type.opcode == spv::OpTypePointer && isPayload(module_.word(type, 2)) && !payloads_.contains(argument))
-                error_ = "it passes a part of a ray payload to a function by a pointer";
+                fail("it passes a part of a ray payload to a function by a pointer");
         }
         return in;
     case spv::OpLoad: return withParts(3, 3);

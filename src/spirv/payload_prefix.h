@@ -5,6 +5,8 @@
 #pragma once
 
 #include <map>
+#include <set>
+#include <span>
 #include <string>
 
 #include "spirv/module/code.h"
@@ -19,7 +21,11 @@ bool receivesPayload(std::uint32_t executionModel);
 class PayloadPrefix
 {
 public:
-    PayloadPrefix(Module &module, Types &types) : module_(module), types_(types) {}
+    // `reached`: the functions of the stage.
+    PayloadPrefix(Module &module, Types &types, const std::set<Id> &reached)
+        : module_(module), types_(types), reached_(reached)
+    {
+    }
 
     // Widens all payloads of the module, and has the application's code reach its part. False with error() set on
     // failure.
@@ -28,8 +34,9 @@ public:
 
     // Pointer to the prefix of a payload variable; 0 if `variable` is none.
     Id pointer(Id variable, Code &out) const;
-    // A payload with a prefix and nothing else, for entry points that declare none. A type.
-    Id emptyPayload();
+    // A payload for entry points that declare none: a prefix, and after it `payload` (payload_types.h), where that is
+    // known. A type.
+    Id ownPayload(std::span<const std::uint32_t> payload);
 
     // A Private variable for the hidden flags of the ray that a shader was called for. A payload may be handed on to
     // the next ray, and its prefix with it, so the first thing an entry point does is to fill this, if it was asked
@@ -37,21 +44,25 @@ public:
     Id keptFlags();
     [[nodiscard]] Id keptFlagsIfAsked() const { return kept_; }
 
-private:
     static bool isPayload(std::uint32_t storageClass);
+
+private:
     Id widened(Id pointerType, std::vector<Instruction> &globals);
     void widenVariables();
     void widenFunctions();
     Instruction widenedFunction(Instruction function);
     Instruction throughPayload(Instruction in, Code &out);
+    void fail(const char *error);
     bool isDebugInformation(Instruction extInst) const;
 
     Module &module_;
     Types &types_;
+    const std::set<Id> &reached_;
+    Id function_ = 0;           // that is being rewritten
     std::map<Id, Id> payloads_; // variables and parameters: the type of pointer that they had
     std::map<Id, Id> structs_;  // by the application's type
     std::map<Id, Id> pointers_; // by the application's pointer type
-    Id empty_ = 0;
+    Id own_ = 0;
     Id kept_ = 0;
     std::string error_;
 };

@@ -27,6 +27,9 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
     for (const Instruction in : module.section(Section::Functions)) {
         if (in.opcode == spv::OpFunction)
             consumes = consumption.in(module.result(in)).when != Consumes::When::Never;
+        // A hit object gets the flags that the driver knows of the query.
+        if (in.opcode == kOpHitObjectRecordFromQueryEXT)
+            return {};
         if (in.opcode != spv::OpRayQueryInitializeKHR || !consumes)
             continue;
         const auto flags = types.valueOf(module.word(in, 3));
@@ -44,8 +47,9 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
 }
 
 RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
-    : module_(module), types_(types), linker_(linker), mode_(findMode(module, types, consumption)),
-      consumption_(consumption), options_(options), queryFlags_(module, types), indices_(module, types, consumption),
+    : module_(module), types_(types), linker_(linker),
+      mode_(options.constantFlags ? findMode(module, types, consumption) : RayFlagMode{}), consumption_(consumption),
+      options_(options), queryFlags_(module, types), indices_(module, types, consumption),
       candidates_(module, types, linker, consumption, queryFlags_, indices_, mode_)
 {
 }
@@ -152,6 +156,10 @@ bool RayQueries::replace(Instruction in, Code &out)
     case spv::OpRayQueryProceedKHR: return proceed(in, out);
     case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
+    case kOpHitObjectRecordFromQueryEXT:
+        if (queryFlags_.inUse())
+            error_ = "it makes a hit object from a ray query, and the driver does not carry unused ray flag bits";
+        return false;
     case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: getCustomIndex(in, out); return true;
     default: return false;
     }

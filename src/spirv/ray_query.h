@@ -13,6 +13,7 @@ namespace vellum::spirv
 
 struct RayQueryOptions {
     const std::function<bool()> &carriesFlagBits; // the driver gives ray flag bits 11..13 back
+    bool constantFlags = true;                    // flags that are the same everywhere become constants
     bool force2State = true; // the module declares the capability of the ray flag ForceOpacityMicromap2State
 };
 

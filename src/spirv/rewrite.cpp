@@ -4,6 +4,7 @@
 #include "spirv/consumption.h"
 #include "spirv/entry_wrapper.h"
 #include "spirv/module/opcodes.h"
+#include "spirv/module/reach.h"
 #include "spirv/payload_prefix.h"
 #include "spirv/ray_query.h"
 #include "spirv/trace_ray.h"
@@ -72,6 +73,15 @@ bool declares(std::span<const std::uint32_t> words, Predicate predicate)
     return false;
 }
 
+// The functions that a stage consists of.
+std::set<Id> stageFunctions(const Module &module, const PipelineStage &stage)
+{
+    for (const Instruction in : module.section(Section::EntryPoints))
+        if (isEntryPoint(module, in, stage))
+            return reachedFrom(module, module.word(in, 2));
+    return {};
+}
+
 RewriteResult failed(std::string error)
 {
     RewriteResult result;
@@ -138,7 +148,9 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
                    {2, static_cast<std::uint32_t>(options.firstSlots)},
                    {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
     RayQueries queries(*module, types, linker, consumption,
-                       {.carriesFlagBits = options.queriesCarryFlagBits, .force2State = force2State});
+                       {.carriesFlagBits = options.queriesCarryFlagBits,
+                        .constantFlags = options.constantQueryFlags,
+                        .force2State = force2State});
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
         return failed(queries.error());
@@ -148,13 +160,14 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
 
     const bool inPipeline = options.pipelineStage.has_value();
     const HiddenFlags hidden = inPipeline ? options.pipelineStage->hidden : HiddenFlags{};
-    PayloadPrefix prefix(*module, types);
+    const std::set<Id> reached = inPipeline ? stageFunctions(*module, *options.pipelineStage) : std::set<Id>{};
+    PayloadPrefix prefix(*module, types, reached);
     if (hidden.way == HiddenFlags::Way::InPayload && !prefix.widen())
         return failed(prefix.error());
     BuiltIns builtIns(*module, types, linker, prefix, options);
     // Of a pipeline without micromaps only the ray flag that the driver does not know is hidden. It needs the
     // capability.
-    TraceRays traces(*module, types, linker, prefix, options);
+    TraceRays traces(*module, types, linker, prefix, options, reached);
     changed = replaceInstructions(*module, builtIns, inPipeline || force2State ? &traces : nullptr) || changed;
     if (!traces.error().empty())
         return failed(traces.error());

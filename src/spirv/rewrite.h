@@ -54,6 +54,9 @@ struct HiddenFlags {
     };
     Way way = Way::Carried;
     std::uint32_t constant = 0;
+    // InPayload: the type of all payloads (payload_types.h), for shaders that declare none. Empty where it is not
+    // known: they get the prefix alone.
+    std::vector<std::uint32_t> payload{};
     auto operator<=>(const HiddenFlags &) const = default;
 };
 
@@ -74,6 +77,9 @@ struct RewriteOptions {
     std::function<bool()> queriesCarryFlagBits = [] { return true; };
     // The same of traceRay, in pipelines that do not use micromaps.
     std::function<bool()> pipelinesCarryFlagBits = [] { return true; };
+    // Whether flags that all ray queries of a module pass as constants become constants of the rewritten module. Else
+    // they travel like those that are computed.
+    bool constantQueryFlags = true;
     // The result is good for this stage only: other entry points are gone.
     std::optional<PipelineStage> pipelineStage;
 };

@@ -10,12 +10,15 @@ namespace vellum::spirv
 namespace
 {
 
-// The word that holds the ray flags; 0 for instructions that trace nothing.
+// The word that holds the flags of a ray that is traced, or that a hit object is told to have missed with; 0 for other
+// instructions.
 std::uint32_t rayFlagsWord(std::uint32_t opcode)
 {
     switch (opcode) {
     case spv::OpTraceRayKHR:
-    case kOpTraceRayMotionNV: return 2;
+    case kOpTraceRayMotionNV:
+    case kOpHitObjectRecordMissEXT:
+    case kOpHitObjectRecordMissMotionEXT: return 2;
     case kOpHitObjectTraceRayNV:
     case kOpHitObjectTraceRayMotionNV:
     case kOpHitObjectTraceRayEXT:
@@ -23,6 +26,19 @@ std::uint32_t rayFlagsWord(std::uint32_t opcode)
     case kOpHitObjectTraceReorderExecuteEXT:
     case kOpHitObjectTraceMotionReorderExecuteEXT: return 3;
     default: return 0;
+    }
+}
+
+bool recordsWithoutFlags(std::uint32_t opcode)
+{
+    switch (opcode) {
+    case kOpHitObjectRecordHitMotionNV:
+    case kOpHitObjectRecordHitWithIndexMotionNV:
+    case kOpHitObjectRecordMissMotionNV:
+    case kOpHitObjectRecordHitNV:
+    case kOpHitObjectRecordHitWithIndexNV:
+    case kOpHitObjectRecordMissNV: return true;
+    default: return false;
     }
 }
 
@@ -73,17 +89,16 @@ Id TraceRays::idleFlags(Id flags, Code &out)
 
 bool TraceRays::keepInPayload(Instruction in, Id flags, Code &out)
 {
+    if (makesOrExecutesHitObject(in.opcode))
+        return fail("it uses hit objects, and the driver does not carry unused ray flag bits");
     Id payload = 0;
     if (in.opcode == spv::OpTraceRayKHR)
         payload = module_.word(in, 11);
     else if (in.opcode == kOpTraceRayMotionNV)
         payload = module_.word(in, 12);
     const Id prefix = prefix_.pointer(payload, out);
-    if (prefix == 0) {
-        error_ = payload == 0 ? "it traces rays for hit objects, and the driver does not carry unused ray flag bits"
-                              : "it traces rays with a payload that is no variable";
-        return false;
-    }
+    if (prefix == 0)
+        return fail("it traces rays with a payload that is no variable");
     const Id uint = types_.uint32();
     const Id hidden = types_.uintConstant(shared::kHiddenRayFlags);
     Id kept = 0;
@@ -95,11 +110,26 @@ bool TraceRays::keepInPayload(Instruction in, Id flags, Code &out)
     return true;
 }
 
+// What is wrong in functions that the stage does not reach does not matter.
+bool TraceRays::fail(const char *error)
+{
+    if (reached_.contains(function_))
+        error_ = error;
+    return false;
+}
+
 bool TraceRays::replace(Instruction in, Code &out)
 {
+    if (in.opcode == spv::OpFunction)
+        function_ = module_.result(in);
     const std::uint32_t word = rayFlagsWord(in.opcode);
-    if (word == 0)
+    if (word == 0) {
+        // The shaders that it calls would find no flags in the payload.
+        if (makesOrExecutesHitObject(in.opcode) && options_.pipelineStage &&
+            options_.pipelineStage->hidden.way == HiddenFlags::Way::InPayload)
+            keepInPayload(in, 0, out);
         return false;
+    }
     const Id flags = module_.word(in, word);
     if (!options_.pipelineStage) {
         const Id idle = idleFlags(flags, out);
@@ -138,11 +168,14 @@ TracedFlags tracedFlags(std::span<const std::uint32_t> words)
         else if (opcode == spv::OpConstantNull && count == 3)
             constants[words[at + 2]] = 0;
         const std::uint32_t word = rayFlagsWord(opcode);
-        if (word != 0) {
+        // Of hit objects that are made from a ray query the flags are the query's; of others that are not traced, none.
+        if (opcode == kOpHitObjectRecordFromQueryEXT)
+            return {.traces = true, .hidden = {}};
+        if (word != 0 || recordsWithoutFlags(opcode)) {
             const auto value = word < count ? constants.find(words[at + word]) : constants.end();
-            if (value == constants.end())
+            if (word != 0 && value == constants.end())
                 return {.traces = true, .hidden = {}};
-            const std::uint32_t hidden = value->second & shared::kHiddenRayFlags;
+            const std::uint32_t hidden = word != 0 ? value->second & shared::kHiddenRayFlags : 0;
             if (!first && traced.hidden != hidden)
                 return {.traces = true, .hidden = {}};
             traced = {.traces = true, .hidden = hidden};

@@ -1,6 +1,7 @@
 // The ray flags of OpTraceRayKHR and its kin, on their way to the driver (core/ray_flags.h).
 #pragma once
 
+#include <set>
 #include <string>
 
 #include "spirv/module/code.h"
@@ -24,8 +25,10 @@ Id removeFlags(Types &types, Id flags, Id type, std::uint32_t removed, Code &out
 class TraceRays
 {
 public:
-    TraceRays(Module &module, Types &types, Linker &linker, const PayloadPrefix &prefix, const RewriteOptions &options)
-        : module_(module), types_(types), linker_(linker), prefix_(prefix), options_(options)
+    // `reached`: the functions of the stage, if it is one.
+    TraceRays(Module &module, Types &types, Linker &linker, const PayloadPrefix &prefix, const RewriteOptions &options,
+              const std::set<Id> &reached)
+        : module_(module), types_(types), linker_(linker), prefix_(prefix), options_(options), reached_(reached)
     {
     }
     // Writes what replaces an instruction to `out`. False if it stays as it is.
@@ -38,12 +41,15 @@ private:
     Id idleFlags(Id flags, Code &out);
     // In one that does: `flags` by which way the hidden ones travel.
     bool keepInPayload(Instruction in, Id flags, Code &out);
+    bool fail(const char *error);
 
     Module &module_;
     Types &types_;
     Linker &linker_;
     const PayloadPrefix &prefix_;
     const RewriteOptions &options_;
+    const std::set<Id> &reached_;
+    Id function_ = 0; // that is being rewritten
     std::string error_;
 };
 

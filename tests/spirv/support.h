@@ -26,8 +26,8 @@ std::string disassemble(const Module &words);
 // Empty if valid, else what spirv-val says. Picks the environment by the module's version.
 std::string validate(const Module &words);
 
-// Rewrites, and fails the test unless the result is a valid Rewritten module. The same for drivers that give no ray flag
-// bits back, whose module is not returned.
+// Rewrites, and fails the test unless the result is a valid Rewritten module. The same for drivers that give no ray
+// flag bits back, and with constant flags that travel; these modules are not returned.
 Module rewriteValid(const Module &words);
 
 std::size_t count(const std::string &text, const std::string &part);

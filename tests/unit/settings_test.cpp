@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <tuple>
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -36,17 +37,23 @@ protected:
         std::filesystem::path(testing::TempDir()) / ("vellum_settings_" + std::to_string(getpid()) + ".txt");
 };
 
-TEST_F(SettingsTest, CarriedRayFlagsAreOnUnlessTurnedOff)
+TEST_F(SettingsTest, RayFlagsTravelAsTheyCanUnlessTurnedOff)
 {
-    EXPECT_TRUE(readSettings(nullptr).carriedRayFlags);
-    write("vellum_opacity_micromap.carried_ray_flags = false");
-    EXPECT_FALSE(readSettings(nullptr).carriedRayFlags);
-    setenv("VELLUM_CARRIED_RAY_FLAGS", "on", 1);
-    EXPECT_TRUE(readSettings(nullptr).carriedRayFlags);
-    write("");
-    setenv("VELLUM_CARRIED_RAY_FLAGS", "off", 1);
-    EXPECT_FALSE(readSettings(nullptr).carriedRayFlags);
-    unsetenv("VELLUM_CARRIED_RAY_FLAGS");
+    for (const auto &[key, variable, setting] :
+         {std::tuple{"carried_ray_flags", "VELLUM_CARRIED_RAY_FLAGS", &Settings::carriedRayFlags},
+          std::tuple{"constant_ray_flags", "VELLUM_CONSTANT_RAY_FLAGS", &Settings::constantRayFlags}}) {
+        const auto read = [member = setting] { return readSettings(nullptr).*member; };
+        write("");
+        EXPECT_TRUE(read()) << key;
+        write(("vellum_opacity_micromap." + std::string(key) + " = false").c_str());
+        EXPECT_FALSE(read()) << key;
+        setenv(variable, "on", 1);
+        EXPECT_TRUE(read()) << key;
+        write("");
+        setenv(variable, "off", 1);
+        EXPECT_FALSE(read()) << key;
+        unsetenv(variable);
+    }
 }
 
 TEST_F(SettingsTest, StrictInAllThreePlaces)

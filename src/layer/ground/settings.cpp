@@ -50,6 +50,8 @@ void apply(Settings &settings, const std::string &key, const std::string &value)
         settings.assumeMicromaps = isTrue(value);
     else if (key == "carried_ray_flags")
         settings.carriedRayFlags = isTrue(value);
+    else if (key == "constant_ray_flags")
+        settings.constantRayFlags = isTrue(value);
     else if (key == "strict")
         settings.strict = isTrue(value);
     else if (key == "report")
@@ -123,6 +125,7 @@ Settings readSettings(const void *instanceChain)
         {"ASSUME_MICROMAPS", "assume_micromaps"},
         {"STRICT", "strict"},
         {"CARRIED_RAY_FLAGS", "carried_ray_flags"},
+        {"CONSTANT_RAY_FLAGS", "constant_ray_flags"},
         {"DUMP_SHADERS", "dump_shaders"},
         {"CACHE_FOLDER", "cache_folder"},
     };

@@ -26,6 +26,9 @@ struct Settings {
     // VELLUM_CARRIED_RAY_FLAGS, .carried_ray_flags: if off, the driver is taken for one that does not give unused ray
     // flag bits back (pipelines/ray_flag_probe.h)
     bool carriedRayFlags = true;
+    // VELLUM_CONSTANT_RAY_FLAGS, .constant_ray_flags: if off, flags that are constant in a module or pipeline go the
+    // way of those that are not; for tests
+    bool constantRayFlags = true;
     // VELLUM_CACHE_FOLDER, .cache_folder: what is the same in every run is kept there (memory/kept_addresses.h);
     // nowhere if empty. Where it is not set, it is "vellum" in the user's folder for caches.
     std::string cacheFolder;

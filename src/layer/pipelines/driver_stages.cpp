@@ -33,6 +33,7 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
                                   : spirv::QueriesConsume::WhereDeclared,
             .queriesCarryFlagBits = [&device] { return device.rayFlagBits.inQueries(); },
             .pipelinesCarryFlagBits = [&device] { return device.rayFlagBits.inPipelines(); },
+            .constantQueryFlags = device.driver.settings->constantRayFlags,
             .pipelineStage = pipelineStage};
 }
 

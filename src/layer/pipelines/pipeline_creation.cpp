@@ -188,6 +188,10 @@ private:
             return VK_ERROR_INITIALIZATION_FAILED;
         Stages stages;
         stages.hidden = hiddenFlags(info);
+        if (stages.hidden.way == spirv::HiddenFlags::Way::InPayload) {
+            record.payloads = payloadTypes(info);
+            stages.hidden.payload = record.payloads.common();
+        }
         widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
             return result;
@@ -272,7 +276,8 @@ private:
     spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
     {
         using Way = spirv::HiddenFlags::Way;
-        const bool complete = (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
+        const bool complete = device_.driver.settings->constantRayFlags &&
+                              (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
                               (!info.pLibraryInfo || info.pLibraryInfo->libraryCount == 0);
         std::set<std::optional<uint32_t>> hidden;
         for (uint32_t i = 0; complete && i < info.stageCount; ++i) {
@@ -284,6 +289,19 @@ private:
         if (hidden.size() == 1 && *hidden.begin())
             return {Way::Constant, **hidden.begin()};
         return {device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload, 0};
+    }
+
+    // Of all shaders, as far as they are known here: what a library will be linked with is not.
+    spirv::PayloadTypes payloadTypes(const VkRayTracingPipelineCreateInfoKHR &info) const
+    {
+        spirv::PayloadTypes types;
+        for (uint32_t i = 0; i < info.stageCount; ++i)
+            types.add(codeOf(info.pStages[i]), info.pStages[i].pName, executionModelOf(info.pStages[i].stage));
+        for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
+            if (const auto library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
+                types.add(library->payloads);
+        }
+        return types;
     }
 
     // Our any-hit shaders read the barycentrics, also where none of the application's does, and payloads may have a

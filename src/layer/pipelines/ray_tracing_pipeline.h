@@ -9,6 +9,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/memory/gpu_memory.h"
+#include "spirv/payload_types.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::layer
@@ -24,6 +25,7 @@ struct RayTracingPipeline {
     // The driver's pipeline has one group more after these: the one that stands in for null handles.
     bool hasNullGroup = false;
     std::array<uint32_t, kGroupHandleBytes / 4> nullHandle{};
+    spirv::PayloadTypes payloads; // where ray flags travel in them
 
     [[nodiscard]] uint32_t driverGroup(uint32_t group) const
     {

@@ -92,7 +92,9 @@ std::uint32_t minimumWords(std::uint32_t opcode)
     case spv::OpSelectionMerge:
     case spv::OpSwitch:
     case spv::OpCopyMemory:
-    case spv::OpConstantNull: return 3;
+    case spv::OpConstantNull:
+    case kOpHitObjectRecordMissEXT:
+    case kOpHitObjectRecordMissMotionEXT: return 3;
     case spv::OpEntryPoint:
     case spv::OpTypeInt:
     case spv::OpTypeVector:

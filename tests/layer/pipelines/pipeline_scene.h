@@ -5,12 +5,21 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
+#include <cstring>
 
 #include "harness/expected.h"
 #include "harness/pipeline_tracer.h"
 
 namespace vt
 {
+
+// False: constant ray flags travel like others, by the layer's own environment variable VELLUM_CONSTANT_RAY_FLAGS.
+inline bool constantRayFlags()
+{
+    const char *value = std::getenv("VELLUM_CONSTANT_RAY_FLAGS");
+    return !value || std::strcmp(value, "off") != 0;
+}
 
 class PipelineScene
 {
