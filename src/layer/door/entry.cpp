@@ -13,6 +13,7 @@
 #include "layer/micromaps/micromap.h"
 #include "layer/objects/object_names.h"
 #include "layer/pipelines/hit_records.h"
+#include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/shader_binary.h"
 #include "layer/pipelines/shaders.h"
 #include "layer/structures/structure_build.h"
@@ -167,6 +168,12 @@ const Row kRows[] = {
     row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),
     row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Emulated),
     row<destroyShaderModule>("vkDestroyShaderModule", Scope::Emulated),
+    row<getShaderModuleIdentifier>("vkGetShaderModuleIdentifierEXT", Scope::Emulated),
+    row<getShaderModuleCreateInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Emulated),
+    row<createPipelineBinaries>("vkCreatePipelineBinariesKHR", Scope::Emulated),
+    row<destroyPipelineBinary>("vkDestroyPipelineBinaryKHR", Scope::Emulated),
+    row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Emulated),
+    row<getPipelineBinaryData>("vkGetPipelineBinaryDataKHR", Scope::Emulated),
     row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Emulated),
     row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
     row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),

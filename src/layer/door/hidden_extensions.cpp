@@ -22,11 +22,6 @@ constexpr HiddenExtension kHidden[] = {
      static_cast<VkStructureType>(1000570000), 1},
     {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own",
      static_cast<VkStructureType>(1000478000), 1},
-    // What would keep code from one run to the next, or know it by its name, without the tables' addresses in it.
-    {"VK_KHR_pipeline_binary", "its binaries and keys would hold for other addresses of the layer's tables",
-     static_cast<VkStructureType>(1000483000), 1},
-    {VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME, "its identifiers would name code that was not rewritten",
-     VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_FEATURES_EXT, 1},
     // "recording any non-heap descriptor state commands immediately invalidates" what vkCmdPushDataEXT pushed, and the
     // layer's own dispatches push constants.
     {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound",

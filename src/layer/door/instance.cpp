@@ -18,6 +18,7 @@
 #include "layer/ground/pnext.h"
 #include "layer/memory/buffers.h"
 #include "layer/memory/fixed_memory.h"
+#include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/shader_binary.h"
 
 namespace vellum::layer
@@ -354,6 +355,11 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
         for (size_t i = 0; i < VK_UUID_SIZE; ++i)
             shaderObjects->shaderBinaryUUID[i] ^= stable ? rewriterUuid()[i] : processUuid()[i];
     }
+    auto *identifiers = const_cast<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT *>(
+        findInChain<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>(
+            properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_PROPERTIES_EXT));
+    for (size_t i = 0; identifiers && have.anyEmulated() && i < VK_UUID_SIZE; ++i)
+        identifiers->shaderModuleIdentifierAlgorithmUUID[i] ^= kIdentifierUuid[i];
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>()) {
         own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
         own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;

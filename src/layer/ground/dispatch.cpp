@@ -39,6 +39,13 @@ void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
     CreateShadersEXT = reinterpret_cast<newer::PFN_CreateShaders>(next(device, "vkCreateShadersEXT"));
     GetShaderBinaryDataEXT = reinterpret_cast<newer::PFN_GetShaderBinaryData>(next(device, "vkGetShaderBinaryDataEXT"));
     CmdBindShadersEXT = reinterpret_cast<newer::PFN_CmdBindShaders>(next(device, "vkCmdBindShadersEXT"));
+    CreatePipelineBinariesKHR =
+        reinterpret_cast<newer::PFN_CreatePipelineBinaries>(next(device, "vkCreatePipelineBinariesKHR"));
+    DestroyPipelineBinaryKHR =
+        reinterpret_cast<newer::PFN_DestroyPipelineBinary>(next(device, "vkDestroyPipelineBinaryKHR"));
+    GetPipelineKeyKHR = reinterpret_cast<newer::PFN_GetPipelineKey>(next(device, "vkGetPipelineKeyKHR"));
+    GetPipelineBinaryDataKHR =
+        reinterpret_cast<newer::PFN_GetPipelineBinaryData>(next(device, "vkGetPipelineBinaryDataKHR"));
 }
 
 } // namespace vellum::layer

@@ -57,6 +57,8 @@ namespace vellum::layer
     X(DestroyPipelineLayout, DestroyPipelineLayout)                                                                    \
     X(CreateComputePipelines, CreateComputePipelines)                                                                  \
     X(CreateGraphicsPipelines, CreateGraphicsPipelines)                                                                \
+    X(GetShaderModuleIdentifierEXT, GetShaderModuleIdentifierEXT)                                                      \
+    X(GetShaderModuleCreateInfoIdentifierEXT, GetShaderModuleCreateInfoIdentifierEXT)                                  \
     X(CreateRayTracingPipelinesKHR, CreateRayTracingPipelinesKHR)                                                      \
     X(GetRayTracingShaderGroupHandlesKHR, GetRayTracingShaderGroupHandlesKHR)                                          \
     X(GetRayTracingCaptureReplayShaderGroupHandlesKHR, GetRayTracingCaptureReplayShaderGroupHandlesKHR)                \
@@ -163,6 +165,10 @@ struct DeviceTable {
     newer::PFN_CreateShaders CreateShadersEXT = nullptr;
     newer::PFN_CmdBindShaders CmdBindShadersEXT = nullptr;
     newer::PFN_GetShaderBinaryData GetShaderBinaryDataEXT = nullptr;
+    newer::PFN_CreatePipelineBinaries CreatePipelineBinariesKHR = nullptr;
+    newer::PFN_DestroyPipelineBinary DestroyPipelineBinaryKHR = nullptr;
+    newer::PFN_GetPipelineKey GetPipelineKeyKHR = nullptr;
+    newer::PFN_GetPipelineBinaryData GetPipelineBinaryDataKHR = nullptr;
     PFN_vkGetDeviceProcAddr GetDeviceProcAddr = nullptr;
     void load(VkDevice device, PFN_vkGetDeviceProcAddr next);
 };

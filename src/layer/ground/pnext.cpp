@@ -31,6 +31,8 @@ std::size_t structureSize(VkStructureType type)
         return sizeof(VkMemoryRangeBarriersInfoKHR);
     if (type == newer::kBufferUsageFlags2CreateInfo || type == newer::kPipelineCreateFlags2CreateInfo)
         return sizeof(newer::BufferUsageFlags2CreateInfo);
+    if (type == newer::kPipelineBinaryInfo)
+        return sizeof(newer::PipelineBinaryInfo);
     if (type == newer::kPipelineOpacityMicromapFeatures)
         return sizeof(newer::PipelineOpacityMicromapFeatures);
     return 0;

@@ -125,6 +125,64 @@ using PFN_GetShaderBinaryData = VkResult(VKAPI_PTR *)(VkDevice, ShaderEXT, size_
 using PFN_CmdBindShaders = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
                                              const ShaderEXT *);
 
+// VK_KHR_pipeline_binary
+inline constexpr const char *kPipelineBinaryExtension = "VK_KHR_pipeline_binary";
+inline constexpr auto kPipelineBinaryInfo = static_cast<VkStructureType>(1000483002);
+inline constexpr auto kPipelineBinaryMissing = static_cast<VkResult>(1000483000);
+inline constexpr auto kNotEnoughSpace = static_cast<VkResult>(-1000483000);
+inline constexpr uint32_t kMaxPipelineBinaryKeySize = 32;
+struct PipelineBinary_T;
+using PipelineBinary = PipelineBinary_T *;
+struct PipelineBinaryKey {
+    VkStructureType sType;
+    void *pNext;
+    uint32_t keySize;
+    uint8_t key[kMaxPipelineBinaryKeySize];
+};
+struct PipelineBinaryData {
+    size_t dataSize;
+    void *pData;
+};
+struct PipelineBinaryKeysAndData {
+    uint32_t binaryCount;
+    const PipelineBinaryKey *pPipelineBinaryKeys;
+    const PipelineBinaryData *pPipelineBinaryData;
+};
+struct PipelineCreateInfo {
+    VkStructureType sType;
+    void *pNext; // the create info of a pipeline
+};
+struct PipelineBinaryCreateInfo {
+    VkStructureType sType;
+    const void *pNext;
+    const PipelineBinaryKeysAndData *pKeysAndDataInfo;
+    VkPipeline pipeline;
+    const PipelineCreateInfo *pPipelineCreateInfo;
+};
+struct PipelineBinaryInfo {
+    VkStructureType sType;
+    const void *pNext;
+    uint32_t binaryCount;
+    const PipelineBinary *pPipelineBinaries;
+};
+struct PipelineBinaryDataInfo {
+    VkStructureType sType;
+    void *pNext;
+    PipelineBinary pipelineBinary;
+};
+struct PipelineBinaryHandlesInfo {
+    VkStructureType sType;
+    const void *pNext;
+    uint32_t pipelineBinaryCount;
+    PipelineBinary *pPipelineBinaries;
+};
+using PFN_CreatePipelineBinaries = VkResult(VKAPI_PTR *)(VkDevice, const PipelineBinaryCreateInfo *,
+                                                         const VkAllocationCallbacks *, PipelineBinaryHandlesInfo *);
+using PFN_DestroyPipelineBinary = void(VKAPI_PTR *)(VkDevice, PipelineBinary, const VkAllocationCallbacks *);
+using PFN_GetPipelineKey = VkResult(VKAPI_PTR *)(VkDevice, const PipelineCreateInfo *, PipelineBinaryKey *);
+using PFN_GetPipelineBinaryData = VkResult(VKAPI_PTR *)(VkDevice, const PipelineBinaryDataInfo *, PipelineBinaryKey *,
+                                                        size_t *, void *);
+
 // VK_EXT_layer_settings
 inline constexpr const char *kLayerSettingsExtension = "VK_EXT_layer_settings";
 inline constexpr auto kLayerSettingsCreateInfo = static_cast<VkStructureType>(1000496000);

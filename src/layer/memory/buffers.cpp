@@ -130,10 +130,17 @@ VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &device, VkDevice handle, c
 void cmdBindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
                               const VkDescriptorBufferBindingInfoEXT *infos)
 {
-    // The usage here is that of the buffer (VUID-VkDescriptorBufferBindingInfoEXT-usage).
+    // The usage here is that of the buffer, in either place (VUID-VkDescriptorBufferBindingInfoEXT-usage).
     std::vector<VkDescriptorBufferBindingInfoEXT> own(infos, infos + count);
-    for (VkDescriptorBufferBindingInfoEXT &info : own)
+    std::vector<Chain> chains;
+    chains.reserve(count);
+    for (VkDescriptorBufferBindingInfoEXT &info : own) {
         info.usage = static_cast<VkBufferUsageFlags>(driverUsage(info.usage));
+        Chain &chain = chains.emplace_back(info.pNext);
+        if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
+            flags2->usage = driverUsage(flags2->usage);
+        info.pNext = const_cast<void *>(chain.head());
+    }
     device.driver.next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());
 }
 

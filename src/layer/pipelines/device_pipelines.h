@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "layer/commands/device_commands.h"
+#include "layer/ground/vulkan_newer.h"
 #include "layer/pipelines/any_hit_modules.h"
+#include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/ray_flag_probe.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
 
@@ -23,6 +25,9 @@ struct DevicePipelines {
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
+    HandleMap<VkShaderModule, bool> rewrittenModules{};                               // true: shaders that trace rays
+    GivenIdentifiers givenIdentifiers{};
+    HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};
     std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
 };

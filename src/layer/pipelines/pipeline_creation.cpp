@@ -14,6 +14,7 @@
 #include "layer/ground/pnext.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
+#include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "spirv/module/opcodes.h"
 
@@ -116,15 +117,22 @@ public:
                     "geometry is non-opaque. The setting assume_micromaps creates all pipelines with it");
         // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
-        flagsChanged_ = flagsChanged_ || own.flags != info.flags;
+        changed_ = changed_ || own.flags != info.flags;
         own.pNext = driverChain(own.pNext, chains_);
-        return stages_.rewrite(own.pStages, own.stageCount) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
+        if (!stages_.rewrite(own.pStages, own.stageCount))
+            return VK_ERROR_INVALID_SHADER_NV;
+        DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
+        identifiers.take(own.pStages, own.stageCount, true);
+        changed_ = changed_ || identifiers.any();
+        return VK_SUCCESS;
     }
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
+    // Of the last one.
+    [[nodiscard]] HiddenInBinary hidden() const { return records_.back() ? records_.back()->hidden : HiddenInBinary{}; }
     [[nodiscard]] bool changed() const
     {
-        return stages_.changed() || flagsChanged_ || !chains_.empty() ||
+        return stages_.changed() || changed_ || !chains_.empty() ||
                std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
     }
 
@@ -174,6 +182,7 @@ private:
         std::vector<VkPipelineShaderStageCreateInfo> infos;
         std::map<StageKey, uint32_t> index;
         spirv::HiddenFlags hidden;
+        bool needCode = true; // the pipeline is not made of binaries
     };
 
     VkResult addMicromapPipeline(VkRayTracingPipelineCreateInfoKHR &info)
@@ -187,11 +196,16 @@ private:
         if (!hideFlags(info))
             return VK_ERROR_INITIALIZATION_FAILED;
         Stages stages;
-        stages.hidden = hiddenFlags(info);
+        const newer::PipelineBinaryInfo *const binaries = binariesOf(info.pNext);
+        // Binaries that came from elsewhere are those of a pipeline without micromaps.
+        const HiddenInBinary kept = binaries ? hiddenFlagsIn(device_, *binaries) : HiddenInBinary{};
+        stages.hidden = kept.known ? spirv::HiddenFlags{kept.way, kept.constant} : hiddenFlags(info);
+        stages.needCode = !binaries;
         if (stages.hidden.way == spirv::HiddenFlags::Way::InPayload) {
             record.payloads = payloadTypes(info);
             stages.hidden.payload = record.payloads.common();
         }
+        record.hidden = {true, stages.hidden.way, stages.hidden.constant};
         widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
             return result;
@@ -346,8 +360,9 @@ private:
                 if (!first)
                     stages.infos.push_back(info.pStages[i]);
                 first = false;
-                if (const VkResult result = rewriteStage(stages.infos[at], decides, stages.hidden);
-                    result != VK_SUCCESS)
+                const VkResult result =
+                    stages.needCode ? rewriteStage(stages.infos[at], decides, stages.hidden) : VK_SUCCESS;
+                if (result != VK_SUCCESS)
                     return result;
                 stages.index[{i, decides}] = at;
             }
@@ -363,8 +378,8 @@ private:
             bool inlined = false;
             if (!stages_.rewriteInline(stage, inlined, target))
                 return VK_ERROR_INVALID_SHADER_NV;
-            // Without its code (a module identifier, a pipeline binary) a stage cannot be rewritten; the application is
-            // ready to be told so.
+            // Without its code (but a module identifier) a stage cannot be rewritten; the application is ready to be
+            // told so.
             return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
         }
         const auto [known, isNew] = rewritten_.try_emplace(
@@ -454,7 +469,8 @@ private:
     std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
     std::vector<std::vector<uint32_t>> groupsOfOurs_; // per pipeline, those whose any-hit shader is the layer's
     std::deque<Chain> chains_;
-    bool flagsChanged_ = false;
+    std::deque<DriverIdentifiers> identifiers_;
+    bool changed_ = false;
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stageArrays_;
     std::deque<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groupArrays_;
     std::deque<VkRayTracingPipelineInterfaceCreateInfoKHR> interfaces_;
@@ -492,6 +508,15 @@ VkResult createOneByOne(DevicePipelines &device, VkDevice handle, VkPipelineCach
 }
 
 } // namespace
+
+VkResult
+withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+               const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use)
+{
+    Creation creation(device, nullptr);
+    const VkResult result = creation.add(info);
+    return result == VK_SUCCESS ? use(creation.infos().front(), creation.hidden()) : result;
+}
 
 VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkDeferredOperationKHR operation,
                                    VkPipelineCache cache, uint32_t count,

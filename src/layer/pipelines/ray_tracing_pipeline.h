@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <mutex>
 
@@ -19,12 +20,20 @@ struct DevicePipelines;
 
 inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is always this
 
+// How the ray flags travel that are hidden from the driver, in the code of a pipeline (spirv::HiddenFlags).
+struct HiddenInBinary {
+    bool known = false;
+    spirv::HiddenFlags::Way way{};
+    uint32_t constant = 0;
+};
+
 // What the layer keeps of a pipeline that uses micromaps.
 struct RayTracingPipeline {
     uint32_t ownGroups = 0; // of the application's, without those of libraries, which come after
     // The driver's pipeline has one group more after these: the one that stands in for null handles.
     bool hasNullGroup = false;
     std::array<uint32_t, kGroupHandleBytes / 4> nullHandle{};
+    HiddenInBinary hidden;        // of its rays
     spirv::PayloadTypes payloads; // where ray flags travel in them
 
     [[nodiscard]] uint32_t driverGroup(uint32_t group) const
@@ -37,6 +46,10 @@ struct RayTracingPipeline {
 VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
                                    const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
                                    VkPipeline *);
+// Calls `use` with a pipeline as the driver would get it. VK_PIPELINE_COMPILE_REQUIRED where there is no code for it.
+VkResult
+withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+               const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use);
 void destroyPipeline(DevicePipelines &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
 VkResult getShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
 VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t,

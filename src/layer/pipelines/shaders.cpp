@@ -41,11 +41,67 @@ bool mayHaveFlags(const DevicePipelines &device, const void *pNext, VkPipelineCr
            device.driver.asked.khrFeature || toleratesMixedSpecialIndex(device.driver, id, command);
 }
 
-VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result = VK_ERROR_INVALID_SHADER_NV)
+VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
 {
     for (uint32_t i = 0; i < count; ++i)
         pipelines[i] = VK_NULL_HANDLE;
     return result;
+}
+
+// Pipelines with stages that are known by their identifiers only, in every way to read these until the driver knows
+// one. Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
+template <typename Info, typename Create>
+VkResult createIdentified(std::vector<Info> &infos, std::deque<DriverIdentifiers> &identifiers, VkPipeline *pipelines,
+                          Create create)
+{
+    VkResult worst = VK_SUCCESS;
+    std::fill_n(pipelines, infos.size(), VK_NULL_HANDLE);
+    for (size_t i = 0; i < infos.size(); ++i) {
+        Info &info = infos[i];
+        const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
+        const bool derived = (flags & VK_PIPELINE_CREATE_DERIVATIVE_BIT) != 0 && info.basePipelineIndex >= 0 &&
+                             static_cast<size_t>(info.basePipelineIndex) < i;
+        if (derived) {
+            info.basePipelineHandle = pipelines[info.basePipelineIndex];
+            info.basePipelineIndex = -1;
+        }
+        VkResult result = derived && !info.basePipelineHandle ? worst : VK_PIPELINE_COMPILE_REQUIRED;
+        for (uint32_t way = 0; way < identifiers[i].ways() && result == VK_PIPELINE_COMPILE_REQUIRED &&
+                               (!derived || info.basePipelineHandle);
+             ++way) {
+            identifiers[i].choose(way);
+            result = create(info, &pipelines[i]);
+        }
+        if (result < 0 || worst == VK_SUCCESS)
+            worst = result;
+        if (result != VK_SUCCESS && (flags & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
+            break;
+    }
+    return worst;
+}
+
+// Compute or graphics pipelines, by the driver's command.
+template <typename Info, typename Command>
+VkResult createPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                         const Info *infos, const VkAllocationCallbacks *allocator, VkPipeline *pipelines,
+                         Command command)
+{
+    DriverStages stages(device);
+    std::deque<DriverIdentifiers> identifiers;
+    std::deque<Chain> chains;
+    std::vector<Info> own(infos, infos + count);
+    bool identified = false;
+    for (Info &info : own) {
+        if (const VkResult result = translate(device, info, stages, identifiers.emplace_back(device), chains);
+            result != VK_SUCCESS)
+            return failAll(count, pipelines, result);
+        identified = identified || identifiers.back().any();
+    }
+    if (!identified)
+        return command(handle, cache, count, own.data(), allocator, pipelines);
+    return createIdentified(own, identifiers, pipelines, [&](const Info &info, VkPipeline *pipeline) {
+        return command(handle, cache, 1, &info, allocator, pipeline);
+    });
 }
 
 } // namespace
@@ -64,6 +120,8 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     if (result == VK_SUCCESS && original)
         device.rayTracingModules.set(*module, std::move(original));
+    if (result == VK_SUCCESS && spirv::tracesRays(words))
+        device.rewrittenModules.set(*module, true);
     return result;
 }
 
@@ -71,46 +129,55 @@ void destroyShaderModule(DevicePipelines &device, VkDevice handle, VkShaderModul
                          const VkAllocationCallbacks *allocator)
 {
     device.rayTracingModules.take(module);
+    device.rewrittenModules.take(module);
     device.driver.next.DestroyShaderModule(handle, module, allocator);
+}
+
+VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, DriverStages &stages,
+                   DriverIdentifiers &identifiers, std::deque<Chain> &chains)
+{
+    if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
+                      "vkCreateComputePipelines"))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    info.pNext = driverChain(info.pNext, chains);
+    const VkPipelineShaderStageCreateInfo *stage = &info.stage;
+    if (!stages.rewrite(stage, 1))
+        return VK_ERROR_INVALID_SHADER_NV;
+    identifiers.take(stage, 1);
+    if (stage != &info.stage)
+        info.stage = *stage;
+    return VK_SUCCESS;
+}
+
+VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, DriverStages &stages,
+                   DriverIdentifiers &identifiers, std::deque<Chain> &chains)
+{
+    if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+                      "vkCreateGraphicsPipelines"))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    info.pNext = driverChain(info.pNext, chains);
+    if (!hasShaderStages(info))
+        return VK_SUCCESS;
+    if (!stages.rewrite(info.pStages, info.stageCount))
+        return VK_ERROR_INVALID_SHADER_NV;
+    identifiers.take(info.pStages, info.pStages ? info.stageCount : 0);
+    return VK_SUCCESS;
 }
 
 VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
                                 const VkComputePipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
                                 VkPipeline *pipelines)
 {
-    DriverStages stages(device);
-    std::deque<Chain> chains;
-    std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
-    for (VkComputePipelineCreateInfo &info : own) {
-        if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
-                          "vkCreateComputePipelines"))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        info.pNext = driverChain(info.pNext, chains);
-        const VkPipelineShaderStageCreateInfo *stage = &info.stage;
-        if (!stages.rewrite(stage, 1))
-            return failAll(count, pipelines);
-        if (stage != &info.stage)
-            info.stage = *stage;
-    }
-    return device.driver.next.CreateComputePipelines(handle, cache, count, own.data(), allocator, pipelines);
+    return createPipelines(device, handle, cache, count, infos, allocator, pipelines,
+                           device.driver.next.CreateComputePipelines);
 }
 
 VkResult createGraphicsPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
                                  const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
                                  VkPipeline *pipelines)
 {
-    DriverStages stages(device);
-    std::deque<Chain> chains;
-    std::vector<VkGraphicsPipelineCreateInfo> own(infos, infos + count);
-    for (VkGraphicsPipelineCreateInfo &info : own) {
-        if (!mayHaveFlags(device, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
-                          "vkCreateGraphicsPipelines"))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        info.pNext = driverChain(info.pNext, chains);
-        if (hasShaderStages(info) && !stages.rewrite(info.pStages, info.stageCount))
-            return failAll(count, pipelines);
-    }
-    return device.driver.next.CreateGraphicsPipelines(handle, cache, count, own.data(), allocator, pipelines);
+    return createPipelines(device, handle, cache, count, infos, allocator, pipelines,
+                           device.driver.next.CreateGraphicsPipelines);
 }
 
 VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,

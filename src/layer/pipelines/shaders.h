@@ -2,14 +2,25 @@
 // the driver.
 #pragma once
 
+#include <deque>
+
 #include <vulkan/vulkan.h>
 
+#include "layer/ground/pnext.h"
 #include "layer/ground/vulkan_newer.h"
 
 namespace vellum::layer
 {
 
 struct DevicePipelines;
+class DriverIdentifiers;
+class DriverStages;
+
+// Makes a create info one as the driver is to see it. What it points to then lives in the other arguments.
+VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, DriverStages &stages,
+                   DriverIdentifiers &identifiers, std::deque<Chain> &chains);
+VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, DriverStages &stages,
+                   DriverIdentifiers &identifiers, std::deque<Chain> &chains);
 
 VkResult createShaderModule(DevicePipelines &, VkDevice, const VkShaderModuleCreateInfo *,
                             const VkAllocationCallbacks *, VkShaderModule *);

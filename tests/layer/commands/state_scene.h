@@ -43,7 +43,7 @@ public:
         }
     }
 
-    [[nodiscard]] std::vector<Ray> rays() const
+    [[nodiscard]] static std::vector<Ray> rays()
     {
         std::vector<Ray> rays(4);
         for (std::size_t i = 0; i < 4; ++i) {

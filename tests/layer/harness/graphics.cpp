@@ -107,14 +107,53 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, st
     pipeline.pMultisampleState = &samples;
     pipeline.pColorBlendState = &blend;
     pipeline.layout = layout;
-    VT_CHECK(vkCreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
+    if (shaders.libraries)
+        link(pipeline);
+    else
+        VT_CHECK(vkCreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
     for (const VkPipelineShaderStageCreateInfo &stage : stages)
         vkDestroyShaderModule(device, stage.module, nullptr);
+}
+
+void Graphics::link(const VkGraphicsPipelineCreateInfo &whole)
+{
+    constexpr std::array<VkGraphicsPipelineLibraryFlagsEXT, 4> kParts{
+        VK_GRAPHICS_PIPELINE_LIBRARY_VERTEX_INPUT_INTERFACE_BIT_EXT,
+        VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT,
+        VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT,
+        VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_OUTPUT_INTERFACE_BIT_EXT};
+    parts_.resize(kParts.size());
+    for (std::size_t i = 0; i < kParts.size(); ++i) {
+        VkGraphicsPipelineLibraryCreateInfoEXT library{};
+        library.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT;
+        library.pNext = const_cast<void *>(whole.pNext);
+        library.flags = kParts[i];
+        VkGraphicsPipelineCreateInfo part = whole;
+        part.pNext = &library;
+        VkPipelineDepthStencilStateCreateInfo depth{}; // which the part with the fragment shader must have
+        depth.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
+        part.pDepthStencilState = &depth;
+        part.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+        part.stageCount = i == 1 || i == 2 ? 1 : 0;
+        part.pStages = i == 2 ? whole.pStages + 1 : whole.pStages;
+        VT_CHECK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &part, nullptr, &parts_[i]));
+    }
+    VkPipelineLibraryCreateInfoKHR libraries{};
+    libraries.sType = VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR;
+    libraries.libraryCount = static_cast<std::uint32_t>(parts_.size());
+    libraries.pLibraries = parts_.data();
+    VkGraphicsPipelineCreateInfo linked{};
+    linked.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
+    linked.pNext = &libraries;
+    linked.layout = whole.layout;
+    VT_CHECK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &linked, nullptr, &pipeline_));
 }
 
 Graphics::~Graphics()
 {
     vkDestroyPipeline(gpu_.device(), pipeline_, nullptr);
+    for (const VkPipeline part : parts_)
+        vkDestroyPipeline(gpu_.device(), part, nullptr);
 }
 
 void Graphics::draw(VkCommandBuffer commands, std::uint32_t vertices) const

@@ -36,6 +36,7 @@ public:
         bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
         VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
         const void *pNext = nullptr; // of the pipeline
+        bool libraries = false;      // it is linked of four (VK_EXT_graphics_pipeline_library)
     };
     Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width);
     Graphics(const Graphics &) = delete;
@@ -50,10 +51,13 @@ public:
     void draw(VkCommandBuffer commands, std::uint32_t vertices) const;
 
 private:
+    void link(const VkGraphicsPipelineCreateInfo &whole);
+
     Gpu &gpu_;
     std::uint32_t width_;
     RowImage image_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
+    std::vector<VkPipeline> parts_;
 };
 
 } // namespace vt

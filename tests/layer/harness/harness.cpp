@@ -17,7 +17,7 @@ constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
 constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower";   // below that, with the traits "ext" and "emulating"
-constexpr const char *kNullLayer = "VK_LAYER_VELLUM_test_null";
+constexpr const char *kAnswerLayer = "VK_LAYER_VELLUM_test_answer";
 
 // Messages that tests leave alone: what the same program gets from the validation layer without Vellum's layer, and
 // others, with the reason.
@@ -88,25 +88,28 @@ constexpr std::array<const char *, 10> kWantedExtensions{
     VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME,
 };
 
-// A features structure of one member, for headers that lack it.
-struct OneFeature {
+// A features structure of a few members, for headers that lack it.
+struct SomeFeatures {
     VkStructureType sType;
     void *pNext = nullptr;
-    VkBool32 enabled = VK_FALSE;
+    std::array<VkBool32, 4> enabled{};
 };
-constexpr auto kShaderObjectFeatures = static_cast<VkStructureType>(1000482000);
 struct NewerExtension {
     const char *name;
-    VkStructureType features;
+    std::uint32_t features; // VkStructureType
+    bool Options::*wanted = &Options::newer;
 };
-constexpr std::array<NewerExtension, 3> kNewerExtensions{{
-    {"VK_KHR_maintenance5", static_cast<VkStructureType>(1000470000)},
-    {"VK_KHR_ray_tracing_position_fetch", static_cast<VkStructureType>(1000481000)},
-    {"VK_EXT_pipeline_library_group_handles", static_cast<VkStructureType>(1000498000)},
+constexpr std::array<NewerExtension, 9> kNewerExtensions{{
+    {"VK_KHR_maintenance5", 1000470000},
+    {"VK_EXT_descriptor_buffer", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_FEATURES_EXT},
+    {"VK_EXT_device_generated_commands", 1000572000},
+    {"VK_EXT_shader_module_identifier", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_FEATURES_EXT},
+    {"VK_KHR_pipeline_binary", 1000483000},
+    {"VK_KHR_ray_tracing_position_fetch", 1000481000},
+    {"VK_EXT_pipeline_library_group_handles", 1000498000},
+    {"VK_EXT_shader_object", 1000482000, &Options::shaderObject},
+    {"VK_KHR_maintenance6", 1000545000, &Options::nullIndexBuffer},
 }};
-
-constexpr const char *kMaintenance6 = "VK_KHR_maintenance6";
-constexpr auto kMaintenance6Features = static_cast<VkStructureType>(1000545000);
 
 } // namespace
 
@@ -244,8 +247,8 @@ void Gpu::createInstance()
     // It is not asked for micromaps, and is to work all the same.
     if (has("emulating"))
         setenv("VELLUM_LOWER_ASSUME_MICROMAPS", "1", 1);
-    if (options_.nullDevice)
-        layers.push_back(kNullLayer);
+    if (options_.keepsFlagBits)
+        layers.push_back(kAnswerLayer);
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
@@ -313,8 +316,6 @@ void Gpu::createDevice()
         extensions_.emplace_back(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
         extensions_.emplace_back(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
     }
-    if (options_.shaderObject)
-        add("VK_EXT_shader_object");
     if (!options_.absentGpu.empty())
         add(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME);
     if (options_.debugMarker)
@@ -326,13 +327,12 @@ void Gpu::createDevice()
                                  VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME, VK_EXT_ROBUSTNESS_2_EXTENSION_NAME})
             add(name);
     }
-    if (options_.nullIndexBuffer)
-        add(kMaintenance6);
-    if (options_.newer) {
-        for (const NewerExtension &extension : kNewerExtensions)
+    for (const NewerExtension &extension : kNewerExtensions) {
+        if (options_.*extension.wanted)
             add(extension.name);
-        add("VK_KHR_map_memory2");
     }
+    if (options_.newer)
+        add("VK_KHR_map_memory2");
 
     VkPhysicalDeviceFeatures2 features{};
     features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
@@ -359,9 +359,7 @@ void Gpu::createDevice()
     VkPhysicalDeviceTransformFeedbackFeaturesEXT feedback{};
     VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
     VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR executables{};
-    OneFeature maintenance6{kMaintenance6Features};
-    OneFeature shaderObjects{kShaderObjectFeatures};
-    std::array<OneFeature, kNewerExtensions.size()> newer{};
+    std::array<SomeFeatures, kNewerExtensions.size()> newer{};
     chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
     chain(vulkan12, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
     chain(vulkan13, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES);
@@ -389,15 +387,11 @@ void Gpu::createDevice()
         chain(robustness, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT);
     if (has(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME))
         chain(executables, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_EXECUTABLE_PROPERTIES_FEATURES_KHR);
-    if (has(kMaintenance6))
-        chain(maintenance6, maintenance6.sType);
-    if (options_.shaderObject)
-        chain(shaderObjects, shaderObjects.sType);
     if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
         chain(maintenance, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MAINTENANCE_1_FEATURES_KHR);
     for (std::size_t i = 0; i < newer.size(); ++i) {
         if (has(kNewerExtensions[i].name))
-            chain(newer[i], kNewerExtensions[i].features);
+            chain(newer[i], static_cast<VkStructureType>(kNewerExtensions[i].features));
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
     vulkan12.bufferDeviceAddressCaptureReplay &= VkBool32{options_.addressReplay};

@@ -66,19 +66,19 @@ inline bool carriedRayFlags()
 struct Options {
     bool vellum = true;
     bool validation = true;
-    bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
-    bool spy = true;           // layers/spy.cpp: what must not reach the driver
-    std::string traits = {};   // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
-    std::string absentGpu{};   // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
-    bool nullDevice = false;   // null_layer.cpp stands for all of the device but its compiler
-    bool micromaps = true;     // enable opacity micromaps on the device
-    Api api = apiOfTests();    // by this extension
-    bool bothApis = false;     // enable the other one, too
-    bool hostCommands = true;  // enable micromapHostCommands
-    bool validate = false;     // the layer's setting
-    bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
-    bool debugMarker = false;  // VK_EXT_debug_marker, which the spy has
-    bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
+    bool oldValidation = true;  // also a validation layer older than VK_KHR_opacity_micromap
+    bool spy = true;            // layers/spy.cpp: what must not reach the driver
+    std::string traits = {};    // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
+    std::string absentGpu{};    // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
+    bool keepsFlagBits = false; // the absent GPU gives unused ray flag bits back (answer_layer.cpp)
+    bool micromaps = true;      // enable opacity micromaps on the device
+    Api api = apiOfTests();     // by this extension
+    bool bothApis = false;      // enable the other one, too
+    bool hostCommands = true;   // enable micromapHostCommands
+    bool validate = false;      // the layer's setting
+    bool shaderObject = false;  // VK_EXT_shader_object, which the oldest supported headers do not know
+    bool debugMarker = false;   // VK_EXT_debug_marker, which the spy has
+    bool maintenance = false;   // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age complains about: see oldValidation
     bool addressCommands = false; // VK_KHR_device_address_commands, and the extensions whose commands it has again

@@ -208,7 +208,7 @@ PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint3
     for (std::uint32_t i = 0; i <= buffers; ++i)
         bindings.push_back({i,
                             i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
-                            1, kStages, nullptr});
+                            1, VK_SHADER_STAGE_ALL, nullptr});
     VkDescriptorSetLayoutCreateInfo setInfo{};
     setInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
     setInfo.bindingCount = static_cast<std::uint32_t>(bindings.size());

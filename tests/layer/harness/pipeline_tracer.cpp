@@ -14,7 +14,8 @@ namespace vt
 namespace
 {
 
-constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+constexpr VkBufferUsageFlags kStorage =
+    VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
 struct More {
     std::uint32_t visits, hitKind, record, invocations, intact, pad[3];
@@ -95,8 +96,7 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
     push_.rayCount = static_cast<std::uint32_t>(rays.size());
     push_.capacity = capacity;
     push_.scene = scene.address();
-    resources_.write(scene.handle(),
-                     std::array<const Buffer *, 6>{&rays_, &results_, &candidates_, &notes_, &visits_, &mores_});
+    resources_.write(scene.handle(), buffers());
 }
 
 void PipelineTracer::bind(VkCommandBuffer commands) const

@@ -86,6 +86,11 @@ public:
     [[nodiscard]] const BindingTable &table() const { return *table_; }
     [[nodiscard]] const PipelineResources &resources() const { return resources_; }
     [[nodiscard]] std::uint32_t rayCount() const { return push_.rayCount; }
+    // Those of the bindings 1 and more.
+    [[nodiscard]] std::array<const Buffer *, 6> buffers() const
+    {
+        return {&rays_, &results_, &candidates_, &notes_, &visits_, &mores_};
+    }
 
 private:
     struct Push {

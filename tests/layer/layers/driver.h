@@ -27,6 +27,7 @@ enum class Level {
     Spy,
     Ext,
     Failures,
+    Caches,
     Limits,
     Queues,
     Structures,
@@ -53,6 +54,7 @@ struct LevelRows {
 // One of each level, in the file of its name.
 LevelRows spyRows();
 LevelRows failureRows();
+LevelRows cacheRows();
 LevelRows deferralRows();
 LevelRows extRows();
 LevelRows limitRows();

@@ -36,6 +36,7 @@ std::span<const NamedLevel> levels()
         {Level::Spy, spyRows()},
         {Level::Ext, extRows()},
         {Level::Failures, failureRows()},
+        {Level::Caches, cacheRows()},
         {Level::Limits, limitRows()},
         {Level::Queues, queueRows()},
         {Level::Structures, structureRows()},

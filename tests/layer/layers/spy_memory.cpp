@@ -12,20 +12,33 @@ namespace spy
 namespace
 {
 
-VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
-                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+void expectNoMicromapUsage(void *key, const char *where, VkBufferUsageFlags usage, const void *chain)
 {
     struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
         VkStructureType sType;
         const void *pNext;
         VkFlags64 usage;
     };
-    const auto *flags2 = static_cast<const Usage2 *>(inChain(info->pNext, static_cast<VkStructureType>(1000470006)));
-    if (!knowsMicromaps(keyOf(handle)) &&
-        ((info->usage | (flags2 != nullptr ? flags2->usage : 0)) &
+    const auto *flags2 = static_cast<const Usage2 *>(inChain(chain, static_cast<VkStructureType>(1000470006)));
+    if (!knowsMicromaps(key) &&
+        ((usage | (flags2 != nullptr ? flags2->usage : 0)) &
          (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
-        tell("vkCreateBuffer: micromap usage");
+        tell(std::string(where) + ": micromap usage");
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+{
+    expectNoMicromapUsage(keyOf(handle), "vkCreateBuffer", info->usage, info->pNext);
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
+}
+
+VKAPI_ATTR void VKAPI_CALL bindDescriptorBuffers(VkCommandBuffer handle, std::uint32_t count,
+                                                 const VkDescriptorBufferBindingInfoEXT *infos)
+{
+    for (std::uint32_t i = 0; i < count; ++i)
+        expectNoMicromapUsage(keyOf(handle), "vkCmdBindDescriptorBuffersEXT", infos[i].usage, infos[i].pNext);
+    SPY_NEXT(vkCmdBindDescriptorBuffersEXT)(handle, count, infos);
 }
 
 // --- a memory type more: that of the host, where lavapipe's are local to the device ---
@@ -134,6 +147,7 @@ std::span<const Row> memory()
         {"vkUnmapMemory", SPY_FUNCTION(unmapMemory)},
         {"vkFreeMemory", SPY_FUNCTION(freeMemory)},
         {"vkCreateBuffer", SPY_FUNCTION(createBuffer)},
+        {"vkCmdBindDescriptorBuffersEXT", DRIVER_FUNCTION(bindDescriptorBuffers)},
     };
     return rows;
 }

@@ -20,6 +20,9 @@ std::span<const Trait> allTraits()
         {"failures", Level::Failures, "what a test asks for runs out of memory, or the device is lost (Lost Device)"},
         {"uncompiled", Level::Failures,
          "pipelines that are made only if nothing has to be compiled are not made (VK_PIPELINE_COMPILE_REQUIRED)"},
+        {"caching", Level::Caches,
+         "VK_EXT_shader_module_identifier and VK_KHR_pipeline_binary: what was compiled once is known by its code, on "
+         "later devices, too"},
         {"deferred", Level::Deferral,
          "pipelines whose creation may be deferred are made by the threads that join, a piece each (Deferred Host "
          "Operations)"},

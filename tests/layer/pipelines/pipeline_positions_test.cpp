@@ -1,6 +1,7 @@
-// VK_KHR_ray_tracing_position_fetch beside micromaps.
+// VK_KHR_ray_tracing_position_fetch beside micromaps, in pipelines and in ray queries.
 #include <random>
 
+#include "commands/compute_pipeline.h"
 #include "harness/expected.h"
 #include "harness/pipeline_builder.h"
 
@@ -8,6 +9,7 @@
 #include "shaders/pipeline_positions_closest_hit.h"
 #include "shaders/pipeline_positions_miss.h"
 #include "shaders/pipeline_positions_raygen.h"
+#include "shaders/query_positions.h"
 
 namespace
 {
@@ -16,6 +18,8 @@ using namespace vt;
 
 constexpr VkBuildAccelerationStructureFlagsKHR kAllowDataAccess = 0x800;
 constexpr std::uint32_t kTriangles = 40;
+
+enum class By { Pipeline, PipelineWithoutAnyHit, Query };
 
 struct Seen {
     std::array<float, 9> positions;
@@ -36,8 +40,9 @@ protected:
             GTEST_SKIP() << "no VK_KHR_ray_tracing_position_fetch";
     }
 
-    void expect(bool anyHit, bool micromaps)
+    void expect(By by, bool micromaps)
     {
+        const bool anyHit = by != By::PipelineWithoutAnyHit; // or what a query does with candidates
         std::mt19937 random(77);
         const auto offset = [&random] { return static_cast<float>(random() % 1000) / 10000.0f; };
         MicromapInput input;
@@ -64,7 +69,9 @@ protected:
         const Blas blas(gpu(), {geometry}, kAllowDataAccess);
         const Tlas tlas(gpu(), {instance(blas, {0, 5, 7}, 0x123456)}); // positions are the object's
 
-        const PipelineResources resources(gpu(), 2, 4);
+        constexpr VkPushConstantRange kCompute{VK_SHADER_STAGE_COMPUTE_BIT, 0, 4};
+        const PipelineResources resources(gpu(), 2, 4, std::span(&kCompute, 1));
+        const ComputePipeline query(gpu(), resources.layout(), query_positions, 0);
         const RayPipeline pipeline(
             gpu(), {.stages = {{VK_SHADER_STAGE_RAYGEN_BIT_KHR, pipeline_positions_raygen},
                                {VK_SHADER_STAGE_MISS_BIT_KHR, pipeline_positions_miss},
@@ -80,10 +87,16 @@ protected:
             const Buffer seen(gpu(), sizeof(Seen) * 2 * kTriangles, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
             resources.write(tlas.handle(), std::array<const Buffer *, 2>{&seen, &origin});
             gpu().submit([&](VkCommandBuffer commands) {
-                vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline.handle());
-                resources.bind(commands);
-                vkCmdPushConstants(commands, resources.layout(), PipelineResources::kStages, 0, 4, &flags);
-                table.trace(commands, kTriangles);
+                const auto point =
+                    by == By::Query ? VK_PIPELINE_BIND_POINT_COMPUTE : VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR;
+                vkCmdBindPipeline(commands, point, by == By::Query ? query.handle() : pipeline.handle());
+                resources.bind(commands, point);
+                vkCmdPushConstants(commands, resources.layout(),
+                                   PipelineResources::kStages | VK_SHADER_STAGE_COMPUTE_BIT, 0, 4, &flags);
+                if (by == By::Query)
+                    vkCmdDispatch(commands, kTriangles, 1, 1);
+                else
+                    table.trace(commands, kTriangles);
                 barrier(commands);
             });
             for (std::uint32_t i = 0; i < kTriangles; ++i) {
@@ -120,24 +133,35 @@ protected:
 
 TEST_F(PipelinePositionsWithoutLayer, WithAndWithoutAnyHit)
 {
-    expect(true, false);
-    expect(false, false);
+    expect(By::Pipeline, false);
+    expect(By::PipelineWithoutAnyHit, false);
+}
+
+TEST_F(PipelinePositionsWithoutLayer, Query)
+{
+    expect(By::Query, false);
 }
 
 TEST_F(PipelinePositions, Micromaps)
 {
-    expect(true, true);
+    expect(By::Pipeline, true);
 }
 
 TEST_F(PipelinePositions, MicromapsWithoutAnyHit)
 {
-    expect(false, true);
+    expect(By::PipelineWithoutAnyHit, true);
+}
+
+TEST_F(PipelinePositions, MicromapsInAQuery)
+{
+    expect(By::Query, true);
 }
 
 TEST_F(PipelinePositions, WithoutMicromaps)
 {
-    expect(true, false);
-    expect(false, false);
+    expect(By::Pipeline, false);
+    expect(By::PipelineWithoutAnyHit, false);
+    expect(By::Query, false);
 }
 
 } // namespace

@@ -16,6 +16,8 @@ using namespace vt;
 class Stages : public GpuTest
 {
 protected:
+    explicit Stages(const Options &options = {}) : GpuTest(options) {}
+
     // Columns, traced by whatever `record` does with the tracer's descriptor set.
     void expectColumns(const std::function<void(VkCommandBuffer, const Tracer &)> &record)
     {
@@ -63,6 +65,30 @@ TEST_F(Stages, InlineModules)
         GTEST_SKIP() << "no way to pass a shader module in the stage";
     expectGraphics({query_vertex, plain_fragment, true, VK_PRIMITIVE_TOPOLOGY_POINT_LIST}, Columns::kColumns);
     expectGraphics({plain_vertex, query_fragment, true}, 3);
+}
+
+// 1.3.239 of the validation layer misses in linked pipelines what their libraries have.
+class StagesOfLibraries : public Stages
+{
+protected:
+    StagesOfLibraries() : Stages({.oldValidation = false}) {}
+};
+
+// VK_EXT_graphics_pipeline_library: the shaders are in two libraries, as modules or as code.
+TEST_F(StagesOfLibraries, VertexAndFragment)
+{
+    if (!gpu().has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
+        GTEST_SKIP() << "no graphics pipeline libraries";
+    for (const bool inlineModules : {false, true}) {
+        expectGraphics({.vertex = query_vertex,
+                        .fragment = plain_fragment,
+                        .inlineModules = inlineModules,
+                        .topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST,
+                        .libraries = true},
+                       Columns::kColumns);
+        expectGraphics(
+            {.vertex = plain_vertex, .fragment = query_fragment, .inlineModules = inlineModules, .libraries = true}, 3);
+    }
 }
 
 TEST_F(Stages, RayGeneration)

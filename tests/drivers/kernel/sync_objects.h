@@ -7,9 +7,9 @@
 #include <mutex>
 #include <span>
 
-#include "interface.h"
+#include "drm_interface.h"
 
-namespace vellum::test::intel
+namespace vellum::test::kernel
 {
 
 // Every function returns 0 or an error of errno.h.
@@ -32,4 +32,4 @@ private:
     u32 last_ = 0;
 };
 
-} // namespace vellum::test::intel
+} // namespace vellum::test::kernel

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <optional>
 
-namespace vellum::test::intel
+namespace vellum::test::kernel
 {
 
 u32 SyncObjects::create(bool signaled)
@@ -84,4 +84,4 @@ int SyncObjects::wait(std::span<const u32> handles, std::span<const u64> points,
     return result.value_or(ETIME);
 }
 
-} // namespace vellum::test::intel
+} // namespace vellum::test::kernel

@@ -1,48 +1,13 @@
-// What of the interface between Intel's Vulkan driver ANV and the Linux kernel is used here: libdrm's structures for
-// devices, the ioctls of DRM, and those of the kernel driver xe. They are declared here because the headers of xe are
-// in no package of Debian 12. All of it is a stable binary interface (xf86drm.h; drm.h and xe_drm.h in the kernel).
+// The ioctls of the kernel driver xe, as far as ANV uses them.
 #pragma once
 
-#include <cstdint>
+#include "drm_interface.h"
 
-namespace vellum::test::intel
+namespace vellum::test::kernel::xe
 {
 
-using u8 = std::uint8_t;
-using u16 = std::uint16_t;
-using u32 = std::uint32_t;
-using u64 = std::uint64_t;
-
-// --- libdrm ---
-
-constexpr int kPrimaryNode = 0, kRenderNode = 2, kNodes = 3;
-constexpr int kPciBus = 0;
-
-struct PciBus {
-    u16 domain;
-    u8 bus, device, function;
-};
-struct PciDevice {
-    u16 vendor, device, subVendor, subDevice;
-    u8 revision;
-};
-struct DrmDevice {
-    char **nodes;
-    int availableNodes; // a bit for each
-    int busType;
-    PciBus *bus;
-    PciDevice *device;
-};
-
-// --- ioctls of DRM ---
-
-constexpr unsigned kDrmType = 'd';
-
 enum class Call : unsigned { // the number in the ioctl
-    Version = 0x00,
-    CloseObject = 0x09,
-    Capability = 0x0c,
-    DeviceQuery = 0x40, // from here to 0x9f xe's
+    Query = 0x40,
     CreateObject = 0x41,
     MapObject = 0x42,
     CreateVm = 0x43,
@@ -52,61 +17,7 @@ enum class Call : unsigned { // the number in the ioctl
     DestroyQueue = 0x47,
     QueueProperty = 0x48,
     Execute = 0x49,
-    CreateSync = 0xbf,
-    DestroySync = 0xc0,
-    WaitSync = 0xc3,
-    ResetSync = 0xc4,
-    SignalSync = 0xc5,
-    WaitTimeline = 0xca,
-    QueryTimeline = 0xcb,
-    TransferSync = 0xcc,
-    SignalTimeline = 0xcd,
 };
-
-struct Version {
-    int major, minor, patch;
-    std::size_t nameLength;
-    char *name;
-    std::size_t dateLength;
-    char *date;
-    std::size_t descriptionLength;
-    char *description;
-};
-struct Capability {
-    u64 which, value;
-};
-constexpr u64 kSyncCapability = 0x13, kTimelineCapability = 0x14;
-struct Handle { // also: create (flags), destroy
-    u32 handle, flags;
-};
-constexpr u32 kCreateSignaled = 1;
-
-struct SyncWait {
-    u64 handles;
-    std::int64_t deadline; // of CLOCK_MONOTONIC, in nanoseconds
-    u32 count, flags, firstSignaled, pad;
-};
-struct TimelineWait {
-    u64 handles, points;
-    std::int64_t deadline;
-    u32 count, flags, firstSignaled, pad;
-};
-constexpr u32 kWaitAll = 1, kWaitForSubmit = 2, kWaitAvailable = 4;
-struct SyncArray { // reset, signal
-    u64 handles;
-    u32 count, pad;
-};
-struct TimelineArray { // query, signal
-    u64 handles, points;
-    u32 count, flags;
-};
-struct SyncTransfer {
-    u32 source, destination;
-    u64 sourcePoint, destinationPoint;
-    u32 flags, pad;
-};
-
-// --- ioctls of xe ---
 
 enum class Query : u32 {
     Engines = 0,
@@ -219,4 +130,4 @@ static_assert(sizeof(CreateObject) == 56 && sizeof(MapObject) == 40 && sizeof(Cr
 static_assert(sizeof(BindOperation) == 80 && sizeof(Bind) == 136 && sizeof(CreateQueue) == 48);
 static_assert(sizeof(QueueProperty) == 40 && sizeof(Execute) == 56 && sizeof(Sync) == 48);
 
-} // namespace vellum::test::intel
+} // namespace vellum::test::kernel::xe

@@ -1,0 +1,140 @@
+#include "layer/pipelines/module_identifiers.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "layer/pipelines/device_pipelines.h"
+#include "layer/pipelines/driver_stages.h"
+#include "layer/pipelines/shader_binary.h"
+
+namespace vellum::layer
+{
+
+const std::array<uint8_t, VK_UUID_SIZE> kIdentifierUuid{0x7e, 0x11, 0x0c, 0x5b, 0x2f, 0xd3, 0x4a, 0x96,
+                                                        0x8d, 0x41, 0xb7, 0x3c, 0xe9, 0x50, 0x1a, 0xc4};
+
+namespace
+{
+
+constexpr size_t kMostOpen = 5; // there are no graphics pipelines with more stages
+
+// Of modules that are as the application gave them: the same in every run.
+const Mask &layerMask()
+{
+    static const Mask mask = maskOf(std::as_bytes(std::span(kIdentifierUuid)));
+    return mask;
+}
+
+// Gives the application an identifier that is the driver's.
+void give(DevicePipelines &device, VkShaderModuleIdentifierEXT &identifier, bool rewritten)
+{
+    mix(identifier.identifier, identifier.identifierSize, rewritten ? deviceMask(device) : layerMask());
+    if (rewritten)
+        device.givenIdentifiers.add(identifier);
+}
+
+} // namespace
+
+// 64 bits for each place, from FNV-1a of the bytes and the mixing of SplitMix64.
+Mask maskOf(std::span<const std::byte> bytes)
+{
+    uint64_t state = 0xcbf29ce484222325u;
+    for (const std::byte byte : bytes)
+        state = (state ^ static_cast<uint8_t>(byte)) * 0x100000001b3u;
+    Mask mask{};
+    for (size_t at = 0; at < mask.size(); at += sizeof(uint64_t)) {
+        state += 0x9e3779b97f4a7c15u;
+        uint64_t word = state;
+        word = (word ^ word >> 30) * 0xbf58476d1ce4e5b9u;
+        word = (word ^ word >> 27) * 0x94d049bb133111ebu;
+        word ^= word >> 31;
+        std::memcpy(&mask[at], &word, sizeof word);
+    }
+    return mask;
+}
+
+Mask deviceMask(DevicePipelines &device)
+{
+    const struct {
+        ShaderBinaryHeader header;
+        uint64_t settings; // that have shaders rewritten in another way
+    } facts{shaderBinaryHeader(device), uint64_t{device.driver.settings->carriedRayFlags} |
+                                            uint64_t{device.driver.settings->constantRayFlags} << 1};
+    static_assert(sizeof facts == sizeof facts.header + sizeof facts.settings);
+    return maskOf(std::as_bytes(std::span(&facts, 1)));
+}
+
+void mix(uint8_t *bytes, uint32_t count, const Mask &mask)
+{
+    for (size_t i = 0; i < std::min<size_t>(count, mask.size()); ++i)
+        bytes[i] ^= mask[i];
+}
+
+void GivenIdentifiers::add(const VkShaderModuleIdentifierEXT &identifier)
+{
+    const size_t size = std::min<size_t>(identifier.identifierSize, sizeof identifier.identifier);
+    std::lock_guard lock(mutex_);
+    known_.emplace(reinterpret_cast<const char *>(identifier.identifier), size);
+}
+
+bool GivenIdentifiers::contains(const VkPipelineShaderStageModuleIdentifierCreateInfoEXT &identifier) const
+{
+    std::lock_guard lock(mutex_);
+    return known_.contains({reinterpret_cast<const char *>(identifier.pIdentifier), identifier.identifierSize});
+}
+
+void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool rewritten)
+{
+    constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT;
+    for (uint32_t i = 0; i < count; ++i) {
+        const auto *identifier = findInChain<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(stages[i].pNext, type);
+        if (stages[i].module || !identifier || identifier->identifierSize == 0)
+            continue;
+        if (stages_.empty())
+            stages_.assign(stages, stages + count);
+        Chain &chain = chains_.emplace_back(stages[i].pNext);
+        auto *own = chain.edit<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(type);
+        // Behind a structure of unknown size it stays, and is none that the driver knows.
+        if (!own)
+            continue;
+        std::vector<uint8_t> &bytes = bytes_.emplace_back(own->pIdentifier, own->pIdentifier + own->identifierSize);
+        if (!rewritten && device_.driver.asked.rayQueries && !device_.givenIdentifiers.contains(*own) &&
+            open_.size() < kMostOpen)
+            open_.push_back({&bytes, bytes});
+        const bool masked = rewritten || device_.givenIdentifiers.contains(*own);
+        mix(bytes.data(), own->identifierSize, masked ? deviceMask(device_) : layerMask());
+        own->pIdentifier = bytes.data();
+        stages_[i].pNext = chain.head();
+    }
+    if (!stages_.empty())
+        stages = stages_.data();
+}
+
+void DriverIdentifiers::choose(uint32_t way)
+{
+    for (size_t i = 0; i < open_.size(); ++i) {
+        // In place: the driver's structures point there.
+        std::ranges::copy(open_[i].application, open_[i].bytes->begin());
+        mix(open_[i].bytes->data(), static_cast<uint32_t>(open_[i].bytes->size()),
+            (way >> i & 1) != 0 ? deviceMask(device_) : layerMask());
+    }
+}
+
+void getShaderModuleIdentifier(DevicePipelines &device, VkDevice handle, VkShaderModule module,
+                               VkShaderModuleIdentifierEXT *identifier)
+{
+    device.driver.next.GetShaderModuleIdentifierEXT(handle, module, identifier);
+    give(device, *identifier, device.rewrittenModules.get(module));
+}
+
+void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
+                                         VkShaderModuleIdentifierEXT *identifier)
+{
+    VkShaderModuleCreateInfo driverInfo = *info;
+    std::vector<uint32_t> storage;
+    rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage); // reports where it cannot
+    device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
+    give(device, *identifier, spirv::tracesRays({info->pCode, info->codeSize / 4}));
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,84 @@
+// Identifiers of shader modules (VK_EXT_shader_module_identifier): names of code that a driver's cache may have, which
+// applications keep from run to run. The code of a shader that traces rays holds addresses of the layer's tables, and a
+// cache may also have pipelines that were made without the layer. So the application sees the driver's identifiers of
+// what the driver gets, mixed with a mask: that of the layer, or where the code was rewritten that of the device's
+// tables. An identifier that came from anywhere else is none that the driver knows, and the answer to it is
+// VK_PIPELINE_COMPILE_REQUIRED.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/ground/pnext.h"
+
+namespace vellum::layer
+{
+
+struct DevicePipelines;
+
+using Mask = std::array<uint8_t, VK_MAX_SHADER_MODULE_IDENTIFIER_SIZE_EXT>;
+// Others for other bytes.
+Mask maskOf(std::span<const std::byte> bytes);
+// Another one where rewritten code would be other code.
+Mask deviceMask(DevicePipelines &device);
+// Twice is not at all.
+void mix(uint8_t *bytes, uint32_t count, const Mask &mask);
+
+// Tells identifiers that the layer has mixed from those of the driver: to be mixed with the driver's UUID.
+extern const std::array<uint8_t, VK_UUID_SIZE> kIdentifierUuid;
+
+// Identifiers of rewritten modules that this device gave to the application.
+class GivenIdentifiers
+{
+public:
+    void add(const VkShaderModuleIdentifierEXT &identifier);
+    [[nodiscard]] bool contains(const VkPipelineShaderStageModuleIdentifierCreateInfoEXT &identifier) const;
+
+private:
+    mutable std::mutex mutex_;
+    std::set<std::string> known_;
+};
+
+// Stages of a pipeline with the driver's identifiers in the place of the application's. Of an identifier that the
+// application has kept from another run, nobody knows whether it names a rewritten module: then there are several ways
+// to read the stages, to be tried one after the other.
+class DriverIdentifiers
+{
+public:
+    explicit DriverIdentifiers(DevicePipelines &device) : device_(device) {}
+    DriverIdentifiers(const DriverIdentifiers &) = delete;
+    DriverIdentifiers &operator=(const DriverIdentifiers &) = delete;
+
+    // Replaces `stages` where one of them has an identifier and no code. `rewritten`: all name rewritten modules, as in
+    // ray tracing pipelines. The stages are as way 0 reads them: what is not known to be rewritten is not.
+    void take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool rewritten = false);
+    [[nodiscard]] bool any() const { return !bytes_.empty(); }
+    [[nodiscard]] uint32_t ways() const { return 1u << open_.size(); }
+    void choose(uint32_t way);
+
+private:
+    struct Open {
+        std::vector<uint8_t> *bytes; // for the driver
+        std::vector<uint8_t> application;
+    };
+    DevicePipelines &device_;
+    std::vector<VkPipelineShaderStageCreateInfo> stages_;
+    std::deque<Chain> chains_;
+    std::deque<std::vector<uint8_t>> bytes_;
+    std::vector<Open> open_;
+};
+
+void getShaderModuleIdentifier(DevicePipelines &, VkDevice, VkShaderModule, VkShaderModuleIdentifierEXT *);
+void getShaderModuleCreateInfoIdentifier(DevicePipelines &, VkDevice, const VkShaderModuleCreateInfo *,
+                                         VkShaderModuleIdentifierEXT *);
+
+} // namespace vellum::layer

@@ -1,0 +1,82 @@
+#include "objects.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+
+namespace vellum::test::kernel
+{
+
+int Objects::create(u64 size, u32 &handle)
+{
+    constexpr u64 kMost = u64{1} << 46;
+    std::lock_guard lock(mutex_);
+    if (size == 0 || size > kMost || end_ > kMost)
+        return EINVAL;
+    const u64 whole = (size + kPageSize - 1) / kPageSize * kPageSize;
+    if (ftruncate(file_, static_cast<off_t>(end_ + whole)) != 0)
+        return ENOMEM;
+    handle = ++last_;
+    pieces_[handle] = {end_, whole};
+    end_ += whole;
+    return 0;
+}
+
+int Objects::offset(u32 handle, u64 &offset)
+{
+    std::lock_guard lock(mutex_);
+    const auto found = pieces_.find(handle);
+    if (found == pieces_.end())
+        return ENOENT;
+    offset = found->second.offset;
+    return 0;
+}
+
+int Objects::close(u32 handle)
+{
+    std::lock_guard lock(mutex_);
+    const auto found = pieces_.extract(handle);
+    if (!found)
+        return EINVAL;
+    // Its place is not used again, but it costs no memory any more.
+    fallocate(file_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(found.mapped().offset),
+              static_cast<off_t>(found.mapped().size));
+    return 0;
+}
+
+u32 Objects::newHandle()
+{
+    std::lock_guard lock(mutex_);
+    return ++last_;
+}
+
+void Objects::map(u64 address, u64 size, u32 handle, u64 offset)
+{
+    std::lock_guard lock(mutex_);
+    const auto found = pieces_.find(handle);
+    if (found != pieces_.end() && offset <= found->second.size)
+        mapped_[address] = {found->second.offset + offset, std::min(size, found->second.size - offset)};
+}
+
+void Objects::unmap(u64 address)
+{
+    std::lock_guard lock(mutex_);
+    mapped_.erase(address);
+}
+
+bool Objects::write(u64 address, std::span<const std::byte> bytes)
+{
+    std::lock_guard lock(mutex_);
+    auto found = mapped_.upper_bound(address);
+    if (found == mapped_.begin())
+        return false;
+    const auto &[start, piece] = *--found;
+    if (address - start > piece.size || bytes.size() > piece.size - (address - start))
+        return false;
+    const auto place = static_cast<off_t>(piece.offset + (address - start));
+    return pwrite(file_, bytes.data(), bytes.size(), place) == static_cast<ssize_t>(bytes.size());
+}
+
+} // namespace vellum::test::kernel

@@ -1,0 +1,44 @@
+// Memory that a GPU's driver allocates: pieces of a file, so that the driver maps them as it maps those of a GPU, by
+// their place in the file.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <span>
+
+#include "drm_interface.h"
+
+namespace vellum::test::kernel
+{
+
+constexpr u32 kPageSize = 0x10000; // as large as any GPU here wants it
+
+class Objects
+{
+public:
+    explicit Objects(int file) : file_(file) {}
+    // Functions give back 0 or an error of errno.h.
+    int create(u64 size, u32 &handle);
+    int offset(u32 handle, u64 &offset);
+    int close(u32 handle);
+    // Of something that has no memory.
+    u32 newHandle();
+    // Where a part of an object is for the GPU.
+    void map(u64 address, u64 size, u32 handle, u64 offset);
+    void unmap(u64 address);
+    // What the GPU would write. False if nothing is mapped there.
+    bool write(u64 address, std::span<const std::byte> bytes);
+
+private:
+    struct Piece {
+        u64 offset = 0, size = 0;
+    };
+    int file_;
+    std::mutex mutex_;
+    std::map<u32, Piece> pieces_;
+    std::map<u64, Piece> mapped_; // by the GPU's address
+    u64 end_ = 0;
+    u32 last_ = 0;
+};
+
+} // namespace vellum::test::kernel
