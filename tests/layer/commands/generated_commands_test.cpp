@@ -188,7 +188,7 @@ public:
                 words.insert(words.begin(), 0);
             const GeneratedCommands generated(gpu_,
                                               {.layout = tracer.resources().layout(),
-                                               .stages = PipelineResources::kStages,
+                                               .stages = kStages,
                                                .set = set ? &*set : nullptr,
                                                .pipeline = set ? VK_NULL_HANDLE : pipeline,
                                                .last = Token::TraceRays2,
@@ -204,6 +204,10 @@ public:
     }
 
 private:
+    // Those that the pipeline has.
+    static constexpr VkShaderStageFlags kStages =
+        PipelineResources::kStages & ~static_cast<VkShaderStageFlags>(VK_SHADER_STAGE_CALLABLE_BIT_KHR);
+
     Gpu &gpu_;
     const PipelineScene &scene_;
     bool chosen_;
