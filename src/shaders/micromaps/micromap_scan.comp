@@ -2,17 +2,18 @@
 #extension GL_GOOGLE_include_directive : require
 // Micromap build, one workgroup: turns the sums of the blocks into those of all blocks before each, and writes the
 // micromap's header. Sums saturate beyond the capacity: what lies there is rejected, however far beyond it is.
-layout(local_size_x = 256) in;
+const uint kThreads = 128u; // the least maxComputeWorkGroupInvocations
+layout(local_size_x = kThreads) in;
 
 #include "micromap_source.glsl"
 
-shared uint sums[256];
+shared uint sums[kThreads];
 
 void main()
 {
     const uint me = gl_LocalInvocationIndex;
     const uint blocks = verbatim() ? 0u : (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
-    const uint run = (blocks + 255u) / 256u;
+    const uint run = (blocks + kThreads - 1u) / kThreads;
     const uint first = min(me * run, blocks);
     const uint last = min(first + run, blocks);
     const uint limit = push.capacityUnits + 1u;
@@ -22,7 +23,7 @@ void main()
         sum = min(sum + table.w[b], limit);
     sums[me] = sum;
     barrier();
-    for (uint step = 1u; step < 256u; step *= 2u) {
+    for (uint step = 1u; step < kThreads; step *= 2u) {
         const uint other = me >= step ? sums[me - step] : 0u;
         barrier();
         sums[me] = min(sums[me] + other, limit);
@@ -34,10 +35,10 @@ void main()
         table.w[b] = min(sum, push.capacityUnits);
         sum = min(sum + own, limit);
     }
-    if (me != 255u)
+    if (me != kThreads - 1u)
         return;
     const bool stays = verbatim();
-    const uint units = stays ? Words(push.scratch).w[kScratchLastUnit] : min(sums[255], push.capacityUnits);
+    const uint units = stays ? Words(push.scratch).w[kScratchLastUnit] : min(sums[kThreads - 1u], push.capacityUnits);
     Words header = Words(push.micromap);
     header.w[kMicromapHeaderMagic] = kMicromapMagic;
     header.w[kMicromapHeaderTriangles] = push.triangleCount;

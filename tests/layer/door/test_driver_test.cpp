@@ -104,6 +104,55 @@ TEST_F(TestDriver, AHeapThatIsFull)
     EXPECT_TRUE(gpu().takeMessages().empty());
 }
 
+TEST_F(TestDriver, MemoryOfSomebodyElse)
+{
+    make("dirty");
+    VkMemoryAllocateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    info.allocationSize = 4096;
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateMemory(gpu().device(), &info, nullptr, &memory));
+    void *data = nullptr;
+    VT_CHECK(vkMapMemory(gpu().device(), memory, 0, VK_WHOLE_SIZE, 0, &data));
+    EXPECT_EQ(static_cast<std::uint8_t *>(data)[4095], 0xd7);
+    vkFreeMemory(gpu().device(), memory, nullptr);
+}
+
+TEST_F(TestDriver, ScratchMemoryThatIsAllUsed)
+{
+    make("scratch");
+    Blas blas(gpu());
+    blas.prepare({Geometry{.vertices = triangleRow(4)}});
+    const VkDeviceSize size = blas.scratchRange().size;
+    VkAccelerationStructureBuildGeometryInfoKHR info = blas.buildInfo();
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+    const auto build = [&](VkDeviceAddress scratch) {
+        info.scratchData.deviceAddress = scratch;
+        gpu().submit([&](VkCommandBuffer commands) {
+            gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        });
+    };
+    const Buffer room(gpu(), 2 * size, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    std::memset(room.bytes(), 1, static_cast<std::size_t>(room.size()));
+    build(room.address());
+    EXPECT_TRUE(gpu().takeMessages().empty());
+    EXPECT_NE(room.bytes()[size - 8], 1);
+    EXPECT_EQ(room.bytes()[size], 1);
+    build(room.address() + room.size() - size + 128);
+    expectTold("scratch memory");
+}
+
+TEST_F(TestDriver, SmallWorkgroups)
+{
+    make("compute");
+    VkCommandBuffer commands = gpu().begin();
+    vkCmdDispatch(commands, 0, 65535, 1);
+    EXPECT_TRUE(gpu().takeMessages().empty());
+    vkCmdDispatch(commands, 0, 65536, 1);
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+    expectTold("groupCountX-00386");
+}
+
 TEST_F(TestDriver, FamiliesForOnePurpose)
 {
     make("queues");

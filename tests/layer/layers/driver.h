@@ -34,7 +34,8 @@ enum class Level {
     Memory,
     Addresses,
     Replay,
-    IndirectBuilds
+    IndirectBuilds,
+    Garbage
 };
 
 struct Row {
@@ -63,6 +64,7 @@ LevelRows memoryRows();
 LevelRows addressRows();
 LevelRows replayRows();
 LevelRows indirectBuildRows();
+LevelRows garbageRows();
 
 struct Trait {
     const char *name;

@@ -29,6 +29,19 @@ struct NamedLevel {
     Level level;
     LevelRows rows;
 };
+
+// A second row of a name would never be called.
+void expectOnce(std::span<const Row> rows)
+{
+    std::set<std::string_view> names;
+    for (const Row &row : rows) {
+        if (row.when != nullptr || names.insert(row.name).second)
+            continue;
+        std::fprintf(stderr, "test driver: a level has two rows for %s\n", row.name);
+        std::abort();
+    }
+}
+
 std::span<const NamedLevel> levels()
 {
     static const NamedLevel all[]{
@@ -44,7 +57,16 @@ std::span<const NamedLevel> levels()
         {Level::Addresses, addressRows()},
         {Level::Replay, replayRows()},
         {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Garbage, garbageRows()},
     };
+    static const bool checked = [] {
+        for (const NamedLevel &level : all) {
+            expectOnce(level.rows.device);
+            expectOnce(level.rows.instance);
+        }
+        return true;
+    }();
+    static_cast<void>(checked);
     return all;
 }
 

@@ -1,5 +1,5 @@
-// Limits at the ends of what the specification allows: the traits "alignments" and "push128". What is recorded is held
-// against them.
+// Limits at the ends of what the specification allows: the traits "alignments", "push128" and "compute". What is
+// recorded is held against them.
 #include "layers/driver.h"
 
 #include <map>
@@ -14,6 +14,7 @@ constexpr Level kLevel = Level::Limits;
 constexpr std::uint32_t kScratchAlignment = 256, kHandleAlignment = 32, kTableAlignment = 64, kMostStride = 4096;
 constexpr VkDeviceSize kMostAtom = 256, kMostOffset = 256;
 constexpr std::uint32_t kPushBytes = 128;
+constexpr std::uint32_t kInvocations = 128, kGroups = 65535, kSharedBytes = 16384;
 
 bool aligns(void *key)
 {
@@ -24,8 +25,21 @@ bool pushesLittle(void *key)
     return has(key, "push128");
 }
 
+bool computesLittle(void *key)
+{
+    return has(key, "compute");
+}
+
 void setLimits(void *key, VkPhysicalDeviceLimits &limits)
 {
+    if (computesLittle(key)) {
+        limits.maxComputeWorkGroupInvocations = kInvocations;
+        limits.maxComputeSharedMemorySize = kSharedBytes;
+        for (std::size_t i = 0; i < 3; ++i) {
+            limits.maxComputeWorkGroupSize[i] = i < 2 ? 128 : 64;
+            limits.maxComputeWorkGroupCount[i] = kGroups;
+        }
+    }
     if (pushesLittle(key))
         limits.maxPushConstantsSize = kPushBytes;
     if (!aligns(key))
@@ -142,6 +156,57 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect(VkCommandBuffer handle, const Vk
     DRIVER_NEXT(vkCmdTraceRaysIndirectKHR)(handle, raygen, miss, hit, callable, command);
 }
 
+// --- compute shaders ---
+
+std::mutex modulesMutex;
+std::map<VkShaderModule, std::uint32_t> invocationsOf; // of a workgroup, where a module's code says it
+
+// The most of all entry points.
+std::uint32_t invocationsIn(const std::uint32_t *code, std::size_t bytes)
+{
+    constexpr std::uint32_t kExecutionMode = 16, kLocalSize = 17;
+    const std::span words(code, bytes / sizeof(std::uint32_t));
+    std::uint32_t most = 0;
+    for (std::size_t at = 5; at < words.size() && words[at] >> 16 != 0; at += words[at] >> 16) {
+        if ((words[at] & 0xffff) == kExecutionMode && words[at + 2] == kLocalSize)
+            most = std::max(most, words[at + 3] * words[at + 4] * words[at + 5]);
+    }
+    return most;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
+                                                  const VkAllocationCallbacks *allocator, VkShaderModule *module)
+{
+    const VkResult result = DRIVER_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
+    std::lock_guard lock(modulesMutex);
+    if (result == VK_SUCCESS)
+        invocationsOf[*module] = invocationsIn(info->pCode, info->codeSize);
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+                                                      const VkComputePipelineCreateInfo *infos,
+                                                      const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    for (const VkComputePipelineCreateInfo &info : std::span(infos, count)) {
+        const auto *code =
+            inChain<VkShaderModuleCreateInfo>(info.stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+        std::lock_guard lock(modulesMutex);
+        const std::uint32_t invocations =
+            code != nullptr ? invocationsIn(code->pCode, code->codeSize) : invocationsOf[info.stage.module];
+        if (computesLittle(keyOf(handle)) && invocations > kInvocations)
+            tell("vkCreateComputePipelines: VUID-RuntimeSpirv-x-06432: a workgroup of " + std::to_string(invocations));
+    }
+    return DRIVER_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdDispatch(VkCommandBuffer handle, std::uint32_t x, std::uint32_t y, std::uint32_t z)
+{
+    if (computesLittle(keyOf(handle)) && std::max({x, y, z}) > kGroups)
+        tell("VUID-vkCmdDispatch-groupCountX-00386 or its like: " + std::to_string(std::max({x, y, z})));
+    DRIVER_NEXT(vkCmdDispatch)(handle, x, y, z);
+}
+
 // --- push constants ---
 
 VKAPI_ATTR VkResult VKAPI_CALL createPipelineLayout(VkDevice handle, const VkPipelineLayoutCreateInfo *info,
@@ -174,6 +239,9 @@ driver::LevelRows driver::limitRows()
         {"vkCmdTraceRaysIndirectKHR", DRIVER_FUNCTION(cmdTraceRaysIndirect)},
         {"vkCreatePipelineLayout", DRIVER_FUNCTION(createPipelineLayout)},
         {"vkCmdPushConstants", DRIVER_FUNCTION(cmdPushConstants)},
+        {"vkCreateShaderModule", DRIVER_FUNCTION(createShaderModule)},
+        {"vkCreateComputePipelines", DRIVER_FUNCTION(createComputePipelines)},
+        {"vkCmdDispatch", DRIVER_FUNCTION(cmdDispatch)},
     };
     static const Row instance[]{
         {"vkGetPhysicalDeviceProperties", DRIVER_FUNCTION(getProperties)},

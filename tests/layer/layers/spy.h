@@ -42,6 +42,8 @@ std::span<const Row> memory();          // spy_memory.cpp
 std::span<const Row> pipelines();       // spy_pipelines.cpp
 std::span<const Row> pipelineCaches();  // spy_cache.cpp
 
+// A module was made: what a pipeline of it is found by.
+void keepWords(VkShaderModule module, const VkShaderModuleCreateInfo &info);
 // A pipeline was made: whether it was in the cache.
 void lookInCache(VkPipelineCache cache, const VkComputePipelineCreateInfo &info, VkPipeline pipeline);
 void lookInCache(VkPipelineCache cache, const VkRayTracingPipelineCreateInfoKHR &info, VkPipeline pipeline);

@@ -109,17 +109,6 @@ void look(VkPipelineCache cache, const Info &info, VkPipeline pipeline)
             (hit ? VK_PIPELINE_CREATION_FEEDBACK_APPLICATION_PIPELINE_CACHE_HIT_BIT : 0);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
-                                            const VkAllocationCallbacks *allocator, VkShaderModule *module)
-{
-    const VkResult result = SPY_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
-    if (result == VK_SUCCESS && caching()) {
-        std::lock_guard lock(mutex);
-        modules[*module] = keyOfWords(*info);
-    }
-    return result;
-}
-
 VKAPI_ATTR VkResult VKAPI_CALL createCache(VkDevice handle, const VkPipelineCacheCreateInfo *info,
                                            const VkAllocationCallbacks *allocator, VkPipelineCache *cache)
 {
@@ -155,6 +144,14 @@ VKAPI_ATTR VkResult VKAPI_CALL getCacheData(VkDevice handle, VkPipelineCache cac
 
 } // namespace
 
+void keepWords(VkShaderModule module, const VkShaderModuleCreateInfo &info)
+{
+    if (!caching())
+        return;
+    std::lock_guard lock(mutex);
+    modules[module] = keyOfWords(info);
+}
+
 void lookInCache(VkPipelineCache cache, const VkComputePipelineCreateInfo &info, VkPipeline pipeline)
 {
     look(cache, info, pipeline);
@@ -167,7 +164,6 @@ void lookInCache(VkPipelineCache cache, const VkRayTracingPipelineCreateInfoKHR 
 std::span<const Row> pipelineCaches()
 {
     static const Row rows[]{
-        {"vkCreateShaderModule", SPY_FUNCTION(createModule)},
         {"vkCreatePipelineCache", SPY_FUNCTION(createCache)},
         {"vkGetPipelineCacheData", SPY_FUNCTION(getCacheData)},
     };

@@ -69,7 +69,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
                                                   const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
     expectModule(keyOf(handle), "vkCreateShaderModule", info->pCode, info->codeSize);
-    return SPY_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
+    const VkResult result = SPY_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
+    if (result == VK_SUCCESS)
+        keepWords(*module, *info);
+    return result;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,

@@ -30,6 +30,10 @@ std::span<const Trait> allTraits()
          "the largest alignments (Required Limits): scratch memory 256, group handles 32, group tables 64, strides of "
          "at most 4096, non-coherent atoms 256"},
         {"push128", Level::Limits, "maxPushConstantsSize is 128, the least that there may be (Required Limits)"},
+        {"compute", Level::Limits,
+         "the least compute shaders (Required Limits): workgroups of 128 invocations, 65,535 of them in each "
+         "direction, "
+         "with 16 KiB of shared memory"},
         {"queues", Level::Queues,
          "queue families for graphics, graphics and compute, compute, and transfers, in this order (Physical Devices)"},
         {"structures", Level::Structures,
@@ -46,10 +50,14 @@ std::span<const Trait> allTraits()
          "local to the device and host-visible"},
         {"elsewhere", Level::Addresses,
          "a structure's address is not that of its buffer, unless it is GENERIC "
-         "(vkGetAccelerationStructureDeviceAddressKHR), and mapped memory is not at its device address"},
+         "(vkGetAccelerationStructureDeviceAddressKHR), and is given again; mapped memory is not at its device "
+         "address"},
         {"replay", Level::Replay,
          "bufferDeviceAddressCaptureReplay: memory is at the address that was asked for, or at a random one; host "
          "memory cannot be imported"},
+        {"dirty", Level::Garbage, "memory that is allocated holds what was there before, and not zeros"},
+        {"scratch", Level::Garbage,
+         "builds need more scratch memory, updates still more than those, and write to all of it"},
         {"capable", Level::IndirectBuilds,
          "features that lavapipe lacks: accelerationStructureIndirectBuild, and bufferDeviceAddressCaptureReplay"},
     };
