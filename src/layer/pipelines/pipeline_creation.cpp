@@ -70,7 +70,9 @@ public:
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
-        const bool available = device_.driver.asked.extFeature || device_.driver.asked.khrFeature;
+        if (!device_.driver.emulated)
+            return takeIdentifiers(own);
+        const bool available = device_.driver.asked.anyFeature();
         bool asked =
             (flagsOf(info) & kMicromapPipelineFlag) != 0 || (available && device_.driver.settings->assumeMicromaps);
         if (asked && !available &&
@@ -119,12 +121,9 @@ public:
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
         changed_ = changed_ || own.flags != info.flags;
         own.pNext = driverChain(own.pNext, chains_);
-        if (!stages_.rewrite(own.pStages, own.stageCount))
-            return VK_ERROR_INVALID_SHADER_NV;
-        DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
-        identifiers.take(own.pStages, own.stageCount, true);
-        changed_ = changed_ || identifiers.any();
-        return VK_SUCCESS;
+        if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
+            return VK_ERROR_UNKNOWN;
+        return takeIdentifiers(own);
     }
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
@@ -153,6 +152,17 @@ public:
     }
 
 private:
+    // Of stages whose code only the driver has.
+    VkResult takeIdentifiers(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        if (binariesOf(info.pNext))
+            return VK_SUCCESS;
+        DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
+        identifiers.take(info.pStages, info.stageCount, true);
+        changed_ = changed_ || identifiers.any();
+        return identifiers.ways() == 0 ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS;
+    }
+
     // Reports about the pipeline that is being added.
     void refuse(const char *id, const std::string &text)
     {
@@ -206,6 +216,8 @@ private:
             stages.hidden.payload = record.payloads.common();
         }
         record.hidden = {true, stages.hidden.way, stages.hidden.constant};
+        if (!flagsTravelAlike(info, stages.hidden.way))
+            return VK_ERROR_UNKNOWN;
         widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
             return result;
@@ -302,7 +314,29 @@ private:
             return {Way::Constant, 0};
         if (hidden.size() == 1 && *hidden.begin())
             return {Way::Constant, **hidden.begin()};
-        return {device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload, 0};
+        return {ownWay(), 0};
+    }
+
+    // Rays of one library meet shaders of the others. Of code all libraries are made in the device's way; binaries have
+    // their own.
+    bool flagsTravelAlike(const VkRayTracingPipelineCreateInfoKHR &info, spirv::HiddenFlags::Way way)
+    {
+        const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
+        bool alike = (libraries == 0 && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0) || way == ownWay();
+        for (uint32_t i = 0; i < libraries; ++i) {
+            const auto library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]);
+            alike = alike && library && library->hidden.way == way;
+        }
+        if (!alike)
+            device_.driver.report().notAvailable("a ray tracing pipeline, or a library for one, of binaries in which "
+                                                 "ray flags travel in another way than "
+                                                 "in the other libraries of this device");
+        return alike;
+    }
+    [[nodiscard]] spirv::HiddenFlags::Way ownWay() const
+    {
+        using Way = spirv::HiddenFlags::Way;
+        return device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload;
     }
 
     // Of all shaders, as far as they are known here: what a library will be linked with is not.
@@ -377,7 +411,7 @@ private:
         if (!original) {
             bool inlined = false;
             if (!stages_.rewriteInline(stage, inlined, target))
-                return VK_ERROR_INVALID_SHADER_NV;
+                return VK_ERROR_UNKNOWN;
             // Without its code (but a module identifier) a stage cannot be rewritten; the application is ready to be
             // told so.
             return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
@@ -389,7 +423,7 @@ private:
             size_t bytes = original->size() * 4;
             std::vector<uint32_t> storage;
             if (!rewriteShader(device_, code, bytes, storage, target))
-                return VK_ERROR_INVALID_SHADER_NV;
+                return VK_ERROR_UNKNOWN;
             const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
             const VkResult result =
                 device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
@@ -532,6 +566,12 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
     if (!creation->changed())
         return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,
                                                                pipelines);
+    // Nobody would tell here when it is complete; and where only identifiers are changed, the driver compiles nothing.
+    if (!device.driver.emulated) {
+        const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
+            handle, VK_NULL_HANDLE, cache, count, creation->infos().data(), allocator, pipelines);
+        return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;
+    }
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();
