@@ -60,7 +60,7 @@ std::string describeImplementation(VkPhysicalDevice device, std::uint32_t versio
         vkGetPhysicalDeviceToolProperties(device, &count, tools.data());
     }
     for (const VkPhysicalDeviceToolProperties &tool : tools) {
-        if (std::strcmp(tool.name, "Vellum opacity micromap layer") != 0)
+        if (std::strcmp(tool.layer, kLayerName) != 0)
             continue;
         if (std::strcmp(tool.description, "emulated") == 0)
             return std::string("emulated by the layer ") + kLayerName;

@@ -57,10 +57,15 @@ PlacedMicromap PlacedMicromaps::last() const
     return last_;
 }
 
+bool mayHaveMicromapAt(const DeviceTranslation &device, VkBuffer buffer, VkDeviceSize offset)
+{
+    const VkDeviceAddress address = device.buffers.addresses.addressOf(buffer);
+    return offset % 256 == 0 || (address != 0 && (address + offset) % 256 == 0);
+}
+
 VkMicromapEXT micromapOfSize(DeviceTranslation &device, const AccelerationStructure &structure, VkDeviceSize bytes)
 {
-    // VUID-VkMicromapCreateInfoEXT-offset-07429
-    if (structure.offset % 256 != 0)
+    if (!mayHaveMicromapAt(device, structure.buffer, structure.offset))
         return VK_NULL_HANDLE;
     return placeOf(device, structure).ofSize(structure.buffer, structure.offset, bytes);
 }

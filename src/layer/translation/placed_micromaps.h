@@ -47,6 +47,10 @@ private:
     PlacedMicromap last_;
 };
 
+// Whether the driver can have a micromap there. EXT wants an offset that is a multiple of 256, KHR an address. These
+// are the same where buffers for structures lie at such addresses; where they do not, as on lavapipe, it is addresses
+// that drivers work with, and other structures of vkCreateAccelerationStructure2KHR are given to them in the same way.
+bool mayHaveMicromapAt(const DeviceTranslation &device, VkBuffer buffer, VkDeviceSize offset);
 // The driver's micromap of that size at the place of a structure; VK_NULL_HANDLE where it cannot be made.
 VkMicromapEXT micromapOfSize(DeviceTranslation &device, const AccelerationStructure &structure, VkDeviceSize bytes);
 // What was recorded last at its place. If nothing was, what a micromap there would be of which nothing is known.

@@ -32,16 +32,16 @@ void addStructure(DeviceTranslation &device, std::shared_ptr<AccelerationStructu
 VkResult addMicromap(DeviceTranslation &device, const Judge &judge, const BufferRange &range,
                      VkAccelerationStructureKHR &result)
 {
-    // VUID-VkMicromapCreateInfoEXT-buffer-07496 and -offset-07429
+    // VUID-VkMicromapCreateInfoEXT-buffer-07496
     const VkFlags64 usage = device.buffers.infos.get(range.buffer).usage;
     if ((usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) == 0) {
         judge.refuse("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
                      "the buffer is none for acceleration structures");
         return VK_ERROR_VALIDATION_FAILED_EXT;
     }
-    if (range.offset % 256 != 0) {
+    if (!mayHaveMicromapAt(device, range.buffer, range.offset)) {
         judge.refuse("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
-                     "the offset of a micromap in its buffer is not a multiple of 256");
+                     "the address of a micromap is not a multiple of 256");
         return VK_ERROR_VALIDATION_FAILED_EXT;
     }
     auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
