@@ -79,6 +79,27 @@ TEST_F(StructureAddresses, OneThatIsGivenAgain)
     }
 }
 
+// Objects are destroyed in any order: where the buffer goes first, the driver is not asked about what lay in it.
+TEST_F(StructureAddresses, OnesWhoseBufferIsGone)
+{
+    for (const bool bothAsked : {false, true}) {
+        auto room =
+            std::make_unique<Buffer>(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        auto first = std::make_unique<Structure>(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+        Structure second(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+        for (Structure *structure : {first.get(), &second}) {
+            structure->placeIn(room->handle(), 256);
+            structure->create(32768);
+        }
+        EXPECT_NE(first->address(), 0u);
+        if (bothAsked) {
+            EXPECT_NE(second.address(), 0u);
+        }
+        room.reset();
+        first.reset();
+    }
+}
+
 // What was built at a place stays there, also while nothing lives there that has an address of the driver's.
 TEST(StructureAddressesKhr, OneThatIsMadeAgain)
 {
