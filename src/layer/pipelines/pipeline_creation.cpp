@@ -110,8 +110,8 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
-        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one.
-        if (available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one. Not of mere keys.
+        if (pipelines_ && available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
             device_.driver.report().warning(
                 "VELLUM-pipeline-without-micromaps",
                 "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +

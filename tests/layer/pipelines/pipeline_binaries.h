@@ -149,8 +149,9 @@ private:
         newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 1, nullptr};
         if (info.pKeysAndDataInfo == nullptr) {
             last_ = create_(gpu_.device(), &info, nullptr, &handles);
-            if (last_ == newer::kPipelineBinaryMissing)
+            if (last_ == newer::kPipelineBinaryMissing) {
                 EXPECT_EQ(handles.pipelineBinaryCount, 0u);
+            }
             if (last_ != VK_SUCCESS)
                 return nullptr;
             EXPECT_EQ(handles.pipelineBinaryCount, 1u);
