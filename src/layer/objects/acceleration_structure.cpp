@@ -54,23 +54,13 @@ constexpr Notice kNoticeTexts[kNotices] = {
      "a micromap was to be copied to where it would overlap its source. The target is as it was"},
 };
 
-} // namespace
-
-void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
-{
-    structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
-    structure.place = device.places.acquire(structure.key);
-    std::lock_guard lock(structure.place->mutex);
-    structure.place->structures.emplace_back(&structure, handle);
-}
-
-namespace
-{
-
-// With the place's mutex held, as below.
+// With the place's mutex held, as below. Where one structure of a place is named all are: later, when one is destroyed,
+// the buffer may be gone, and with it what the driver says of the others.
 void letBeNamed(DeviceObjects &device, StructurePlace &place, AccelerationStructure &structure,
                 VkAccelerationStructureKHR handle)
 {
+    if (structure.reference != 0 || structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        return;
     const VkDeviceAddress address = device.driver.structureAddress(handle);
     const auto known = std::ranges::find(place.references, address, &StructurePlace::Reference::address);
     if (known != place.references.end()) {
@@ -94,15 +84,8 @@ void letBeNamed(DeviceObjects &device, StructurePlace &place, AccelerationStruct
 // whose own addresses lead to it then.
 void forgetReference(DeviceObjects &device, StructurePlace &place, VkDeviceAddress address)
 {
-    const auto find = [&] { return std::ranges::find(place.references, address, &StructurePlace::Reference::address); };
-    if (--find()->structures > 0)
-        return;
-    for (const auto &[other, handle] : place.structures) {
-        if (other->reference == 0 && other->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
-            letBeNamed(device, place, *other, handle);
-    }
-    const auto gone = find();
-    if (gone->structures > 0)
+    const auto gone = std::ranges::find(place.references, address, &StructurePlace::Reference::address);
+    if (--gone->structures > 0)
         return;
     if (place.references.size() == 1 && place.heldKey == 0)
         place.heldKey = device.root.holdCell(address);
@@ -113,6 +96,20 @@ void forgetReference(DeviceObjects &device, StructurePlace &place, VkDeviceAddre
 }
 
 } // namespace
+
+void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
+{
+    structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
+    structure.place = device.places.acquire(structure.key);
+    StructurePlace &place = *structure.place;
+    std::lock_guard lock(place.mutex);
+    // The last one that left, at the same moment, thought that the place would go, too.
+    if (place.structures.empty() && !place.references.empty() && place.references.front().structures > 0)
+        forgetReference(device, place, place.references.front().address);
+    place.structures.emplace_back(&structure, handle);
+    if (place.cell.address)
+        letBeNamed(device, place, structure, handle);
+}
 
 void leavePlace(DeviceObjects &device, const AccelerationStructure &structure)
 {
@@ -131,8 +128,11 @@ CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAcce
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
-    if (structure.reference == 0)
+    if (structure.reference == 0) {
         letBeNamed(device, place, structure, handle);
+        for (const auto &[other, otherHandle] : place.structures)
+            letBeNamed(device, place, *other, otherHandle);
+    }
     return place.cell;
 }
 

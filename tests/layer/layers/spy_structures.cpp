@@ -1,7 +1,8 @@
 // Acceleration structures, and the objects that names and private data are for.
 #include "layers/spy.h"
 
-#include <set>
+#include <map>
+#include <utility>
 
 namespace spy
 {
@@ -35,8 +36,10 @@ void expectBuild(void *key, const char *where, const VkAccelerationStructureBuil
     }
 }
 
-// Acceleration structures that are the driver's: others, which the layer has by itself, must not come here.
-std::set<VkAccelerationStructureKHR> known;
+// Acceleration structures that are the driver's: others, which the layer has by itself, must not come here. With their
+// buffer, and how many buffers of that handle had been destroyed before.
+std::map<VkAccelerationStructureKHR, std::pair<VkBuffer, std::uint64_t>> known;
+std::map<VkBuffer, std::uint64_t> destroyedBuffers;
 std::mutex knownMutex;
 
 // Whether it is the driver's; the spy tells of the others.
@@ -72,8 +75,17 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelera
     const VkResult result = SPY_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
     std::lock_guard lock(knownMutex);
     if (result == VK_SUCCESS)
-        known.insert(*structure);
+        known[*structure] = {info->buffer, destroyedBuffers[info->buffer]};
     return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(knownMutex);
+        ++destroyedBuffers[buffer];
+    }
+    SPY_NEXT(vkDestroyBuffer)(handle, buffer, allocator);
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
@@ -106,7 +118,12 @@ VKAPI_ATTR void VKAPI_CALL writeProperties(VkCommandBuffer handle, std::uint32_t
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
                                                        const VkAccelerationStructureDeviceAddressInfoKHR *info)
 {
-    expectStructure("vkGetAccelerationStructureDeviceAddressKHR", info->accelerationStructure);
+    if (expectStructure("vkGetAccelerationStructureDeviceAddressKHR", info->accelerationStructure)) {
+        std::lock_guard lock(knownMutex);
+        const auto [buffer, destroyed] = known[info->accelerationStructure];
+        if (destroyedBuffers[buffer] != destroyed)
+            tell("vkGetAccelerationStructureDeviceAddressKHR: a structure whose buffer is gone");
+    }
     return SPY_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, info);
 }
 
@@ -196,6 +213,7 @@ std::span<const Row> structures()
         {"vkDestroyAccelerationStructureKHR", SPY_FUNCTION(destroyStructure)},
         {"vkCmdCopyAccelerationStructureKHR", SPY_FUNCTION(copyStructure)},
         {"vkCmdWriteAccelerationStructuresPropertiesKHR", SPY_FUNCTION(writeProperties)},
+        {"vkDestroyBuffer", SPY_FUNCTION(destroyBuffer)},
         {"vkGetAccelerationStructureDeviceAddressKHR", SPY_FUNCTION(structureAddress)},
         {"vkSetPrivateData", SPY_FUNCTION(setPrivateData)},
         {"vkGetPrivateData", SPY_FUNCTION(getPrivateData)},

@@ -79,6 +79,28 @@ TEST_F(StructureAddresses, OneThatIsGivenAgain)
     }
 }
 
+// Objects are destroyed in any order: where the buffer goes first, the driver is not asked about what lay in it.
+TEST_F(StructureAddresses, OnesWhoseBufferIsGone)
+{
+    auto room =
+        std::make_unique<Buffer>(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    VkAccelerationStructureCreateInfoKHR info{};
+    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
+    info.buffer = room->handle();
+    info.size = 32768;
+    info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    VkAccelerationStructureKHR asked = VK_NULL_HANDLE, never = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &asked));
+    VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &never));
+    VkAccelerationStructureDeviceAddressInfoKHR query{};
+    query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
+    query.accelerationStructure = asked;
+    EXPECT_NE(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query), 0u);
+    room.reset();
+    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), asked, nullptr);
+    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), never, nullptr);
+}
+
 // What was built at a place stays there, also while nothing lives there that has an address of the driver's.
 TEST(StructureAddressesKhr, OneThatIsMadeAgain)
 {
