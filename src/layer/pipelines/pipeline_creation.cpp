@@ -145,8 +145,8 @@ public:
             if (!records_[i] || !pipelines_[i])
                 continue;
             if (records_[i]->hasNullGroup)
-                readNullHandle(pipelines_[i], *records_[i]);
-            measureStacks(pipelines_[i], groupsOfOurs_[i]);
+                readNullHandle(device_, pipelines_[i], *records_[i]);
+            measureStacks(device_, pipelines_[i], groupsOfOurs_[i]);
             device_.rayTracingPipelines.set(pipelines_[i], records_[i]);
         }
     }
@@ -223,7 +223,7 @@ private:
                 stages.hidden.payload = record.payloads.common();
         }
         record.hidden = {true, stages.hidden.way, stages.hidden.constant};
-        if (!flagsTravelAlike(info, stages.hidden.way))
+        if (!flagsTravelAlike(device_, info, stages.hidden.way))
             return VK_ERROR_UNKNOWN;
         widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
@@ -321,29 +321,7 @@ private:
             return {Way::Constant, 0};
         if (hidden.size() == 1 && *hidden.begin())
             return {Way::Constant, **hidden.begin()};
-        return {ownWay(), 0};
-    }
-
-    // Rays of one library meet shaders of the others. Of code all libraries are made in the device's way; binaries have
-    // their own.
-    bool flagsTravelAlike(const VkRayTracingPipelineCreateInfoKHR &info, spirv::HiddenFlags::Way way)
-    {
-        const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
-        bool alike = (libraries == 0 && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0) || way == ownWay();
-        for (uint32_t i = 0; i < libraries; ++i) {
-            const auto library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]);
-            alike = alike && library && library->hidden.way == way;
-        }
-        if (!alike)
-            device_.driver.report().notAvailable("a ray tracing pipeline, or a library for one, of binaries in which "
-                                                 "ray flags travel in another way than "
-                                                 "in the other libraries of this device");
-        return alike;
-    }
-    [[nodiscard]] spirv::HiddenFlags::Way ownWay() const
-    {
-        using Way = spirv::HiddenFlags::Way;
-        return device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload;
+        return {device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload, 0};
     }
 
     // Of all shaders, as far as they are known here: what a library will be linked with is not. `incoming`: those that
@@ -512,29 +490,6 @@ private:
         stages.infos.push_back({VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0,
                                 VK_SHADER_STAGE_ANY_HIT_BIT_KHR, module, "main", nullptr});
         return known->second;
-    }
-
-    void readNullHandle(VkPipeline pipeline, RayTracingPipeline &record)
-    {
-        if (device_.driver.next.GetRayTracingShaderGroupHandlesKHR(device_.driver.handle, pipeline, record.ownGroups, 1,
-                                                                   kGroupHandleBytes,
-                                                                   record.nullHandle.data()) != VK_SUCCESS) {
-            device_.driver.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
-            record.nullHandle = {}; // null stays null
-        }
-    }
-
-    // `groups`: of the driver's pipeline, those with any-hit shaders of the layer's.
-    void measureStacks(VkPipeline pipeline, const std::vector<uint32_t> &groups)
-    {
-        for (const uint32_t group : groups) {
-            const VkDeviceSize bytes = device_.driver.next.GetRayTracingShaderGroupStackSizeKHR(
-                device_.driver.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
-            const auto stack = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX));
-            uint32_t most = device_.anyHitStack.load();
-            while (most < stack && !device_.anyHitStack.compare_exchange_weak(most, stack)) {
-            }
-        }
     }
 
     DevicePipelines &device_;
