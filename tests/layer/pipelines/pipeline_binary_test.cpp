@@ -134,7 +134,7 @@ TEST_F(PipelineBinaries, OfAPipelineWithConstantRayFlags)
         PipelineTracerSetup setup = remadeSetup(way);
         setup.raygen = pipeline_constant_080;
         PipelineTracer tracer(gpu(), setup);
-        scene_->expect(tracer, kRayCullNoOpaque, {.runTimeFlags = 0, .constantFlags = true});
+        scene_->expect(tracer, kRayCullNoOpaque, {.runTimeFlags = 0, .constantFlags = constantRayFlags()});
     }
 }
 
