@@ -26,13 +26,13 @@ VELLUM_FN uint spreadBits(VELLUM_IN uint x)
 // Index on the curve of a micro-triangle of the highest level. That of the micro-triangle of a lower level that it lies
 // in is what is left when two bits for each level between them are cut off at the end.
 //   iu, iv  its cell in steps of 1 / 2^12
-//   iw      so many cells lie between it and the edge opposite vertex 0: 2^12 - 1 - iu - iv, or one less for the
-//           cell's far half
+//   sum     iu + iv, or one more for the cell's far half: 2^12 - 1 less the cells that lie between it and the edge
+//           opposite vertex 0
 //
 // Seen bit by bit from the top, the micro-triangle lies at vertex 0, in the middle, at vertex 1 or at vertex 2 of the
-// triangle of the level above. At vertex 0 and in the middle the bits of u and w differ; at the corners they do not.
-// Which of the corners or halves it is depends on how often the path so far was flipped, a running parity, which a
-// prefix xor gives for all levels at once.
+// triangle of the level above: child 0 to 3. Where the bits of iu and sum differ, it is child 1 or 3, and child 3 if
+// those of iu and iv differ, too. Where they are equal, it is child 0 or 2. Which of these depends on how often the
+// path so far was flipped, a running parity, which a prefix xor gives for all levels at once.
 VELLUM_CONST uint kFinestMask = (1u << kMaxSubdivisionLevel) - 1u;
 VELLUM_FN uint curveIndexOfCell(VELLUM_IN uint iu, VELLUM_IN uint iv, VELLUM_IN uint sum)
 {

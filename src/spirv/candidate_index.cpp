@@ -1,6 +1,7 @@
 #include "spirv/candidate_index.h"
 
 #include "spirv/module/opcodes.h"
+#include "spirv/module/uses.h"
 
 namespace vellum::spirv
 {
@@ -66,7 +67,7 @@ std::set<Id> CandidateIndices::find() const
             break;
         if (in.opcode == spv::OpFunction)
             always = consumption_.in(module_.result(in)).when == Consumes::When::Always;
-        if (in.opcode == spv::OpVariable)
+        if (in.opcode == spv::OpVariable || isDebug(module_, in))
             continue;
         const std::uint32_t own = queryWord(in);
         if (own != 0 && getsCandidate(in))

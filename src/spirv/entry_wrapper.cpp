@@ -5,6 +5,8 @@
 #include "core/opacity.h"
 #include "spirv/module/opcodes.h"
 #include "spirv/module/reach.h"
+#include "spirv/module/uses.h"
+#include "spirv/payload_types.h"
 
 namespace vellum::spirv
 {
@@ -14,32 +16,6 @@ namespace
 // Bounds on what is looked at and made: hit attributes have a few dozen bytes, and an instruction 65535 words.
 constexpr std::size_t kMaxTypes = 256;
 constexpr std::size_t kMaxEntryOperands = 65000;
-
-// Whether an instruction has a pointer to the payload or the hit attributes among its operands. Other words may be
-// literals that are equal to the id.
-bool usesPointer(const Module &module, Instruction in, Id pointer)
-{
-    const auto among = [&](std::uint32_t first, std::uint32_t last) {
-        for (std::uint32_t i = first; i <= last && i < in.count; ++i)
-            if (module.word(in, i) == pointer)
-                return true;
-        return false;
-    };
-    switch (in.opcode) {
-    case spv::OpLoad:
-    case spv::OpAccessChain:
-    case spv::OpInBoundsAccessChain:
-    case spv::OpCopyObject: return among(3, 3);
-    case spv::OpStore: return among(1, 1);
-    case spv::OpCopyMemory:
-    case spv::OpCopyMemorySized: return among(1, 2);
-    case spv::OpFunctionCall: return among(4, in.count);
-    case spv::OpExtInst: return among(5, in.count);
-    case spv::OpTraceRayKHR:
-    case kOpTraceRayMotionNV: return among(11, 12);
-    default: return makesOrExecutesHitObject(in.opcode) && among(2, 13);
-    }
-}
 
 } // namespace
 
@@ -65,6 +41,8 @@ bool EntryWrapper::selectEntryPoint(const PipelineStage &stage)
     }
     interface_ = std::min(2 + stringWords(std::string(stage.entryPoint).c_str()).size(), entry_.size());
     application_ = module_.word(*chosen, 2);
+    if (stage.hidden.way == HiddenFlags::Way::InPayload)
+        declaredPayload_ = incomingPayload(module_, *chosen);
     const Instruction entry = *chosen;
     entries = {entry};
     std::erase_if(module_.section(Section::ExecutionModes), [&](Instruction in) {
@@ -191,24 +169,12 @@ Id EntryWrapper::applicationFlags()
     }
 }
 
-// An interface has at most one payload that comes in ("Ray Tracing Pipeline Interface").
 Id EntryWrapper::incomingPrefix()
 {
     if (incomingPrefix_ != 0)
         return incomingPrefix_;
-    std::vector<Id> declared;
-    for (const Instruction in : module_.section(Section::Globals)) {
-        const Id variable = module_.result(in);
-        if (in.opcode != spv::OpVariable || module_.word(in, 3) != spv::StorageClassIncomingRayPayloadKHR)
-            continue;
-        declared.push_back(variable);
-        if (module_.version() < kVersion14 ? isUsed(variable) : inInterface(variable))
-            return incomingPrefix_ = prefix_.pointer(variable, code_);
-    }
-    // Before SPIR-V 1.4 no interface says whose a payload is that nothing uses. The only one of a module is the one
-    // that the application declares for the ray.
-    if (module_.version() < kVersion14 && declared.size() == 1)
-        return incomingPrefix_ = prefix_.pointer(declared.front(), code_);
+    if (declaredPayload_ != 0)
+        return incomingPrefix_ = prefix_.pointer(declaredPayload_, code_);
     const Id variable = makeInput(spv::StorageClassIncomingRayPayloadKHR, prefix_.ownPayload(hidden_.payload));
     const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassIncomingRayPayloadKHR, types_.uint32()});
     incomingPrefix_ = code_.value(spv::OpAccessChain, pointer, {variable, types_.uintConstant(0)});
@@ -269,20 +235,6 @@ Id EntryWrapper::makeInput(std::uint32_t storageClass, Id type)
     return variable;
 }
 
-// Whether the application's function, or one that it calls, uses the variable.
-bool EntryWrapper::isUsed(Id variable) const
-{
-    const std::set<Id> reached = reachedFrom(module_, application_);
-    Id function = 0;
-    for (const Instruction in : module_.section(Section::Functions)) {
-        if (in.opcode == spv::OpFunction)
-            function = module_.result(in);
-        if (reached.contains(function) && usesPointer(module_, in, variable))
-            return true;
-    }
-    return false;
-}
-
 // An interface has at most one variable of this class (VUID-StandaloneSpirv-HitAttributeKHR-04702), and for triangles
 // it begins with the barycentrics, whatever its type calls them.
 Id EntryWrapper::readBarycentrics()
@@ -291,7 +243,9 @@ Id EntryWrapper::readBarycentrics()
     Id variable = 0;
     for (const Instruction in : module_.section(Section::Globals)) {
         if (in.opcode == spv::OpVariable && module_.word(in, 3) == spv::StorageClassHitAttributeKHR &&
-            (module_.version() < kVersion14 ? isUsed(module_.result(in)) : inInterface(module_.result(in))))
+            (module_.version() < kVersion14
+                 ? usesPointer(module_, reachedFrom(module_, {application_}), module_.result(in))
+                 : inInterface(module_.result(in))))
             variable = module_.result(in);
     }
     if (variable == 0)

@@ -54,7 +54,6 @@ private:
     };
     bool findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found, std::size_t &budget) const;
     [[nodiscard]] std::uint32_t arrayLength(Instruction array) const;
-    [[nodiscard]] bool isUsed(Id variable) const;
     Id makeInput(std::uint32_t storageClass, Id type);
     [[nodiscard]] bool inInterface(Id variable) const;
 
@@ -67,6 +66,7 @@ private:
     std::vector<std::uint32_t> entry_; // operands of OpEntryPoint
     std::size_t interface_ = 0;        // where in them the interface begins
     Id application_ = 0;               // the application's function
+    Id declaredPayload_ = 0;           // what the application is called with
     Id incomingPrefix_ = 0;            // once it was needed
     Code code_{module_};
     std::string error_;

@@ -5,6 +5,8 @@
 
 #include "spirv/entry_wrapper.h"
 #include "spirv/module/opcodes.h"
+#include "spirv/module/reach.h"
+#include "spirv/module/uses.h"
 #include "spirv/payload_prefix.h"
 
 namespace vellum::spirv
@@ -66,6 +68,31 @@ bool describe(const Module &module, const Types &types, Id type, int depth, Type
         return true;
     default: return false;
     }
+}
+
+bool isInInterface(const Module &module, Instruction entry, Id variable)
+{
+    const Words words = module.words(entry);
+    const auto name = static_cast<std::ptrdiff_t>(stringWords(module.string(entry, 3).c_str()).size());
+    return std::find(words.begin() + std::min<std::ptrdiff_t>(3 + name, std::ssize(words)), words.end(), variable) !=
+           words.end();
+}
+
+// All payloads of an entry point. Before SPIR-V 1.4 no interface says whose those are that nothing uses.
+std::vector<Id> payloadsOf(const Module &module, Instruction entry)
+{
+    std::vector<Id> payloads;
+    const std::set<Id> reached = reachedFrom(module, {module.word(entry, 2)});
+    const Id incoming = incomingPayload(module, entry);
+    for (const Instruction in : module.section(Section::Globals)) {
+        if (in.opcode != spv::OpVariable || !PayloadPrefix::isPayload(module.word(in, 3)))
+            continue;
+        const Id variable = module.result(in);
+        if (variable == incoming || (module.version() < kVersion14 ? usesPointer(module, reached, variable)
+                                                                   : isInInterface(module, entry, variable)))
+            payloads.push_back(variable);
+    }
+    return payloads;
 }
 
 class TypeMaker
@@ -166,33 +193,36 @@ void PayloadTypes::add(TypeWords type)
         differ_ = true;
 }
 
-void PayloadTypes::add(std::span<const std::uint32_t> words, std::string_view entryPoint, std::uint32_t executionModel)
+std::optional<TypeWords> PayloadTypes::add(std::span<const std::uint32_t> words, std::string_view entryPoint,
+                                           std::uint32_t executionModel)
 {
     std::string error;
     std::optional<Module> module = Module::parse(words, error);
     if (!module) {
         differ_ = true;
-        return;
+        return TypeWords{};
     }
+    std::optional<TypeWords> incoming;
     const Types types(*module);
     for (const Instruction entry : module->section(Section::EntryPoints)) {
         if (!isEntryPoint(*module, entry, {entryPoint, executionModel}))
             continue;
-        const Words interface = module->words(entry);
-        for (const Instruction in : module->section(Section::Globals)) {
-            if (in.opcode != spv::OpVariable || !PayloadPrefix::isPayload(module->word(in, 3)))
-                continue;
-            // Before SPIR-V 1.4 no interface says whose payload it is.
-            if (module->version() >= kVersion14 &&
-                std::find(interface.begin() + 3, interface.end(), module->result(in)) == interface.end())
-                continue;
+        const Id calledWith = incomingPayload(*module, entry);
+        for (const Id variable : payloadsOf(*module, entry)) {
+            const Instruction pointer = module->definition(module->resultType(module->definition(variable)));
             TypeWords type;
-            if (describe(*module, types, module->word(module->definition(module->word(in, 1)), 3), 0, type))
-                add(std::move(type));
-            else
+            if (!describe(*module, types, module->word(pointer, 3), 0, type))
+                type.clear();
+            if (variable == calledWith)
+                incoming = type;
+            if (type.empty())
                 differ_ = true;
+            else
+                add(std::move(type));
         }
+        break;
     }
+    return incoming;
 }
 
 void PayloadTypes::add(const PayloadTypes &other)
@@ -200,6 +230,31 @@ void PayloadTypes::add(const PayloadTypes &other)
     differ_ = differ_ || other.differ_;
     if (other.first_)
         add(*other.first_);
+}
+
+// An interface has at most one payload that comes in ("Ray Tracing Pipeline Interface").
+Id incomingPayload(const Module &module, Instruction entry)
+{
+    const bool hasInterface = module.version() >= kVersion14;
+    const Id function = module.word(entry, 2);
+    const std::set<Id> reached = hasInterface ? std::set<Id>{} : reachedFrom(module, {function});
+    std::vector<Id> declared;
+    for (const Instruction in : module.section(Section::Globals)) {
+        if (in.opcode != spv::OpVariable || module.word(in, 3) != spv::StorageClassIncomingRayPayloadKHR)
+            continue;
+        const Id variable = module.result(in);
+        if (hasInterface ? isInInterface(module, entry, variable) : usesPointer(module, reached, variable))
+            return variable;
+        declared.push_back(variable);
+    }
+    // Before SPIR-V 1.4 no interface says whose a payload is that this stage does not use. The only one of a module is
+    // the one that the application declares for the ray, if it is not another stage's.
+    if (hasInterface || declared.size() != 1)
+        return 0;
+    std::vector<Id> all;
+    for (const Instruction other : module.section(Section::EntryPoints))
+        all.push_back(module.word(other, 2));
+    return usesPointer(module, reachedFrom(module, std::move(all)), declared.front()) ? 0 : declared.front();
 }
 
 TypeWords PayloadTypes::common() const

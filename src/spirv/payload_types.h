@@ -21,8 +21,10 @@ class PayloadTypes
 {
 public:
     // Adds the payloads that an entry point declares: the one that it is called with, and those of rays that it traces.
-    // Of what is no SPIR-V, and of types that specialization may change, nothing is known.
-    void add(std::span<const std::uint32_t> words, std::string_view entryPoint, std::uint32_t executionModel);
+    // Of what is no SPIR-V, and of types that specialization may change, nothing is known. Returns the type of the
+    // payload that the entry point is called with; nothing where it declares none.
+    std::optional<TypeWords> add(std::span<const std::uint32_t> words, std::string_view entryPoint,
+                                 std::uint32_t executionModel);
     void add(const PayloadTypes &other);
 
     // The type of all; empty where no payload was added, or where they differ or are not known.
@@ -34,6 +36,10 @@ private:
     std::optional<TypeWords> first_;
     bool differ_ = false;
 };
+
+// The variable with the payload that an entry point is called with; 0 where it declares none. Other entry points must
+// still be there.
+Id incomingPayload(const Module &module, Instruction entry);
 
 // Such a type in a module. 0 where the words are not a type's.
 Id makeType(Module &module, Types &types, std::span<const std::uint32_t> words);

@@ -1,6 +1,7 @@
 #include "spirv/proceed_loop.h"
 
 #include "spirv/module/opcodes.h"
+#include "spirv/module/uses.h"
 
 #include <algorithm>
 
@@ -43,16 +44,6 @@ bool successors(const Module &module, Instruction in, std::vector<Id> &out)
     case spv::OpTerminateRayKHR: return true;
     default: return false;
     }
-}
-
-bool isDebug(const Module &module, Instruction in)
-{
-    if (in.opcode == spv::OpLine || in.opcode == spv::OpNoLine)
-        return true;
-    if (in.opcode != spv::OpExtInst)
-        return false;
-    const std::string set = module.string(module.definition(module.word(in, 3)), 2);
-    return set.starts_with("NonSemantic.Shader.DebugInfo") || set == "OpenCL.DebugInfo.100" || set == "DebugInfo";
 }
 
 // Doing it again without the application's code in between changes nothing and is not seen.

@@ -24,12 +24,11 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
     RayFlagMode mode;
     bool first = true;
     bool consumes = false;
+    bool makesHitObjects = false;
     for (const Instruction in : module.section(Section::Functions)) {
         if (in.opcode == spv::OpFunction)
             consumes = consumption.in(module.result(in)).when != Consumes::When::Never;
-        // A hit object gets the flags that the driver knows of the query.
-        if (in.opcode == kOpHitObjectRecordFromQueryEXT)
-            return {};
+        makesHitObjects = makesHitObjects || in.opcode == kOpHitObjectRecordFromQueryEXT;
         if (in.opcode != spv::OpRayQueryInitializeKHR || !consumes)
             continue;
         const auto flags = types.valueOf(module.word(in, 3));
@@ -43,11 +42,14 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
             mode.all.reset();
         first = false;
     }
+    // A hit object gets the flags that the driver knows of the query.
+    if (makesHitObjects && mode.hidden.value_or(0) != 0)
+        return {};
     return mode;
 }
 
 RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
-    : module_(module), types_(types), linker_(linker),
+    : module_(module), types_(types), linker_(linker), reached_(options.reached),
       mode_(options.constantFlags ? findMode(module, types, consumption) : RayFlagMode{}), consumption_(consumption),
       options_(options), queryFlags_(module, types), indices_(module, types, consumption),
       candidates_(module, types, linker, consumption, queryFlags_, indices_, mode_)
@@ -105,8 +107,10 @@ bool RayQueries::rewriteFunction(std::span<const Instruction> code, std::vector<
     Function function = splitFunction(module_, code);
     bool changed = false;
     for (const Instruction in : function.head)
-        if (in.opcode == spv::OpFunction)
-            consumes_ = consumption_.in(module_.result(in));
+        if (in.opcode == spv::OpFunction) {
+            function_ = module_.result(in);
+            consumes_ = consumption_.in(function_);
+        }
     for (std::size_t b = 0; b < function.blocks.size(); ++b)
         for (std::size_t i = 0; i < function.blocks[b].code.size(); ++i)
             if (function.blocks[b].code[i].opcode == spv::OpRayQueryProceedKHR)
@@ -157,7 +161,7 @@ bool RayQueries::replace(Instruction in, Code &out)
     case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
     case kOpHitObjectRecordFromQueryEXT:
-        if (queryFlags_.inUse())
+        if (queryFlags_.inUse() && reached_.contains(function_))
             error_ = "it makes a hit object from a ray query, and the driver does not carry unused ray flag bits";
         return false;
     case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: getCustomIndex(in, out); return true;

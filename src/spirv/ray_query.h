@@ -13,6 +13,7 @@ namespace vellum::spirv
 
 struct RayQueryOptions {
     const std::function<bool()> &carriesFlagBits; // the driver gives ray flag bits 11..13 back
+    const std::set<Id> &reached;                  // the functions of the entry points that the result is good for
     bool constantFlags = true;                    // flags that are the same everywhere become constants
     bool force2State = true; // the module declares the capability of the ray flag ForceOpacityMicromap2State
 };
@@ -54,11 +55,13 @@ private:
     Module &module_;
     Types &types_;
     Linker &linker_;
+    const std::set<Id> &reached_;
     RayFlagMode mode_;
     Consumption &consumption_;
     RayQueryOptions options_;
     QueryFlags queryFlags_;
     CandidateIndices indices_;
+    Id function_ = 0;   // that is being rewritten
     Consumes consumes_; // of the function that is being rewritten
     CandidateFunctions candidates_;
     std::set<Id> decidedInLoops_; // results of proceed calls that stay

@@ -73,13 +73,14 @@ bool declares(std::span<const std::uint32_t> words, Predicate predicate)
     return false;
 }
 
-// The functions that a stage consists of.
-std::set<Id> stageFunctions(const Module &module, const PipelineStage &stage)
+// The functions that a stage consists of; where none is asked for, those of all.
+std::set<Id> stageFunctions(const Module &module, const std::optional<PipelineStage> &stage)
 {
+    std::vector<Id> functions;
     for (const Instruction in : module.section(Section::EntryPoints))
-        if (isEntryPoint(module, in, stage))
-            return reachedFrom(module, module.word(in, 2));
-    return {};
+        if (!stage || isEntryPoint(module, in, *stage))
+            functions.push_back(module.word(in, 2));
+    return reachedFrom(module, std::move(functions));
 }
 
 RewriteResult failed(std::string error)
@@ -147,8 +148,10 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
                    {1, static_cast<std::uint32_t>(options.rootAddress >> 32)},
                    {2, static_cast<std::uint32_t>(options.firstSlots)},
                    {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
+    const std::set<Id> reached = stageFunctions(*module, options.pipelineStage);
     RayQueries queries(*module, types, linker, consumption,
                        {.carriesFlagBits = options.queriesCarryFlagBits,
+                        .reached = reached,
                         .constantFlags = options.constantQueryFlags,
                         .force2State = force2State});
     changed = queries.rewrite() || changed;
@@ -160,7 +163,6 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
 
     const bool inPipeline = options.pipelineStage.has_value();
     const HiddenFlags hidden = inPipeline ? options.pipelineStage->hidden : HiddenFlags{};
-    const std::set<Id> reached = inPipeline ? stageFunctions(*module, *options.pipelineStage) : std::set<Id>{};
     PayloadPrefix prefix(*module, types, reached);
     if (hidden.way == HiddenFlags::Way::InPayload && !prefix.widen())
         return failed(prefix.error());

@@ -54,8 +54,8 @@ struct HiddenFlags {
     };
     Way way = Way::Carried;
     std::uint32_t constant = 0;
-    // InPayload: the type of all payloads (payload_types.h), for shaders that declare none. Empty where it is not
-    // known: they get the prefix alone.
+    // InPayload: the type of the ray's payload (payload_types.h), for a shader that declares none. Empty where it is
+    // not known: it gets the prefix alone.
     std::vector<std::uint32_t> payload{};
     auto operator<=>(const HiddenFlags &) const = default;
 };

@@ -153,37 +153,39 @@ bool TraceRays::replace(Instruction in, Code &out)
 
 TracedFlags tracedFlags(std::span<const std::uint32_t> words)
 {
-    TracedFlags traced;
     if (words.size() < 5 || words[0] != spv::MagicNumber)
-        return traced;
+        return {};
     std::unordered_map<std::uint32_t, std::uint32_t> constants;
-    bool first = true;
+    std::set<std::optional<std::uint32_t>> traced, queries;
+    bool fromQuery = false;
     for (std::size_t at = 5; at < words.size();) {
         const std::uint32_t opcode = words[at] & 0xffff;
         const std::uint32_t count = words[at] >> 16;
         if (count == 0 || count > words.size() - at)
-            return {.traces = traced.traces, .hidden = {}};
+            return {.traces = fromQuery || !traced.empty(), .hidden = {}};
+        const auto hidden = [&](std::uint32_t word) -> std::optional<std::uint32_t> {
+            const auto value = word < count ? constants.find(words[at + word]) : constants.end();
+            return value == constants.end() ? std::nullopt : std::optional(value->second & shared::kHiddenRayFlags);
+        };
         if (opcode == spv::OpConstant && count == 4)
             constants[words[at + 2]] = words[at + 3];
         else if (opcode == spv::OpConstantNull && count == 3)
             constants[words[at + 2]] = 0;
-        const std::uint32_t word = rayFlagsWord(opcode);
-        // Of hit objects that are made from a ray query the flags are the query's; of others that are not traced, none.
-        if (opcode == kOpHitObjectRecordFromQueryEXT)
-            return {.traces = true, .hidden = {}};
-        if (word != 0 || recordsWithoutFlags(opcode)) {
-            const auto value = word < count ? constants.find(words[at + word]) : constants.end();
-            if (word != 0 && value == constants.end())
-                return {.traces = true, .hidden = {}};
-            const std::uint32_t hidden = word != 0 ? value->second & shared::kHiddenRayFlags : 0;
-            if (!first && traced.hidden != hidden)
-                return {.traces = true, .hidden = {}};
-            traced = {.traces = true, .hidden = hidden};
-            first = false;
-        }
+        else if (const std::uint32_t word = rayFlagsWord(opcode); word != 0)
+            traced.insert(hidden(word));
+        else if (recordsWithoutFlags(opcode))
+            traced.insert(0);
+        else if (opcode == spv::OpRayQueryInitializeKHR)
+            queries.insert(hidden(3));
+        else if (opcode == kOpHitObjectRecordFromQueryEXT)
+            fromQuery = true;
         at += count;
     }
-    return traced;
+    // Hit objects that are made from a ray query have the flags that the driver knows of the query. If some are hidden,
+    // they travel with it (RayQueries::findMode), and so with the rays.
+    if (fromQuery)
+        traced.insert(queries == decltype(queries){0} ? std::optional(0u) : std::nullopt);
+    return {.traces = !traced.empty(), .hidden = traced.size() == 1 ? *traced.begin() : std::nullopt};
 }
 
 } // namespace vellum::spirv

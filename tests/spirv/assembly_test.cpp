@@ -155,6 +155,21 @@ TEST(Loops, LineNumbersDoNotMatter)
     EXPECT_EQ(formsOfText(text).flatCalls, 1u);
 }
 
+// The custom index of a candidate is kept beside its query where all is known that is done with it. What tells a
+// debugger of the query does nothing.
+TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
+{
+    const std::string get = "%x = OpRayQueryGetIntersectionInstanceCustomIndexKHR %int %q %i0\nOpStore %var %u1\n";
+    const auto variables = [&](const std::string &set) {
+        std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n%d = OpExtInst %void %set 28 %q\n" + get);
+        text.replace(text.find("OpMemoryModel"), 0,
+                     "OpExtension \"SPV_KHR_non_semantic_info\"\n%set = OpExtInstImport \"" + set + "\"\n");
+        return count(disassemble(rewriteValid(assemble(text))), "OpVariable %_ptr_Function_uint Function");
+    };
+    const std::size_t others = variables("NonSemantic.Other"); // nobody knows what this does
+    EXPECT_EQ(variables("NonSemantic.Shader.DebugInfo.9"), others + 1);
+}
+
 TEST(Declarations, OfMicromapsAreRemoved)
 {
     std::string text = moduleText("");

@@ -142,6 +142,69 @@ TEST(Payloads, ThatNothingUsesAreFoundInOldModules)
     EXPECT_EQ(count(disassemble(result.words), "OpVariable %_ptr_IncomingRayPayload"), 1u) << disassemble(result.words);
 }
 
+// In a module of several stages it may be another's, of which a ray that meets this one knows nothing.
+TEST(Payloads, OfOtherStagesAreNotTaken)
+{
+    const auto module = [](const std::string &store) {
+        Module words = assemble(R"(
+        OpCapability RayTracingKHR
+        OpExtension "SPV_KHR_ray_tracing"
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint AnyHitKHR %f "main"
+        OpEntryPoint ClosestHitKHR %g "big"
+        OpName %payload "payload"
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+%uint = OpTypeInt 32 0
+%many = OpConstant %uint 64
+%array = OpTypeArray %uint %many
+%pp = OpTypePointer IncomingRayPayloadKHR %array
+%pu = OpTypePointer IncomingRayPayloadKHR %uint
+%payload = OpVariable %pp IncomingRayPayloadKHR
+%f = OpFunction %void None %proc
+%l = OpLabel
+     OpReturn
+     OpFunctionEnd
+%h = OpFunction %void None %proc
+%m = OpLabel
+)" + store + R"(
+     OpReturn
+     OpFunctionEnd
+%g = OpFunction %void None %proc
+%k = OpLabel
+%n = OpFunctionCall %void %h
+     OpReturn
+     OpFunctionEnd
+)");
+        words[1] = 0x00010300;
+        return words;
+    };
+    const auto incoming = [](const Module &words, const char *entryPoint, spv::ExecutionModel model) {
+        spirv::PayloadTypes types;
+        return types.add(words, entryPoint, static_cast<std::uint32_t>(model));
+    };
+    const spirv::TypeWords big{spv::OpTypeArray, 64, spv::OpTypeInt, 32, 0};
+    const Module used = module("%p = OpAccessChain %pu %payload %many\nOpStore %p %many\n"), unused = module("");
+    EXPECT_EQ(incoming(used, "main", spv::ExecutionModelAnyHitKHR), std::nullopt);
+    EXPECT_EQ(incoming(used, "big", spv::ExecutionModelClosestHitKHR), big);
+    EXPECT_EQ(incoming(unused, "main", spv::ExecutionModelAnyHitKHR), big);
+    EXPECT_EQ(incoming({}, "main", spv::ExecutionModelAnyHitKHR), spirv::TypeWords{}); // nothing is known
+
+    const auto rewritten = [&](const Module &words, const spirv::TypeWords &payload) {
+        const auto result =
+            rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {Way::InPayload, 0, payload});
+        EXPECT_EQ(result.status, Status::Rewritten) << result.error;
+        EXPECT_EQ(validate(result.words), "");
+        return result.words;
+    };
+    const spirv::TypeWords number{spv::OpTypeFloat, 32};
+    EXPECT_EQ(incoming(rewritten(used, number), "main", spv::ExecutionModelAnyHitKHR),
+              (spirv::TypeWords{spv::OpTypeStruct, 2, spv::OpTypeInt, 32, 0, spv::OpTypeFloat, 32}));
+    EXPECT_EQ(
+        incoming(rewritten(unused, number), "main", spv::ExecutionModelAnyHitKHR),
+        (spirv::TypeWords{spv::OpTypeStruct, 2, spv::OpTypeInt, 32, 0, spv::OpTypeArray, 64, spv::OpTypeInt, 32, 0}));
+}
+
 // Of two, it is the one that the stage's code uses; a literal that happens to be equal to the other's id is no use.
 TEST(Payloads, AreNotMistakenForLiterals)
 {
@@ -343,6 +406,102 @@ TEST(Payloads, FlagsOfRecordedMissesAreHidden)
                                       spirv::kOpHitObjectRecordFromQueryEXT))
                   .hidden,
               std::nullopt);
+}
+
+// A hit object gets the flags that the driver knows of its ray query: where none is hidden, they are the application's
+// on any driver. `flags` are those of the query of "main", which makes the hit object; "other" has a query whose flags
+// are computed and makes one if `both`.
+Module fromQuery(const char *flags, const char *otherFlags, bool both)
+{
+    const auto body = [](const char *query, const char *structure, const std::string &of) {
+        return std::string("OpRayQueryInitializeKHR ") + query + " " + structure + " " + of +
+               " %zero %vector %number %vector %number\n";
+    };
+    const std::string record = "OpHitObjectRecordEmptyNV %object\n";
+    std::string text = R"(
+        OpCapability RayTracingKHR
+        OpCapability RayQueryKHR
+        OpCapability ShaderInvocationReorderNV
+        OpExtension "SPV_KHR_ray_tracing"
+        OpExtension "SPV_KHR_ray_query"
+        OpExtension "SPV_NV_shader_invocation_reorder"
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint RayGenerationKHR %f "main" %scene %object %query %computed
+        OpEntryPoint RayGenerationKHR %g "other" %scene %object %query %computed
+        OpDecorate %scene DescriptorSet 0
+        OpDecorate %scene Binding 0
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+%uint = OpTypeInt 32 0
+%float = OpTypeFloat 32
+%vec3 = OpTypeVector %float 3
+%structure = OpTypeAccelerationStructureKHR
+%sp = OpTypePointer UniformConstant %structure
+%scene = OpVariable %sp UniformConstant
+%hit = OpTypeHitObjectNV
+%op = OpTypePointer Private %hit
+%object = OpVariable %op Private
+%rq = OpTypeRayQueryKHR
+%qp = OpTypePointer Private %rq
+%query = OpVariable %qp Private
+%up = OpTypePointer Private %uint
+%computed = OpVariable %up Private
+%zero = OpConstant %uint 0
+%opaque = OpConstant %uint 1
+%skip = OpConstant %uint 256
+%number = OpConstant %float 1
+%vector = OpConstantComposite %vec3 %number %number %number
+)";
+    text += "%f = OpFunction %void None %proc\n%l = OpLabel\n%s = OpLoad %structure %scene\n" +
+            body("%query", "%s", flags) + record + "OpReturn\nOpFunctionEnd\n";
+    text += "%g = OpFunction %void None %proc\n%k = OpLabel\n%t = OpLoad %structure %scene\n" +
+            std::string("%c = OpLoad %uint %computed\n") + body("%query", "%t", otherFlags) + (both ? record : "") +
+            "OpReturn\nOpFunctionEnd\n";
+    Module words = assemble(text);
+    EXPECT_EQ(validate(words), "") << text;
+    // OpHitObjectRecordEmptyNV %object, which nothing here looks at, stands for a longer one with the query behind it.
+    const std::uint32_t recordEmpty = 5259;
+    std::uint32_t query = 0;
+    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16) {
+        if ((words[at] & 0xffff) == spv::OpRayQueryInitializeKHR)
+            query = words[at + 1];
+        if ((words[at] & 0xffff) != recordEmpty)
+            continue;
+        words[at] = 5u << 16 | spirv::kOpHitObjectRecordFromQueryEXT;
+        words.insert(words.begin() + static_cast<std::ptrdiff_t>(at) + 2, {query, words[at + 1], words[at + 1]});
+    }
+    return words;
+}
+
+TEST(Payloads, HitObjectsOfQueriesWithoutHiddenFlagsPass)
+{
+    const auto rewrite = [](const Module &words, bool carries, const char *entryPoint) {
+        spirv::RewriteOptions options{.rootAddress = 0x1000, .queriesCarryFlagBits = [carries] { return carries; }};
+        if (entryPoint)
+            options.pipelineStage = spirv::PipelineStage{
+                entryPoint, spv::ExecutionModelRayGenerationKHR, spirv::Decides::Nothing, {Way::Constant, 0}};
+        const auto result = spirv::rewrite(words, options);
+        if (result.status == Status::Failed) {
+            EXPECT_NE(result.error.find("hit object from a ray query"), std::string::npos) << result.error;
+        }
+        return result.status != Status::Failed;
+    };
+    const Module harmless = fromQuery("%skip", "%zero", true), hidden = fromQuery("%opaque", "%opaque", true),
+                 mixed = fromQuery("%skip", "%opaque", true), computed = fromQuery("%skip", "%c", true),
+                 apart = fromQuery("%skip", "%c", false);
+    EXPECT_EQ(spirv::tracedFlags(harmless).hidden, 0u);
+    for (const Module *words : {&hidden, &mixed, &computed, &apart}) {
+        EXPECT_TRUE(spirv::tracedFlags(*words).traces);
+        EXPECT_FALSE(spirv::tracedFlags(*words).hidden);
+        EXPECT_TRUE(rewrite(*words, true, nullptr));
+        EXPECT_FALSE(rewrite(*words, false, nullptr)); // of one of the entry points
+        EXPECT_FALSE(rewrite(*words, false, "main"));
+    }
+    for (const char *entryPoint : {static_cast<const char *>(nullptr), "main", "other"})
+        EXPECT_TRUE(rewrite(harmless, false, entryPoint));
+    // What is wrong in what the stage does not reach does no harm.
+    EXPECT_TRUE(rewrite(apart, false, "other"));
+    EXPECT_FALSE(rewrite(computed, false, "other"));
 }
 
 } // namespace

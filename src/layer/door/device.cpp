@@ -389,6 +389,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.emulated = provided.emulated;
     device->driver.translated = provided.translated;
     DriverFacts facts;
+    if (!provided.emulated && !provided.translated && asksFor(*info, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME)) {
+        device->driver.identifies = implementationsOn(instance, physicalDevice).mixesIdentifiers();
+        device->driver.asked = askedFor(*info);
+    }
     if (provided.emulated || provided.translated) {
         facts = driverFactsOf(instance, physicalDevice, provided.extensions);
         device->driver.asked = askedFor(*info);

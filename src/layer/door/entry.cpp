@@ -36,6 +36,7 @@ enum class Scope {
     Device,            // on every device
     Debug,             // on every device, where the next layer has it; loaders call it through the instance's chain
     Emulated,          // on emulated devices, where the next layer has it
+    Identified,        // likewise, and where only identifiers of shader modules are the layer's
     Translated,        // on devices whose VK_KHR_opacity_micromap is the driver's VK_EXT_opacity_micromap, likewise
     Provided,          // on both, likewise
     Own,               // on emulated devices: the commands of VK_EXT_opacity_micromap
@@ -170,17 +171,17 @@ const Row kRows[] = {
     row<debugMarkerSetObjectName>("vkDebugMarkerSetObjectNameEXT", Scope::Debug),
     row<debugMarkerSetObjectTag>("vkDebugMarkerSetObjectTagEXT", Scope::Debug),
 
-    row<createShaderModule>("vkCreateShaderModule", Scope::Emulated),
-    row<createComputePipelines>("vkCreateComputePipelines", Scope::Emulated),
-    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Emulated),
-    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Emulated),
-    row<getShaderModuleIdentifier>("vkGetShaderModuleIdentifierEXT", Scope::Emulated),
-    row<getShaderModuleCreateInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Emulated),
-    row<createPipelineBinaries>("vkCreatePipelineBinariesKHR", Scope::Emulated),
+    row<createShaderModule>("vkCreateShaderModule", Scope::Identified),
+    row<createComputePipelines>("vkCreateComputePipelines", Scope::Identified),
+    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Identified),
+    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Identified),
+    row<getShaderModuleIdentifier>("vkGetShaderModuleIdentifierEXT", Scope::Identified),
+    row<getShaderModuleCreateInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Identified),
+    row<createPipelineBinaries>("vkCreatePipelineBinariesKHR", Scope::Identified),
     row<destroyPipelineBinary>("vkDestroyPipelineBinaryKHR", Scope::Emulated),
-    row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Emulated),
+    row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Identified),
     row<getPipelineBinaryData>("vkGetPipelineBinaryDataKHR", Scope::Emulated),
-    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Emulated),
+    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Identified),
     row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
     row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),
     row<getCaptureReplayShaderGroupHandles>("vkGetRayTracingCaptureReplayShaderGroupHandlesKHR", Scope::Emulated),
@@ -333,6 +334,7 @@ bool applies(const Row &row, const Driver &driver, PFN_vkVoidFunction next)
     case Scope::Device: return true;
     case Scope::Debug: return next;
     case Scope::Emulated: return next && driver.emulated;
+    case Scope::Identified: return next && (driver.emulated || driver.identifies);
     case Scope::Translated: return next && driver.translated;
     case Scope::Provided: return next && provided;
     case Scope::Own: return driver.emulated && driver.asked.ext;

@@ -390,7 +390,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     // the next run, those of other processes, too (shader_binary.h). The UUID that tells whether they fit is another.
     auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
         findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
-    if (shaderObjects && have.anyEmulated() && have.khr != Implementation::Translation) {
+    if (shaderObjects && have.mixesIdentifiers()) {
         const bool stable = driverFactsOf(instance, device, driverExtensions(instance, device)).importsHostMemory ||
                             replaysAddresses(instance, device);
         for (size_t i = 0; i < VK_UUID_SIZE; ++i)
@@ -399,7 +399,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     auto *identifiers = const_cast<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT *>(
         findInChain<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>(
             properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_PROPERTIES_EXT));
-    for (size_t i = 0; identifiers && have.anyEmulated() && i < VK_UUID_SIZE; ++i)
+    for (size_t i = 0; identifiers && have.mixesIdentifiers() && i < VK_UUID_SIZE; ++i)
         identifiers->shaderModuleIdentifierAlgorithmUUID[i] ^= kIdentifierUuid[i];
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>()) {
         own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;

@@ -58,6 +58,9 @@ struct Implementations {
     // Of an extension by its name; None for any other.
     [[nodiscard]] Implementation of(const char *extension) const;
     [[nodiscard]] bool anyEmulated() const;
+    // Whether identifiers of shader modules are the layer's on all devices of the physical one: they have one
+    // algorithm.
+    [[nodiscard]] bool mixesIdentifiers() const { return anyEmulated() && khr != Implementation::Translation; }
 };
 Implementations implementationsOn(Instance &instance, VkPhysicalDevice physicalDevice);
 // The same, of a device whose extensions are known.

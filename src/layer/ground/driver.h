@@ -30,6 +30,7 @@ struct Asked {
     bool rayTracingPipelines = false;
     bool pipelineMicromaps = false; // VK_ARM_pipeline_opacity_micromap
 
+    [[nodiscard]] bool anyFeature() const { return extFeature || khrFeature; }
     // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
@@ -53,9 +54,10 @@ struct Driver {
     DriverHabits *habits = nullptr;
     DeviceTable next;
 
-    // At most one of them. Of neither, every call but vkDestroyDevice goes straight through.
+    // At most one of them. Of none, every call but vkDestroyDevice goes straight through.
     bool emulated = false;   // micromaps are the layer's
     bool translated = false; // micromaps are the driver's, which has VK_EXT_opacity_micromap only: room of translation
+    bool identifies = false; // without micromaps; only identifiers of shader modules are the layer's
     Asked asked;
     bool ownAddressCommands = false;   // VK_KHR_device_address_commands is enabled, and the layer's
     bool nullIndexBuffer = false;      // VK_NULL_HANDLE may be bound as index buffer

@@ -25,7 +25,7 @@ struct DevicePipelines {
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
-    HandleMap<VkShaderModule, bool> rewrittenModules{};                               // true: shaders that trace rays
+    HandleMap<VkShaderModule, bool> tracingModules{};                                 // true: shaders that trace rays
     GivenIdentifiers givenIdentifiers{};
     HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};

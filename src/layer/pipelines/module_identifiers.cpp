@@ -25,12 +25,25 @@ const Mask &layerMask()
     return mask;
 }
 
-// Gives the application an identifier that is the driver's.
-void give(DevicePipelines &device, VkShaderModuleIdentifierEXT &identifier, bool rewritten)
+// Of modules that trace rays and are as the application gave them all the same.
+const Mask &untouchedMask()
 {
-    mix(identifier.identifier, identifier.identifierSize, rewritten ? deviceMask(device) : layerMask());
-    if (rewritten)
-        device.givenIdentifiers.add(identifier);
+    static const Mask mask = [] {
+        std::array<uint8_t, VK_UUID_SIZE + 1> other{};
+        std::ranges::copy(kIdentifierUuid, other.begin());
+        return maskOf(std::as_bytes(std::span(other)));
+    }();
+    return mask;
+}
+
+// Gives the application an identifier that is the driver's.
+void give(DevicePipelines &device, VkShaderModuleIdentifierEXT &identifier, bool tracing)
+{
+    mix(identifier.identifier, identifier.identifierSize, tracing ? tracingMask(device) : layerMask());
+    if (tracing)
+        device.givenIdentifiers.add(
+            std::span(identifier.identifier)
+                .first(std::min<size_t>(identifier.identifierSize, sizeof identifier.identifier)));
 }
 
 } // namespace
@@ -53,15 +66,26 @@ Mask maskOf(std::span<const std::byte> bytes)
     return mask;
 }
 
+uint64_t rewriteSettings(const DevicePipelines &device)
+{
+    const Settings &settings = *device.driver.settings;
+    const bool assumes = settings.assumeMicromaps && device.driver.asked.anyFeature();
+    return uint64_t{settings.carriedRayFlags} | uint64_t{settings.constantRayFlags} << 1 | uint64_t{assumes} << 2;
+}
+
 Mask deviceMask(DevicePipelines &device)
 {
     const struct {
         ShaderBinaryHeader header;
-        uint64_t settings; // that have shaders rewritten in another way
-    } facts{shaderBinaryHeader(device), uint64_t{device.driver.settings->carriedRayFlags} |
-                                            uint64_t{device.driver.settings->constantRayFlags} << 1};
+        uint64_t settings;
+    } facts{shaderBinaryHeader(device), rewriteSettings(device)};
     static_assert(sizeof facts == sizeof facts.header + sizeof facts.settings);
     return maskOf(std::as_bytes(std::span(&facts, 1)));
+}
+
+Mask tracingMask(DevicePipelines &device)
+{
+    return device.driver.emulated ? deviceMask(device) : untouchedMask();
 }
 
 void mix(uint8_t *bytes, uint32_t count, const Mask &mask)
@@ -70,20 +94,19 @@ void mix(uint8_t *bytes, uint32_t count, const Mask &mask)
         bytes[i] ^= mask[i];
 }
 
-void GivenIdentifiers::add(const VkShaderModuleIdentifierEXT &identifier)
+void GivenIdentifiers::add(std::span<const uint8_t> identifier)
 {
-    const size_t size = std::min<size_t>(identifier.identifierSize, sizeof identifier.identifier);
     std::lock_guard lock(mutex_);
-    known_.emplace(reinterpret_cast<const char *>(identifier.identifier), size);
+    known_.emplace(identifier.begin(), identifier.end());
 }
 
 bool GivenIdentifiers::contains(const VkPipelineShaderStageModuleIdentifierCreateInfoEXT &identifier) const
 {
     std::lock_guard lock(mutex_);
-    return known_.contains({reinterpret_cast<const char *>(identifier.pIdentifier), identifier.identifierSize});
+    return known_.contains(std::string(identifier.pIdentifier, identifier.pIdentifier + identifier.identifierSize));
 }
 
-void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool rewritten)
+void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool tracing)
 {
     constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT;
     for (uint32_t i = 0; i < count; ++i) {
@@ -94,15 +117,15 @@ void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uin
             stages_.assign(stages, stages + count);
         Chain &chain = chains_.emplace_back(stages[i].pNext);
         auto *own = chain.edit<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(type);
-        // Behind a structure of unknown size it stays, and is none that the driver knows.
-        if (!own)
+        if (!own) {
+            hidden_ = true;
             continue;
+        }
         std::vector<uint8_t> &bytes = bytes_.emplace_back(own->pIdentifier, own->pIdentifier + own->identifierSize);
-        if (!rewritten && device_.driver.asked.rayQueries && !device_.givenIdentifiers.contains(*own) &&
-            open_.size() < kMostOpen)
+        const bool traces = tracing || device_.givenIdentifiers.contains(*own);
+        if (!traces && device_.driver.asked.rayQueries && open_.size() < kMostOpen)
             open_.push_back({&bytes, bytes});
-        const bool masked = rewritten || device_.givenIdentifiers.contains(*own);
-        mix(bytes.data(), own->identifierSize, masked ? deviceMask(device_) : layerMask());
+        mix(bytes.data(), own->identifierSize, traces ? tracingMask(device_) : layerMask());
         own->pIdentifier = bytes.data();
         stages_[i].pNext = chain.head();
     }
@@ -116,7 +139,15 @@ void DriverIdentifiers::choose(uint32_t way)
         // In place: the driver's structures point there.
         std::ranges::copy(open_[i].application, open_[i].bytes->begin());
         mix(open_[i].bytes->data(), static_cast<uint32_t>(open_[i].bytes->size()),
-            (way >> i & 1) != 0 ? deviceMask(device_) : layerMask());
+            (way >> i & 1) != 0 ? tracingMask(device_) : layerMask());
+    }
+}
+
+void DriverIdentifiers::remember(uint32_t way)
+{
+    for (size_t i = 0; i < open_.size(); ++i) {
+        if ((way >> i & 1) != 0)
+            device_.givenIdentifiers.add(open_[i].application);
     }
 }
 
@@ -124,7 +155,7 @@ void getShaderModuleIdentifier(DevicePipelines &device, VkDevice handle, VkShade
                                VkShaderModuleIdentifierEXT *identifier)
 {
     device.driver.next.GetShaderModuleIdentifierEXT(handle, module, identifier);
-    give(device, *identifier, device.rewrittenModules.get(module));
+    give(device, *identifier, device.tracingModules.get(module));
 }
 
 void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
@@ -132,9 +163,12 @@ void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handl
 {
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
-    rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage); // reports where it cannot
+    const bool known = !device.driver.emulated || rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
     device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
-    give(device, *identifier, spirv::tracesRays({info->pCode, info->codeSize / 4}));
+    if (known)
+        give(device, *identifier, spirv::tracesRays({info->pCode, info->codeSize / 4}));
+    else // there is no such module on this device, and its identifier is mixed as none of this device's is
+        mix(identifier->identifier, identifier->identifierSize, untouchedMask());
 }
 
 } // namespace vellum::layer

@@ -28,19 +28,24 @@ struct DevicePipelines;
 using Mask = std::array<uint8_t, VK_MAX_SHADER_MODULE_IDENTIFIER_SIZE_EXT>;
 // Others for other bytes.
 Mask maskOf(std::span<const std::byte> bytes);
+// Settings with which shaders are rewritten, or pipelines made, in another way.
+uint64_t rewriteSettings(const DevicePipelines &device);
 // Another one where rewritten code would be other code.
 Mask deviceMask(DevicePipelines &device);
+// What identifiers of modules that trace rays are mixed with: the mask of the device, or where the driver gets their
+// code as it is, since no micromaps are emulated there, one that is the same in every run.
+Mask tracingMask(DevicePipelines &device);
 // Twice is not at all.
 void mix(uint8_t *bytes, uint32_t count, const Mask &mask);
 
 // Tells identifiers that the layer has mixed from those of the driver: to be mixed with the driver's UUID.
 extern const std::array<uint8_t, VK_UUID_SIZE> kIdentifierUuid;
 
-// Identifiers of rewritten modules that this device gave to the application.
+// Identifiers of modules that trace rays, which this device gave to the application, or which turned out to be some.
 class GivenIdentifiers
 {
 public:
-    void add(const VkShaderModuleIdentifierEXT &identifier);
+    void add(std::span<const uint8_t> identifier);
     [[nodiscard]] bool contains(const VkPipelineShaderStageModuleIdentifierCreateInfoEXT &identifier) const;
 
 private:
@@ -58,12 +63,15 @@ public:
     DriverIdentifiers(const DriverIdentifiers &) = delete;
     DriverIdentifiers &operator=(const DriverIdentifiers &) = delete;
 
-    // Replaces `stages` where one of them has an identifier and no code. `rewritten`: all name rewritten modules, as in
-    // ray tracing pipelines. The stages are as way 0 reads them: what is not known to be rewritten is not.
-    void take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool rewritten = false);
-    [[nodiscard]] bool any() const { return !bytes_.empty(); }
-    [[nodiscard]] uint32_t ways() const { return 1u << open_.size(); }
+    // Replaces `stages` where one of them has an identifier and no code. `tracing`: all name modules that trace rays,
+    // as in ray tracing pipelines. The stages are as way 0 reads them: what is not known to trace rays does not.
+    void take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool tracing = false);
+    [[nodiscard]] bool any() const { return hidden_ || !bytes_.empty(); }
+    // 0: an identifier lies where the layer cannot replace it, and the driver must not see the application's.
+    [[nodiscard]] uint32_t ways() const { return hidden_ ? 0 : 1u << open_.size(); }
     void choose(uint32_t way);
+    // The driver knew them in this way: so it will be the next time, and so keys of such pipelines are made.
+    void remember(uint32_t way);
 
 private:
     struct Open {
@@ -75,6 +83,7 @@ private:
     std::deque<Chain> chains_;
     std::deque<std::vector<uint8_t>> bytes_;
     std::vector<Open> open_;
+    bool hidden_ = false; // behind a structure of unknown size
 };
 
 void getShaderModuleIdentifier(DevicePipelines &, VkDevice, VkShaderModule, VkShaderModuleIdentifierEXT *);

@@ -1,15 +1,17 @@
 #include "layer/pipelines/pipeline_binaries.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstring>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "core/ray_flags.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
+#include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shader_binary.h"
 #include "layer/pipelines/shaders.h"
 
@@ -18,35 +20,72 @@ namespace vellum::layer
 namespace
 {
 
+// What binaries tell of their code. Others make other keys.
+struct BinaryFacts {
+    ShaderBinaryHeader device;
+    uint64_t settings;
+    uint32_t hiddenWay, hiddenConstant; // spirv::HiddenFlags
+    bool operator==(const BinaryFacts &) const = default;
+};
+static_assert(sizeof(BinaryFacts) == 48);
+
 // Before the driver's data.
 struct BinaryHeader {
-    ShaderBinaryHeader device;
-    uint32_t hiddenWay, hiddenConstant; // spirv::HiddenFlags
-    uint64_t padding;                   // keeps an alignment of 16 bytes
+    BinaryFacts facts;
+    uint64_t size, checksum; // of the driver's data; drivers need not look whether it is whole
 };
-static_assert(sizeof(BinaryHeader) == 48);
+static_assert(sizeof(BinaryHeader) == 64); // keeps an alignment of 16 bytes
 
-BinaryHeader headerOf(DevicePipelines &device, const HiddenInBinary &hidden)
+BinaryFacts factsOf(DevicePipelines &device, const HiddenInBinary &hidden)
 {
-    return {shaderBinaryHeader(device), static_cast<uint32_t>(hidden.way), hidden.constant, 0};
+    return {shaderBinaryHeader(device), rewriteSettings(device), static_cast<uint32_t>(hidden.way), hidden.constant};
 }
 
-// Of a header that fits the device; otherwise not known.
+// FNV-1a, of words of 8 bytes and the rest.
+uint64_t checksumOf(std::span<const std::byte> data)
+{
+    uint64_t sum = 0xcbf29ce484222325u;
+    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof sum))) {
+        uint64_t word = 0;
+        std::memcpy(&word, data.data(), std::min(data.size(), sizeof word));
+        sum = (sum ^ word) * 0x100000001b3u;
+        sum ^= sum >> 32;
+    }
+    return sum;
+}
+
+std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
+{
+    return std::span(static_cast<const std::byte *>(data.pData), data.dataSize).subspan(sizeof(BinaryHeader));
+}
+
+// Of whole data whose header fits the device; otherwise not known.
 HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinaryData &data)
 {
     using Way = spirv::HiddenFlags::Way;
     BinaryHeader header{};
-    if (data.dataSize < sizeof header)
+    if (data.dataSize <= sizeof header)
         return {};
     std::memcpy(&header, data.pData, sizeof header);
-    if (!(header.device == shaderBinaryHeader(device)) || header.hiddenWay > static_cast<uint32_t>(Way::InPayload))
+    const HiddenInBinary hidden{true, static_cast<Way>(header.facts.hiddenWay), header.facts.hiddenConstant};
+    const bool fits = header.facts == factsOf(device, hidden) && hidden.way <= Way::InPayload &&
+                      (hidden.constant & ~shared::kHiddenRayFlags) == 0;
+    const std::span<const std::byte> driversData = driversPart(data);
+    if (!fits || header.size != driversData.size() || header.checksum != checksumOf(driversData))
         return {};
-    return {true, static_cast<Way>(header.hiddenWay), header.hiddenConstant};
+    return hidden;
 }
 
-void mixKey(DevicePipelines &device, newer::PipelineBinaryKey &key)
+void mixKey(newer::PipelineBinaryKey &key, const Mask &mask)
 {
-    mix(key.key, std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), deviceMask(device));
+    mix(key.key, std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), mask);
+}
+
+// Of the key of a binary. That of its pipeline does not tell how ray flags travel.
+Mask binaryMask(DevicePipelines &device, const HiddenInBinary &hidden)
+{
+    const BinaryFacts facts = factsOf(device, hidden);
+    return maskOf(std::as_bytes(std::span(&facts, 1)));
 }
 
 // Calls `use` with a create info as the driver gets it. VK_PIPELINE_COMPILE_REQUIRED where there is no code for it.
@@ -54,13 +93,22 @@ using Use = std::function<VkResult(const newer::PipelineCreateInfo &, const Hidd
 VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo &info, const Use &use)
 {
     const auto *const structure = static_cast<const VkBaseInStructure *>(info.pNext);
-    const auto useOwn = [&](auto &own) {
-        const newer::PipelineCreateInfo driverInfo{info.sType, &own};
-        return use(driverInfo, {});
-    };
     DriverStages stages(device);
     DriverIdentifiers identifiers(device);
     std::deque<Chain> chains;
+    const auto useOwn = [&](auto &own) {
+        const newer::PipelineCreateInfo driverInfo{info.sType, &own};
+        VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
+        for (uint32_t way = 0; way < identifiers.ways() &&
+                               (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
+             ++way) {
+            identifiers.choose(way);
+            result = use(driverInfo, {});
+            if (result == VK_SUCCESS || result == VK_INCOMPLETE)
+                identifiers.remember(way);
+        }
+        return result;
+    };
     if (structure && structure->sType == VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO) {
         auto own = *reinterpret_cast<const VkComputePipelineCreateInfo *>(structure);
         const VkResult result = translate(device, own, stages, identifiers, chains);
@@ -82,45 +130,108 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
     return use(info, {});
 }
 
-VkResult failAll(newer::PipelineBinaryHandlesInfo &binaries)
+// The results that a command may have. What the layer reports of shaders is known already.
+VkResult withoutShaderError(VkResult result, VkResult instead)
 {
-    if (binaries.pPipelineBinaries)
-        std::fill_n(binaries.pPipelineBinaries, binaries.pipelineBinaryCount, nullptr);
-    return VK_ERROR_INITIALIZATION_FAILED;
+    return result == VK_ERROR_INVALID_SHADER_NV ? instead : result;
 }
 
+// The driver makes those that fit; the handles of others are null ("all pipeline binaries ... will be attempted").
 VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryCreateInfo &info,
                         const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo &binaries)
 {
     const newer::PipelineBinaryKeysAndData &given = *info.pKeysAndDataInfo;
-    std::vector<newer::PipelineBinaryKey> keys(given.pPipelineBinaryKeys,
-                                               given.pPipelineBinaryKeys + given.binaryCount);
-    std::vector<newer::PipelineBinaryData> data(given.pPipelineBinaryData,
-                                                given.pPipelineBinaryData + given.binaryCount);
-    std::vector<HiddenInBinary> hidden(given.binaryCount);
-    for (uint32_t i = 0; i < given.binaryCount; ++i) {
-        mixKey(device, keys[i]);
-        hidden[i] = hiddenFlagsOf(device, data[i]);
-        if (!hidden[i].known) {
-            device.driver.report().error("VELLUM-pipeline-binary",
-                                         "vkCreatePipelineBinariesKHR: binary " + std::to_string(i) +
-                                             " is of another version of the layer, or of a device that had its tables "
-                                             "elsewhere. The global key tells");
-            return failAll(binaries);
+    const uint32_t count = std::min(given.binaryCount, binaries.pipelineBinaryCount);
+    VkResult result = count < given.binaryCount ? VK_INCOMPLETE : VK_SUCCESS;
+    std::vector<newer::PipelineBinaryKey> keys;
+    std::vector<newer::PipelineBinaryData> data;
+    std::vector<HiddenInBinary> hidden;
+    std::vector<uint32_t> places;
+    for (uint32_t i = 0; i < count; ++i) {
+        const HiddenInBinary known = hiddenFlagsOf(device, given.pPipelineBinaryData[i]);
+        if (!known.known) {
+            device.driver.report().error(
+                "VELLUM-pipeline-binary",
+                "vkCreatePipelineBinariesKHR: binary " + std::to_string(i) +
+                    " is of another version or other settings of the layer, or of a device "
+                    "that had its tables elsewhere, as the global key tells; or it is damaged");
+            result = VK_ERROR_INITIALIZATION_FAILED;
+            continue;
         }
-        data[i].pData = static_cast<std::byte *>(data[i].pData) + sizeof(BinaryHeader);
-        data[i].dataSize -= sizeof(BinaryHeader);
+        mixKey(keys.emplace_back(given.pPipelineBinaryKeys[i]), binaryMask(device, known));
+        newer::PipelineBinaryData &own = data.emplace_back(given.pPipelineBinaryData[i]);
+        own.pData = static_cast<std::byte *>(own.pData) + sizeof(BinaryHeader);
+        own.dataSize -= sizeof(BinaryHeader);
+        hidden.push_back(known);
+        places.push_back(i);
     }
-    const newer::PipelineBinaryKeysAndData own{given.binaryCount, keys.data(), data.data()};
+    binaries.pipelineBinaryCount = count;
+    if (places.empty())
+        return result;
+    std::vector<newer::PipelineBinary> made(places.size());
+    newer::PipelineBinaryHandlesInfo handles = binaries;
+    handles.pipelineBinaryCount = static_cast<uint32_t>(made.size());
+    handles.pPipelineBinaries = made.data();
+    const newer::PipelineBinaryKeysAndData own{handles.pipelineBinaryCount, keys.data(), data.data()};
     newer::PipelineBinaryCreateInfo driverInfo = info;
     driverInfo.pKeysAndDataInfo = &own;
-    const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, &binaries);
-    const uint32_t made = binaries.pPipelineBinaries ? std::min(binaries.pipelineBinaryCount, given.binaryCount) : 0;
-    for (uint32_t i = 0; i < made; ++i) {
-        if (binaries.pPipelineBinaries[i])
-            device.pipelineBinaries.set(binaries.pPipelineBinaries[i], hidden[i]);
+    const VkResult drivers = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, &handles);
+    for (size_t i = 0; i < made.size(); ++i) {
+        if (made[i])
+            device.pipelineBinaries.set(made[i], hidden[i]);
+        binaries.pPipelineBinaries[places[i]] = made[i];
     }
-    return result;
+    return result < 0 || drivers == VK_SUCCESS ? result : drivers;
+}
+
+// A key for a pipeline that cannot be made, as a ray tracing pipeline that uses micromaps cannot be without its code:
+// another one where what the layer sees of it is other.
+void giveStandIn(DevicePipelines &device, const newer::PipelineCreateInfo &info, newer::PipelineBinaryKey &key)
+{
+    std::string bytes;
+    const auto add = [&bytes](const void *data, size_t size) { bytes.append(static_cast<const char *>(data), size); };
+    const auto addNumber = [&add](uint64_t number) { add(&number, sizeof number); };
+    const auto addStage = [&](const VkPipelineShaderStageCreateInfo &stage) {
+        addNumber(stage.stage);
+        add(stage.pName, std::strlen(stage.pName) + 1);
+        const auto *name = findInChain<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(
+            stage.pNext, VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT);
+        if (name && !stage.module)
+            add(name->pIdentifier, name->identifierSize);
+        if (const auto code = device.rayTracingModules.get(stage.module))
+            add(code->data(), code->size() * 4);
+        else
+            addNumber(reinterpret_cast<uint64_t>(stage.module));
+        if (const VkSpecializationInfo *special = stage.pSpecializationInfo) {
+            add(special->pMapEntries, special->mapEntryCount * sizeof(VkSpecializationMapEntry));
+            add(special->pData, special->dataSize);
+        }
+    };
+    const auto *const structure = static_cast<const VkBaseInStructure *>(info.pNext);
+    addNumber(structure->sType);
+    if (structure->sType == VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO) {
+        const auto &own = *reinterpret_cast<const VkComputePipelineCreateInfo *>(structure);
+        addNumber(pipelineFlags(own.pNext, own.flags));
+        addStage(own.stage);
+    } else if (structure->sType == VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO) {
+        const auto &own = *reinterpret_cast<const VkGraphicsPipelineCreateInfo *>(structure);
+        addNumber(pipelineFlags(own.pNext, own.flags));
+        std::for_each_n(own.pStages, own.stageCount, addStage);
+    } else {
+        const auto &own = *reinterpret_cast<const VkRayTracingPipelineCreateInfoKHR *>(structure);
+        addNumber(pipelineFlags(own.pNext, own.flags));
+        addNumber(own.maxPipelineRayRecursionDepth);
+        std::for_each_n(own.pStages, own.stageCount, addStage);
+        for (const VkRayTracingShaderGroupCreateInfoKHR &group : std::span(own.pGroups, own.groupCount)) {
+            for (const uint32_t part : {static_cast<uint32_t>(group.type), group.generalShader, group.closestHitShader,
+                                        group.anyHitShader, group.intersectionShader})
+                addNumber(part);
+        }
+        for (uint32_t i = 0; own.pLibraryInfo && i < own.pLibraryInfo->libraryCount; ++i)
+            addNumber(reinterpret_cast<uint64_t>(own.pLibraryInfo->pLibraries[i]));
+    }
+    const Mask standIn = maskOf(std::as_bytes(std::span(bytes)));
+    std::copy_n(standIn.begin(), std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), key.key);
 }
 
 } // namespace
@@ -139,17 +250,20 @@ HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const newer::Pipelin
 VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryCreateInfo *info,
                                 const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo *binaries)
 {
-    if (info->pKeysAndDataInfo)
+    const bool emulated = device.driver.emulated;
+    const uint32_t room = binaries->pPipelineBinaries ? binaries->pipelineBinaryCount : 0;
+    std::fill_n(binaries->pPipelineBinaries, room, nullptr);
+    if (emulated && info->pKeysAndDataInfo && binaries->pPipelineBinaries)
         return createFromData(device, handle, *info, allocator, *binaries);
     const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
-        for (uint32_t i = 0; binaries->pPipelineBinaries && i < binaries->pipelineBinaryCount; ++i) {
-            if (result >= 0 && binaries->pPipelineBinaries[i])
+        for (uint32_t i = 0; emulated && i < room; ++i) {
+            if (binaries->pPipelineBinaries[i]) // also where others failed
                 device.pipelineBinaries.set(binaries->pPipelineBinaries[i], hidden);
         }
         return result;
     };
-    if (info->pPipelineCreateInfo) {
+    if (info->pPipelineCreateInfo && !info->pKeysAndDataInfo) {
         const VkResult result =
             withDriverInfo(device, *info->pPipelineCreateInfo,
                            [&](const newer::PipelineCreateInfo &pipeline, const HiddenInBinary &hidden) {
@@ -157,10 +271,10 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
                                driverInfo.pPipelineCreateInfo = &pipeline;
                                return create(driverInfo, hidden);
                            });
-        if (result != VK_PIPELINE_COMPILE_REQUIRED)
-            return result;
-        failAll(*binaries);
-        return newer::kPipelineBinaryMissing;
+        const bool missing = result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing;
+        if (missing)
+            binaries->pipelineBinaryCount = 0;
+        return missing ? newer::kPipelineBinaryMissing : withoutShaderError(result, VK_ERROR_INITIALIZATION_FAILED);
     }
     const auto pipeline = device.rayTracingPipelines.get(info->pipeline);
     return create(*info, pipeline ? pipeline->hidden : HiddenInBinary{true});
@@ -184,21 +298,13 @@ VkResult getPipelineKey(DevicePipelines &device, VkDevice handle, const newer::P
             });
     else
         result = device.driver.next.GetPipelineKeyKHR(handle, nullptr, key);
-    // Without its code a ray tracing pipeline that uses micromaps cannot be made, and its key cannot be that of the
-    // pipeline with its code. It is one that no pipeline has.
-    if (result == VK_PIPELINE_COMPILE_REQUIRED) {
+    if (info && result == VK_PIPELINE_COMPILE_REQUIRED) {
         result = device.driver.next.GetPipelineKeyKHR(handle, nullptr, key); // for its size
-        static std::atomic<uint64_t> numbers{0};
-        const struct {
-            std::array<uint8_t, VK_UUID_SIZE> process;
-            uint64_t number;
-        } unique{processUuid(), ++numbers};
-        const Mask bytes = maskOf(std::as_bytes(std::span(&unique, 1)));
-        std::copy_n(bytes.begin(), std::min(key->keySize, newer::kMaxPipelineBinaryKeySize), key->key);
+        giveStandIn(device, *info, *key);
     }
-    if (result == VK_SUCCESS)
-        mixKey(device, *key);
-    return result;
+    if (result == VK_SUCCESS && device.driver.emulated)
+        mixKey(*key, deviceMask(device));
+    return withoutShaderError(result, VK_ERROR_UNKNOWN);
 }
 
 VkResult getPipelineBinaryData(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryDataInfo *info,
@@ -212,12 +318,14 @@ VkResult getPipelineBinaryData(DevicePipelines &device, VkDevice handle, const n
     else if (result == VK_SUCCESS && data)
         result = device.driver.next.GetPipelineBinaryDataKHR(handle, info, key, &driverSize,
                                                              static_cast<std::byte *>(data) + sizeof(BinaryHeader));
+    const HiddenInBinary hidden = device.pipelineBinaries.get(info->pipelineBinary);
     if (result == VK_SUCCESS && data) {
-        const BinaryHeader header = headerOf(device, device.pipelineBinaries.get(info->pipelineBinary));
+        const newer::PipelineBinaryData all{driverSize + sizeof(BinaryHeader), data};
+        const BinaryHeader header{factsOf(device, hidden), driverSize, checksumOf(driversPart(all))};
         std::memcpy(data, &header, sizeof header);
     }
     *size = result == VK_SUCCESS && data ? driverSize + sizeof(BinaryHeader) : needed;
-    mixKey(device, *key);
+    mixKey(*key, binaryMask(device, hidden));
     return result;
 }
 

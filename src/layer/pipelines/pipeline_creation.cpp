@@ -70,7 +70,9 @@ public:
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
-        const bool available = device_.driver.asked.extFeature || device_.driver.asked.khrFeature;
+        if (!device_.driver.emulated)
+            return takeIdentifiers(own);
+        const bool available = device_.driver.asked.anyFeature();
         bool asked =
             (flagsOf(info) & kMicromapPipelineFlag) != 0 || (available && device_.driver.settings->assumeMicromaps);
         if (asked && !available &&
@@ -108,8 +110,8 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
-        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one.
-        if (available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one. Not of mere keys.
+        if (pipelines_ && available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
             device_.driver.report().warning(
                 "VELLUM-pipeline-without-micromaps",
                 "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
@@ -119,12 +121,9 @@ public:
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
         changed_ = changed_ || own.flags != info.flags;
         own.pNext = driverChain(own.pNext, chains_);
-        if (!stages_.rewrite(own.pStages, own.stageCount))
-            return VK_ERROR_INVALID_SHADER_NV;
-        DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
-        identifiers.take(own.pStages, own.stageCount, true);
-        changed_ = changed_ || identifiers.any();
-        return VK_SUCCESS;
+        if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
+            return VK_ERROR_UNKNOWN;
+        return takeIdentifiers(own);
     }
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
@@ -146,13 +145,24 @@ public:
             if (!records_[i] || !pipelines_[i])
                 continue;
             if (records_[i]->hasNullGroup)
-                readNullHandle(pipelines_[i], *records_[i]);
-            measureStacks(pipelines_[i], groupsOfOurs_[i]);
+                readNullHandle(device_, pipelines_[i], *records_[i]);
+            measureStacks(device_, pipelines_[i], groupsOfOurs_[i]);
             device_.rayTracingPipelines.set(pipelines_[i], records_[i]);
         }
     }
 
 private:
+    // Of stages whose code only the driver has.
+    VkResult takeIdentifiers(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        if (binariesOf(info.pNext))
+            return VK_SUCCESS;
+        DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
+        identifiers.take(info.pStages, info.stageCount, true);
+        changed_ = changed_ || identifiers.any();
+        return identifiers.ways() == 0 ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS;
+    }
+
     // Reports about the pipeline that is being added.
     void refuse(const char *id, const std::string &text)
     {
@@ -170,8 +180,9 @@ private:
         return false;
     }
 
-    // What a driver's stage is made from: the application's stage, and what it decides.
-    using StageKey = std::pair<uint32_t, Decides>;
+    // What a driver's stage is made from: the application's stage, what it decides, and the type of the payload that it
+    // gets, if it declares none and needs one.
+    using StageKey = std::tuple<uint32_t, Decides, spirv::TypeWords>;
 
     struct Feedback {
         VkPipelineCreationFeedback *application = nullptr;
@@ -181,7 +192,11 @@ private:
     struct Stages {
         std::vector<VkPipelineShaderStageCreateInfo> infos;
         std::map<StageKey, uint32_t> index;
+        // With the payload of rays of which no shader of a group tells more.
         spirv::HiddenFlags hidden;
+        // Of the application's stages, the payloads that they declare that they are called with. Empty where groups
+        // must not differ by that.
+        std::vector<std::optional<spirv::TypeWords>> payloads;
         bool needCode = true; // the pipeline is not made of binaries
     };
 
@@ -202,10 +217,14 @@ private:
         stages.hidden = kept.known ? spirv::HiddenFlags{kept.way, kept.constant} : hiddenFlags(info);
         stages.needCode = !binaries;
         if (stages.hidden.way == spirv::HiddenFlags::Way::InPayload) {
-            record.payloads = payloadTypes(info);
-            stages.hidden.payload = record.payloads.common();
+            record.payloads = payloadTypes(info, stages.payloads);
+            // The rays that reach a library's groups may be others' with other payloads.
+            if ((flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+                stages.hidden.payload = record.payloads.common();
         }
         record.hidden = {true, stages.hidden.way, stages.hidden.constant};
+        if (!flagsTravelAlike(device_, info, stages.hidden.way))
+            return VK_ERROR_UNKNOWN;
         widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
             return result;
@@ -305,12 +324,18 @@ private:
         return {device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload, 0};
     }
 
-    // Of all shaders, as far as they are known here: what a library will be linked with is not.
-    spirv::PayloadTypes payloadTypes(const VkRayTracingPipelineCreateInfoKHR &info) const
+    // Of all shaders, as far as they are known here: what a library will be linked with is not. `incoming`: those that
+    // the stages are called with.
+    spirv::PayloadTypes payloadTypes(const VkRayTracingPipelineCreateInfoKHR &info,
+                                     std::vector<std::optional<spirv::TypeWords>> &incoming) const
     {
         spirv::PayloadTypes types;
         for (uint32_t i = 0; i < info.stageCount; ++i)
-            types.add(codeOf(info.pStages[i]), info.pStages[i].pName, executionModelOf(info.pStages[i].stage));
+            incoming.push_back(
+                types.add(codeOf(info.pStages[i]), info.pStages[i].pName, executionModelOf(info.pStages[i].stage)));
+        // A pipeline of binaries, whose stages may come without code, must have the stages of the one of code.
+        if (device_.driver.next.CreatePipelineBinariesKHR)
+            incoming.clear();
         for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
             if (const auto library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
                 types.add(library->payloads);
@@ -333,41 +358,68 @@ private:
         info.pLibraryInterface = &own;
     }
 
-    // Every stage of the application, once for each thing that it decides in some group.
+    // Of the rays that reach a group, where it matters: what its shaders declare, which all of a ray must
+    // (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
+    static spirv::TypeWords payloadOf(const VkRayTracingShaderGroupCreateInfoKHR &group, const Stages &stages)
+    {
+        if (group.type != VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
+            for (const uint32_t shader : {group.closestHitShader, group.anyHitShader})
+                if (shader < stages.payloads.size() && stages.payloads[shader])
+                    return *stages.payloads[shader];
+        return stages.hidden.payload;
+    }
+
+    static StageKey keyOf(uint32_t stage, Decides decides, const VkRayTracingShaderGroupCreateInfoKHR &group,
+                          const Stages &stages)
+    {
+        const bool knows = decides == Decides::BoxCulling || (stage < stages.payloads.size() && stages.payloads[stage]);
+        return {stage, decides, knows ? spirv::TypeWords{} : payloadOf(group, stages)};
+    }
+
+    // Every stage of the application, once for each thing that it is in some group.
     VkResult addStages(const VkRayTracingPipelineCreateInfoKHR &info, Stages &stages)
     {
-        std::vector<std::set<Decides>> needed(info.stageCount);
-        const auto need = [&](uint32_t stage, Decides decides) {
-            if (stage < info.stageCount)
-                needed[stage].insert(decides);
-        };
+        std::vector<std::set<StageKey>> needed(info.stageCount);
         for (uint32_t g = 0; g < info.groupCount; ++g) {
             const VkRayTracingShaderGroupCreateInfoKHR &group = info.pGroups[g];
-            if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR) {
-                need(group.anyHitShader, Decides::TriangleHits);
-            } else if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR) {
-                need(group.anyHitShader, Decides::BoxHits);
-                need(group.intersectionShader, Decides::BoxCulling);
+            const auto need = [&](uint32_t stage, Decides decides) {
+                if (stage < info.stageCount)
+                    needed[stage].insert(keyOf(stage, decides, group, stages));
+            };
+            const bool boxes = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
+            if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
+                need(group.generalShader, Decides::Nothing);
+                continue;
             }
+            need(group.closestHitShader, Decides::Nothing);
+            need(group.anyHitShader, boxes ? Decides::BoxHits : Decides::TriangleHits);
+            if (boxes)
+                need(group.intersectionShader, Decides::BoxCulling);
         }
         stages.infos.assign(info.pStages, info.pStages + info.stageCount);
         for (uint32_t i = 0; i < info.stageCount; ++i) {
             if (needed[i].empty())
-                needed[i].insert(Decides::Nothing);
+                needed[i].insert({i, Decides::Nothing, {}});
             bool first = true;
-            for (const Decides decides : needed[i]) {
+            for (const StageKey &key : needed[i]) {
                 const uint32_t at = first ? i : static_cast<uint32_t>(stages.infos.size());
                 if (!first)
                     stages.infos.push_back(info.pStages[i]);
                 first = false;
                 const VkResult result =
-                    stages.needCode ? rewriteStage(stages.infos[at], decides, stages.hidden) : VK_SUCCESS;
+                    stages.needCode ? rewriteStage(stages.infos[at], std::get<Decides>(key), hiddenFor(key, stages))
+                                    : VK_SUCCESS;
                 if (result != VK_SUCCESS)
                     return result;
-                stages.index[{i, decides}] = at;
+                stages.index[key] = at;
             }
         }
         return VK_SUCCESS;
+    }
+
+    static spirv::HiddenFlags hiddenFor(const StageKey &key, const Stages &stages)
+    {
+        return {stages.hidden.way, stages.hidden.constant, std::get<spirv::TypeWords>(key)};
     }
 
     VkResult rewriteStage(VkPipelineShaderStageCreateInfo &stage, Decides decides, const spirv::HiddenFlags &hidden)
@@ -377,7 +429,7 @@ private:
         if (!original) {
             bool inlined = false;
             if (!stages_.rewriteInline(stage, inlined, target))
-                return VK_ERROR_INVALID_SHADER_NV;
+                return VK_ERROR_UNKNOWN;
             // Without its code (but a module identifier) a stage cannot be rewritten; the application is ready to be
             // told so.
             return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
@@ -389,7 +441,7 @@ private:
             size_t bytes = original->size() * 4;
             std::vector<uint32_t> storage;
             if (!rewriteShader(device_, code, bytes, storage, target))
-                return VK_ERROR_INVALID_SHADER_NV;
+                return VK_ERROR_UNKNOWN;
             const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
             const VkResult result =
                 device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
@@ -404,30 +456,31 @@ private:
     bool setHitShaders(VkRayTracingShaderGroupCreateInfoKHR &group, Stages &stages)
     {
         if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
-            return true;
+            return true; // there is one of its stage
         const bool triangles = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
+        const VkRayTracingShaderGroupCreateInfoKHR asked = group;
+        const auto driverStage = [&](uint32_t stage, Decides decides) {
+            const auto found = stages.index.find(keyOf(stage, decides, asked, stages));
+            return found == stages.index.end() ? VK_SHADER_UNUSED_KHR : found->second;
+        };
         const Decides decides = triangles ? Decides::TriangleHits : Decides::BoxHits;
+        group.closestHitShader = driverStage(asked.closestHitShader, Decides::Nothing);
         if (!triangles)
-            group.intersectionShader = driverStage(group.intersectionShader, Decides::BoxCulling, stages);
-        group.anyHitShader = group.anyHitShader == VK_SHADER_UNUSED_KHR
-                                 ? ownAnyHit(decides, stages)
-                                 : driverStage(group.anyHitShader, decides, stages);
+            group.intersectionShader = driverStage(asked.intersectionShader, Decides::BoxCulling);
+        group.anyHitShader = asked.anyHitShader == VK_SHADER_UNUSED_KHR
+                                 ? ownAnyHit(keyOf(VK_SHADER_UNUSED_KHR, decides, asked, stages), stages)
+                                 : driverStage(asked.anyHitShader, decides);
         return group.anyHitShader != VK_SHADER_UNUSED_KHR;
     }
 
-    static uint32_t driverStage(uint32_t stage, Decides decides, const Stages &stages)
-    {
-        const auto found = stages.index.find({stage, decides});
-        return found == stages.index.end() ? VK_SHADER_UNUSED_KHR : found->second;
-    }
-
     // The stage with the layer's any-hit shader; VK_SHADER_UNUSED_KHR where it cannot be made.
-    uint32_t ownAnyHit(Decides decides, Stages &stages)
+    uint32_t ownAnyHit(const StageKey &key, Stages &stages)
     {
-        const auto [known, isNew] = stages.index.try_emplace({VK_SHADER_UNUSED_KHR, decides}, VK_SHADER_UNUSED_KHR);
+        const auto [known, isNew] = stages.index.try_emplace(key, VK_SHADER_UNUSED_KHR);
         if (!isNew)
             return known->second;
-        const VkShaderModule module = device_.anyHitModules.get(decides, stages.hidden, rewriteOptions(device_));
+        const VkShaderModule module =
+            device_.anyHitModules.get(std::get<Decides>(key), hiddenFor(key, stages), rewriteOptions(device_));
         if (!module) {
             device_.driver.report().error("VELLUM-any-hit-shader",
                                           "the driver could not make a shader module of the layer's");
@@ -437,29 +490,6 @@ private:
         stages.infos.push_back({VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0,
                                 VK_SHADER_STAGE_ANY_HIT_BIT_KHR, module, "main", nullptr});
         return known->second;
-    }
-
-    void readNullHandle(VkPipeline pipeline, RayTracingPipeline &record)
-    {
-        if (device_.driver.next.GetRayTracingShaderGroupHandlesKHR(device_.driver.handle, pipeline, record.ownGroups, 1,
-                                                                   kGroupHandleBytes,
-                                                                   record.nullHandle.data()) != VK_SUCCESS) {
-            device_.driver.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
-            record.nullHandle = {}; // null stays null
-        }
-    }
-
-    // `groups`: of the driver's pipeline, those with any-hit shaders of the layer's.
-    void measureStacks(VkPipeline pipeline, const std::vector<uint32_t> &groups)
-    {
-        for (const uint32_t group : groups) {
-            const VkDeviceSize bytes = device_.driver.next.GetRayTracingShaderGroupStackSizeKHR(
-                device_.driver.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
-            const auto stack = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX));
-            uint32_t most = device_.anyHitStack.load();
-            while (most < stack && !device_.anyHitStack.compare_exchange_weak(most, stack)) {
-            }
-        }
     }
 
     DevicePipelines &device_;
@@ -532,6 +562,12 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
     if (!creation->changed())
         return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,
                                                                pipelines);
+    // Nobody would tell here when it is complete; and where only identifiers are changed, the driver compiles nothing.
+    if (!device.driver.emulated) {
+        const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
+            handle, VK_NULL_HANDLE, cache, count, creation->infos().data(), allocator, pipelines);
+        return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;
+    }
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();

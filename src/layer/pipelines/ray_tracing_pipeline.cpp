@@ -3,9 +3,51 @@
 #include <algorithm>
 
 #include "layer/pipelines/device_pipelines.h"
+#include "layer/pipelines/pipeline_flags.h"
 
 namespace vellum::layer
 {
+
+bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                      spirv::HiddenFlags::Way way)
+{
+    using Way = spirv::HiddenFlags::Way;
+    const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
+    if (libraries == 0 && (pipelineFlags(info.pNext, info.flags) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+        return true;
+    bool alike = way == (device.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload);
+    for (uint32_t i = 0; i < libraries; ++i) {
+        const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]);
+        alike = alike && library && library->hidden.way == way;
+    }
+    if (!alike)
+        device.driver.report().notAvailable(
+            "a ray tracing pipeline, or a library for one, of binaries in which ray flags "
+            "travel in another way than in the other libraries of this device");
+    return alike;
+}
+
+void readNullHandle(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeline &record)
+{
+    if (device.driver.next.GetRayTracingShaderGroupHandlesKHR(device.driver.handle, pipeline, record.ownGroups, 1,
+                                                              kGroupHandleBytes,
+                                                              record.nullHandle.data()) != VK_SUCCESS) {
+        device.driver.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
+        record.nullHandle = {}; // null stays null
+    }
+}
+
+void measureStacks(DevicePipelines &device, VkPipeline pipeline, const std::vector<uint32_t> &groups)
+{
+    for (const uint32_t group : groups) {
+        const VkDeviceSize bytes = device.driver.next.GetRayTracingShaderGroupStackSizeKHR(
+            device.driver.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
+        const auto stack = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX));
+        uint32_t most = device.anyHitStack.load();
+        while (most < stack && !device.anyHitStack.compare_exchange_weak(most, stack)) {
+        }
+    }
+}
 
 void destroyPipeline(DevicePipelines &device, VkDevice handle, VkPipeline pipeline,
                      const VkAllocationCallbacks *allocator)

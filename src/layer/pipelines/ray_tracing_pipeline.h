@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -50,6 +51,14 @@ VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperat
 VkResult
 withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use);
+// Rays of one library meet shaders of the others. Of code all libraries are made in the device's way; binaries have
+// their own. Reports where a pipeline whose ray flags travel in `way` cannot be, or have, libraries.
+bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                      spirv::HiddenFlags::Way way);
+// Of a pipeline that the driver has made: the handle that stands in for null ones.
+void readNullHandle(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeline &record);
+// `groups`: of the driver's pipeline, those with any-hit shaders of the layer's.
+void measureStacks(DevicePipelines &device, VkPipeline pipeline, const std::vector<uint32_t> &groups);
 void destroyPipeline(DevicePipelines &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
 VkResult getShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
 VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t,

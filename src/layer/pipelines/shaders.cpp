@@ -10,6 +10,7 @@
 #include "layer/ground/pnext.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
+#include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shader_binary.h"
 #include "spirv/rewrite.h"
@@ -52,6 +53,8 @@ VkResult createIdentified(std::vector<Info> &infos, std::deque<DriverIdentifiers
              ++way) {
             identifiers[i].choose(way);
             result = create(info, &pipelines[i]);
+            if (result == VK_SUCCESS)
+                identifiers[i].remember(way);
         }
         if (result < 0 || worst == VK_SUCCESS)
             worst = result;
@@ -92,17 +95,18 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
 {
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
-    if (!rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
+    const bool emulated = device.driver.emulated;
+    if (emulated && !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
         return VK_ERROR_INVALID_SHADER_NV;
     const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
     std::shared_ptr<const std::vector<uint32_t>> original;
-    if (spirv::hasRayTracingStages(words))
+    if (emulated && spirv::hasRayTracingStages(words))
         original = std::make_shared<std::vector<uint32_t>>(words.begin(), words.end());
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     if (result == VK_SUCCESS && original)
         device.rayTracingModules.set(*module, std::move(original));
     if (result == VK_SUCCESS && spirv::tracesRays(words))
-        device.rewrittenModules.set(*module, true);
+        device.tracingModules.set(*module, true);
     return result;
 }
 
@@ -110,19 +114,23 @@ void destroyShaderModule(DevicePipelines &device, VkDevice handle, VkShaderModul
                          const VkAllocationCallbacks *allocator)
 {
     device.rayTracingModules.take(module);
-    device.rewrittenModules.take(module);
+    device.tracingModules.take(module);
     device.driver.next.DestroyShaderModule(handle, module, allocator);
 }
 
 VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, DriverStages &stages,
                    DriverIdentifiers &identifiers, std::deque<Chain> &chains)
 {
-    if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
-                      "vkCreateComputePipelines"))
+    const bool emulated = device.driver.emulated;
+    if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
+                                  "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593", "vkCreateComputePipelines"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    info.pNext = driverChain(info.pNext, chains);
+    if (emulated)
+        info.pNext = driverChain(info.pNext, chains);
+    if (binariesOf(info.pNext))
+        return VK_SUCCESS;
     const VkPipelineShaderStageCreateInfo *stage = &info.stage;
-    if (!stages.rewrite(stage, 1))
+    if (emulated && !stages.rewrite(stage, 1))
         return VK_ERROR_INVALID_SHADER_NV;
     identifiers.take(stage, 1);
     if (stage != &info.stage)
@@ -133,13 +141,15 @@ VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, D
 VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, DriverStages &stages,
                    DriverIdentifiers &identifiers, std::deque<Chain> &chains)
 {
-    if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
-                      "vkCreateGraphicsPipelines"))
+    const bool emulated = device.driver.emulated;
+    if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
+                                  "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595", "vkCreateGraphicsPipelines"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    info.pNext = driverChain(info.pNext, chains);
-    if (!hasShaderStages(info))
+    if (emulated)
+        info.pNext = driverChain(info.pNext, chains);
+    if (!hasShaderStages(info) || binariesOf(info.pNext))
         return VK_SUCCESS;
-    if (!stages.rewrite(info.pStages, info.stageCount))
+    if (emulated && !stages.rewrite(info.pStages, info.stageCount))
         return VK_ERROR_INVALID_SHADER_NV;
     identifiers.take(info.pStages, info.pStages ? info.stageCount : 0);
     return VK_SUCCESS;

@@ -16,7 +16,8 @@ struct DevicePipelines;
 class DriverIdentifiers;
 class DriverStages;
 
-// Makes a create info one as the driver is to see it. What it points to then lives in the other arguments.
+// Makes a create info one as the driver is to see it. What it points to then lives in the other arguments. Without
+// emulated micromaps only its identifiers change.
 VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, DriverStages &stages,
                    DriverIdentifiers &identifiers, std::deque<Chain> &chains);
 VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, DriverStages &stages,

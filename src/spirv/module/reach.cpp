@@ -1,14 +1,13 @@
 #include "spirv/module/reach.h"
 
 #include <map>
-#include <vector>
 
 #include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
 {
 
-std::set<Id> reachedFrom(const Module &module, Id function)
+std::set<Id> reachedFrom(const Module &module, std::vector<Id> functions)
 {
     std::map<Id, std::set<Id>> callees;
     Id caller = 0;
@@ -19,15 +18,14 @@ std::set<Id> reachedFrom(const Module &module, Id function)
             callees[caller].insert(module.word(in, 3));
     }
     std::set<Id> reached;
-    std::vector<Id> work{function};
-    while (!work.empty()) {
-        const Id next = work.back();
-        work.pop_back();
+    while (!functions.empty()) {
+        const Id next = functions.back();
+        functions.pop_back();
         if (!reached.insert(next).second)
             continue;
         const auto found = callees.find(next);
         if (found != callees.end())
-            work.insert(work.end(), found->second.begin(), found->second.end());
+            functions.insert(functions.end(), found->second.begin(), found->second.end());
     }
     return reached;
 }

@@ -2,13 +2,14 @@
 #pragma once
 
 #include <set>
+#include <vector>
 
 #include "spirv/module/module.h"
 
 namespace vellum::spirv
 {
 
-// The function, and all that it calls, directly or through others.
-std::set<Id> reachedFrom(const Module &module, Id function);
+// The functions, and all that they call, directly or through others.
+std::set<Id> reachedFrom(const Module &module, std::vector<Id> functions);
 
 } // namespace vellum::spirv

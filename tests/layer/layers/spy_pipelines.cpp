@@ -1,6 +1,9 @@
 // Pipelines of all kinds, shader objects, and stack sizes.
 #include "layers/spy.h"
 
+#include "spirv/payload_types.h"
+#include "spirv/rewrite.h"
+
 #include <algorithm>
 #include <map>
 
@@ -65,13 +68,42 @@ void expectStageModules(void *key, const char *where, std::span<const VkPipeline
     }
 }
 
+std::map<VkShaderModule, std::vector<std::uint32_t>> rayModules; // words of modules with ray tracing stages
+
+// The shaders of a hit group are called with the payload of the same ray, whose type is one
+// (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
+void expectPayloads(const char *where, const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    constexpr std::uint32_t kAnyHit = 5315, kClosestHit = 5316; // ExecutionModel...
+    const auto payloadOf = [&](std::uint32_t stage, std::uint32_t model) {
+        std::lock_guard lock(mutex);
+        const auto found = stage < info.stageCount ? rayModules.find(info.pStages[stage].module) : rayModules.end();
+        vellum::spirv::PayloadTypes types;
+        return found == rayModules.end() ? std::nullopt : types.add(found->second, info.pStages[stage].pName, model);
+    };
+    for (const VkRayTracingShaderGroupCreateInfoKHR &group : std::span(info.pGroups, info.groupCount)) {
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
+            continue;
+        const auto anyHit = payloadOf(group.anyHitShader, kAnyHit);
+        const auto closestHit = payloadOf(group.closestHitShader, kClosestHit);
+        if (anyHit && closestHit && *anyHit != *closestHit)
+            tell(std::string(where) + ": a hit group whose shaders have payloads of different types");
+    }
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
                                                   const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
     expectModule(keyOf(handle), "vkCreateShaderModule", info->pCode, info->codeSize);
     const VkResult result = SPY_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
-    if (result == VK_SUCCESS)
-        keepWords(*module, *info);
+    if (result != VK_SUCCESS)
+        return result;
+    keepWords(*module, *info);
+    const std::span words(info->pCode, info->codeSize / sizeof(std::uint32_t));
+    std::lock_guard lock(mutex);
+    rayModules.erase(*module);
+    if (vellum::spirv::hasRayTracingStages(words))
+        rayModules[*module] = {words.begin(), words.end()};
     return result;
 }
 
@@ -196,6 +228,7 @@ void expectPipeline(void *key, const VkRayTracingPipelineCreateInfoKHR &info)
         tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
     expectPromises("vkCreateRayTracingPipelinesKHR", flags);
     expectStageModules(key, "vkCreateRayTracingPipelinesKHR", {info.pStages, info.stageCount});
+    expectPayloads("vkCreateRayTracingPipelinesKHR", info);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,

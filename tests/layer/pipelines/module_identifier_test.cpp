@@ -2,6 +2,7 @@
 // device compiled it (layers/cache_trait.cpp).
 #include "commands/compute_pipeline.h"
 #include "commands/state_scene.h"
+#include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
 #include "shaders/empty.h"
@@ -66,18 +67,28 @@ VkPipelineShaderStageModuleIdentifierCreateInfoEXT nameOf(const Identifier &iden
     return name;
 }
 
-// Null where the driver does not know the code.
-VkPipeline computePipeline(const Gpu &gpu, VkPipelineLayout layout, const Identifier &identifier)
+VkComputePipelineCreateInfo computeInfo(VkPipelineLayout layout, const void *stageChain)
 {
-    const auto name = nameOf(identifier);
     VkComputePipelineCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
     info.flags = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
     info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.pNext = &name;
+    info.stage.pNext = stageChain;
     info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
     info.stage.pName = "main";
     info.layout = layout;
+    return info;
+}
+
+// Null where the driver does not know the code. `behindUnknown`: the identifier lies behind a structure of the future.
+VkPipeline computePipeline(const Gpu &gpu, VkPipelineLayout layout, const Identifier &identifier,
+                           bool behindUnknown = false)
+{
+    const auto name = nameOf(identifier);
+    const VkBaseInStructure unknown{static_cast<VkStructureType>(0x7ffffff0),
+                                    reinterpret_cast<const VkBaseInStructure *>(&name)};
+    const VkComputePipelineCreateInfo info =
+        computeInfo(layout, behindUnknown ? static_cast<const void *>(&unknown) : &name);
     VkPipeline pipeline = VK_NULL_HANDLE;
     const VkResult result = vkCreateComputePipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline);
     EXPECT_EQ(result, pipeline == VK_NULL_HANDLE ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS);
@@ -166,6 +177,74 @@ TEST_F(ModuleIdentifiers, OfADeviceWithoutTheLayer)
     EXPECT_FALSE(known(gpu(), tracer, ofModule(bare, tracer_comp)));
 }
 
+// Where the layer cannot replace it, the driver must not take it for one of its own.
+TEST_F(ModuleIdentifiers, BehindAnUnknownStructure)
+{
+    Gpu bare(cachingDriver(false));
+    const Tracer tracer(gpu());
+    const Tracer bareTracer(bare);
+    for (const Identifier &identifier : {ofModule(bare, tracer_comp), ofModule(gpu(), tracer_comp)}) {
+        const VkPipeline pipeline = computePipeline(gpu(), tracer.layout(), identifier, true);
+        EXPECT_TRUE(pipeline == VK_NULL_HANDLE);
+        vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+    }
+}
+
+// Both have the algorithm of the physical device.
+TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
+{
+    Options options = cachingDriver();
+    options.micromaps = false;
+    Identifier query;
+    {
+        Gpu plain(options);
+        const Tracer tracer(gpu());
+        const Tracer plainTracer(plain);
+        compile(plain, plainTracer, empty);
+        EXPECT_EQ(ofModule(plain, empty), ofModule(gpu(), empty));
+        EXPECT_EQ(ofInfo(plain, empty), ofModule(gpu(), empty));
+        EXPECT_TRUE(known(plain, plainTracer, ofModule(gpu(), empty)));
+        EXPECT_TRUE(known(gpu(), tracer, ofModule(plain, empty)));
+        query = ofModule(plain, tracer_comp);
+        EXPECT_EQ(query, ofInfo(plain, tracer_comp));
+        EXPECT_TRUE(known(plain, plainTracer, query));
+        EXPECT_FALSE(known(gpu(), tracer, query));
+        EXPECT_FALSE(known(plain, plainTracer, ofModule(gpu(), tracer_comp)));
+        Gpu bare(cachingDriver(false));
+        EXPECT_FALSE(known(plain, plainTracer, ofModule(bare, empty)));
+        EXPECT_FALSE(known(plain, plainTracer, ofModule(bare, tracer_comp)));
+    }
+    Gpu later(options);
+    const Tracer laterTracer(later);
+    EXPECT_TRUE(known(later, laterTracer, query));
+}
+
+// What the layer cannot rewrite has no module on the device, and its identifier must not name what others compiled.
+TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
+{
+    std::vector<std::uint32_t> broken = gpu().code(tracer_comp);
+    broken.pop_back(); // in the middle of an instruction
+    VkShaderModuleCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+    info.codeSize = broken.size() * 4;
+    info.pCode = broken.data();
+    const auto get = [&info](const Gpu &gpu) {
+        VkShaderModuleIdentifierEXT identifier = emptyIdentifier();
+        reinterpret_cast<PFN_vkGetShaderModuleCreateInfoIdentifierEXT>(vkGetDeviceProcAddr(
+            gpu.device(), "vkGetShaderModuleCreateInfoIdentifierEXT"))(gpu.device(), &info, &identifier);
+        return bytesOf(identifier);
+    };
+    const Identifier identifier = get(gpu());
+    const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(messages.size(), 1u);
+    EXPECT_EQ(messages[0].id, "VELLUM-shader-rewrite");
+    // It is what a device without micromaps has of it, where the driver gets the code as it is.
+    Options options = cachingDriver();
+    options.micromaps = false;
+    const Gpu plain(options);
+    EXPECT_EQ(identifier, get(plain));
+}
+
 TEST_F(ModuleIdentifiers, TellTheirAlgorithm)
 {
     const auto algorithm = [](const Gpu &gpu) {
@@ -208,6 +287,54 @@ TEST_F(KeptIdentifiers, OfAnEarlierDevice)
     vkDestroyPipeline(gpu.device(), traces, nullptr);
 }
 
+// Once the driver knew it, a pipeline's key is that of the pipeline with its code; and what the driver has in its own
+// cache is found in whichever way it has to be looked for.
+TEST_F(KeptIdentifiers, InKeysAndCaches)
+{
+    Identifier query;
+    const PipelineFlags2 capture{.flags = kCaptureData};
+    const auto byCode = [&capture](const Gpu &gpu, const Tracer &tracer, auto use) {
+        const VkShaderModule module = gpu.shader(tracer_comp);
+        VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), nullptr);
+        info.pNext = &capture;
+        info.stage.module = module;
+        use(info);
+        vkDestroyShaderModule(gpu.device(), module, nullptr);
+    };
+    {
+        Gpu gpu(cachingDriver());
+        const Tracer tracer(gpu);
+        query = ofModule(gpu, tracer_comp);
+        byCode(gpu, tracer, [&gpu](const VkComputePipelineCreateInfo &info) {
+            VkPipeline pipeline = VK_NULL_HANDLE;
+            VT_CHECK(vkCreateComputePipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
+            vkDestroyPipeline(gpu.device(), pipeline, nullptr);
+        });
+    }
+    const auto name = nameOf(query);
+    for (const bool cache : {false, true}) {
+        Gpu gpu(cachingDriver());
+        const Tracer tracer(gpu);
+        Binaries binaries(gpu);
+        VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), &name);
+        info.pNext = &capture;
+        bool found = false;
+        if (cache) {
+            found = binaries.fromCache(&info) != nullptr;
+            EXPECT_TRUE(found || binaries.last() == newer::kPipelineBinaryMissing);
+        } else {
+            const VkPipeline pipeline = computePipeline(gpu, tracer.layout(), query);
+            found = pipeline != VK_NULL_HANDLE;
+            vkDestroyPipeline(gpu.device(), pipeline, nullptr);
+        }
+        const std::vector<std::uint8_t> key = binaries.key(&info);
+        EXPECT_EQ(found, ofModule(gpu, tracer_comp) == query);
+        if (!found)
+            GTEST_SKIP() << "the tables are elsewhere for each device";
+        byCode(gpu, tracer, [&](const VkComputePipelineCreateInfo &whole) { EXPECT_EQ(binaries.key(&whole), key); });
+    }
+}
+
 // --- ray tracing pipelines ---
 
 class PipelineIdentifiers : public PipelineSceneTest
@@ -215,17 +342,17 @@ class PipelineIdentifiers : public PipelineSceneTest
 protected:
     PipelineIdentifiers() : PipelineSceneTest(cachingDriver()) {}
 
-    // Of identifiers instead of code. Null where the driver is not asked, or does not know.
-    VkPipeline named(const PipelineSetup &setup)
+    // Uses a create info of identifiers instead of code.
+    template <class Use>
+    static auto withNames(Gpu &gpu, const PipelineSetup &setup, Use use)
     {
-        const RayPipeline compiled(gpu(), setup);
         std::vector<Identifier> identifiers;
         std::vector<VkPipelineShaderStageModuleIdentifierCreateInfoEXT> names;
         for (const PipelineStage &stage : setup.stages)
-            identifiers.push_back(ofModule(gpu(), stage.words));
+            identifiers.push_back(ofModule(gpu, stage.words));
         for (const Identifier &identifier : identifiers)
             names.push_back(nameOf(identifier));
-        PipelineInfo info(gpu(), setup);
+        PipelineInfo info(gpu, setup);
         std::vector<VkPipelineShaderStageCreateInfo> stages(info.get().pStages,
                                                             info.get().pStages + info.get().stageCount);
         for (std::size_t i = 0; i < stages.size(); ++i) {
@@ -235,19 +362,27 @@ protected:
         VkRayTracingPipelineCreateInfoKHR own = info.get();
         own.flags |= VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
         own.pStages = stages.data();
-        VkPipeline pipeline = VK_NULL_HANDLE;
-        const VkResult result = gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE,
-                                                                        1, &own, nullptr, &pipeline);
-        EXPECT_EQ(result, pipeline == VK_NULL_HANDLE ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS);
-        return pipeline;
+        return use(own);
+    }
+    // Null where the driver is not asked, or does not know.
+    static VkPipeline named(Gpu &gpu, const PipelineSetup &setup)
+    {
+        const RayPipeline compiled(gpu, setup);
+        return withNames(gpu, setup, [&gpu](const VkRayTracingPipelineCreateInfoKHR &info) {
+            VkPipeline pipeline = VK_NULL_HANDLE;
+            const VkResult result = gpu.vk().CreateRayTracingPipelinesKHR(gpu.device(), VK_NULL_HANDLE, VK_NULL_HANDLE,
+                                                                          1, &info, nullptr, &pipeline);
+            EXPECT_EQ(result, pipeline == VK_NULL_HANDLE ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS);
+            return pipeline;
+        });
     }
 };
 
 TEST_F(PipelineIdentifiers, WithoutTheBit)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
-    PipelineTracer tracer(gpu(), {.flags = 0, .make = [this](Gpu &g, const PipelineSetup &from) {
-                                      return MadePipeline{RayPipeline(g, named(from)), {}};
+    PipelineTracer tracer(gpu(), {.flags = 0, .make = [](Gpu &g, const PipelineSetup &from) {
+                                      return MadePipeline{RayPipeline(g, named(g, from)), {}};
                                   }});
     for (const std::uint32_t flags : opacityRayFlags(false))
         plain.expect(tracer, flags);
@@ -256,10 +391,46 @@ TEST_F(PipelineIdentifiers, WithoutTheBit)
 // Its shaders depend on the groups that they are in, and cannot be made without their code.
 TEST_F(PipelineIdentifiers, WithTheBit)
 {
-    const PipelineTracer tracer(gpu(), {.make = [this](Gpu &g, const PipelineSetup &from) {
-                                    EXPECT_TRUE(named(from) == VK_NULL_HANDLE);
+    const PipelineTracer tracer(gpu(), {.make = [](Gpu &g, const PipelineSetup &from) {
+                                    EXPECT_TRUE(named(g, from) == VK_NULL_HANDLE);
                                     return MadePipeline{RayPipeline(g, from), {}};
                                 }});
+}
+
+// The key that stands in for that of its code is the same each time, and no other pipeline's.
+TEST_F(PipelineIdentifiers, KeysWithTheBit)
+{
+    const PipelineTracer tracer(gpu(), {.make = [](Gpu &g, const PipelineSetup &from) {
+                                    Binaries binaries(g);
+                                    const auto keyOf = [&](const PipelineSetup &setup) {
+                                        return withNames(g, setup,
+                                                         [&](const auto &info) { return binaries.key(&info); });
+                                    };
+                                    PipelineSetup deeper = from, fewer = from, other = from;
+                                    ++deeper.recursion;
+                                    fewer.groups.pop_back();
+                                    other.stages[1].words = other.stages[2].words;
+                                    EXPECT_EQ(keyOf(from), keyOf(from));
+                                    EXPECT_NE(keyOf(from), keyOf(deeper));
+                                    EXPECT_NE(keyOf(from), keyOf(fewer));
+                                    EXPECT_NE(keyOf(from), keyOf(other));
+                                    return MadePipeline{RayPipeline(g, from), {}};
+                                }});
+}
+
+TEST_F(PipelineIdentifiers, OfADeviceWithoutMicromaps)
+{
+    Options options = cachingDriver();
+    options.micromaps = false;
+    Gpu plain(options);
+    const PipelineScene scene(plain, {.micromaps = false});
+    PipelineTracer tracer(plain, {.flags = 0, .make = [](Gpu &g, const PipelineSetup &from) {
+                                      const VkPipeline pipeline = named(g, from);
+                                      EXPECT_TRUE(pipeline != VK_NULL_HANDLE);
+                                      return MadePipeline{RayPipeline(g, pipeline), {}};
+                                  }});
+    for (const std::uint32_t flags : opacityRayFlags(false))
+        scene.expect(tracer, flags);
 }
 
 } // namespace

@@ -80,6 +80,29 @@ public:
         info.pKeysAndDataInfo = &all;
         return create(info);
     }
+    // Null where one was not made.
+    std::vector<newer::PipelineBinary> fromAll(const std::vector<Kept> &kept)
+    {
+        std::vector<newer::PipelineBinaryKey> keys;
+        std::vector<newer::PipelineBinaryData> data;
+        for (const Kept &one : kept) {
+            keys.push_back(one.key);
+            data.push_back({one.data.size(), const_cast<std::uint8_t *>(one.data.data())});
+        }
+        const auto count = static_cast<std::uint32_t>(kept.size());
+        const newer::PipelineBinaryKeysAndData all{count, keys.data(), data.data()};
+        newer::PipelineBinaryCreateInfo info = createInfo();
+        info.pKeysAndDataInfo = &all;
+        std::vector<newer::PipelineBinary> made(count,
+                                                reinterpret_cast<newer::PipelineBinary>(this)); // to be overwritten
+        newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, count, made.data()};
+        last_ = create_(gpu_.device(), &info, nullptr, &handles);
+        for (const newer::PipelineBinary binary : made) {
+            if (binary != nullptr)
+                made_.push_back(binary);
+        }
+        return made;
+    }
     newer::PipelineBinary fromCache(const void *pipelineInfo)
     {
         const newer::PipelineCreateInfo pipeline = pipelineCreateInfo(pipelineInfo);
@@ -126,6 +149,9 @@ private:
         newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 1, nullptr};
         if (info.pKeysAndDataInfo == nullptr) {
             last_ = create_(gpu_.device(), &info, nullptr, &handles);
+            if (last_ == newer::kPipelineBinaryMissing) {
+                EXPECT_EQ(handles.pipelineBinaryCount, 0u);
+            }
             if (last_ != VK_SUCCESS)
                 return nullptr;
             EXPECT_EQ(handles.pipelineBinaryCount, 1u);

@@ -43,6 +43,8 @@ protected:
         vkDestroyShaderModule(gpu.device(), module, nullptr);
         return key;
     }
+
+public:
     static Kept kept(Gpu &gpu, VkPipelineLayout layout, std::span<const std::uint32_t> words)
     {
         const ComputePipeline pipeline(gpu, layout, words, kCaptureData);
@@ -50,6 +52,7 @@ protected:
         return binaries.keep(binaries.from(pipeline.handle()));
     }
 
+protected:
     enum class Way { Pipeline, Data, Cache };
     // The pipeline of a setup, made of what an earlier one was made into, without code.
     VkPipeline remade(const PipelineSetup &setup, Way way)
@@ -69,8 +72,14 @@ protected:
         const OfBinary made(binary, &flags);
         std::vector<VkPipelineShaderStageCreateInfo> stages(info.get().pStages,
                                                             info.get().pStages + info.get().stageCount);
-        for (VkPipelineShaderStageCreateInfo &stage : stages)
+        VkShaderModuleCreateInfo ignored{}; // no code that could be rewritten
+        ignored.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+        ignored.codeSize = 24;
+        ignored.pCode = tracer_comp;
+        for (VkPipelineShaderStageCreateInfo &stage : stages) {
             stage.module = VK_NULL_HANDLE;
+            stage.pNext = &ignored;
+        }
         VkRayTracingPipelineCreateInfoKHR own = info.get();
         own.pNext = &made.info;
         own.pStages = stages.data();
@@ -98,7 +107,12 @@ TEST_F(PipelineBinaries, OfAQuery)
     const newer::PipelineBinary binary = binaries.from(data);
     ASSERT_TRUE(binary != nullptr);
     const OfBinary made(binary);
-    const VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), VK_NULL_HANDLE, &made.info);
+    VkShaderModuleCreateInfo ignored{};
+    ignored.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+    ignored.codeSize = sizeof tracer_comp / 8 * 4;
+    ignored.pCode = tracer_comp;
+    VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), VK_NULL_HANDLE, &made.info);
+    info.stage.pNext = &ignored;
     VkPipeline pipeline = VK_NULL_HANDLE;
     VT_CHECK(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
     tracer.prepare(scene.tlas(), StateScene::rays());
@@ -134,7 +148,7 @@ TEST_F(PipelineBinaries, OfAPipelineWithConstantRayFlags)
         PipelineTracerSetup setup = remadeSetup(way);
         setup.raygen = pipeline_constant_080;
         PipelineTracer tracer(gpu(), setup);
-        scene_->expect(tracer, kRayCullNoOpaque, {.runTimeFlags = 0, .constantFlags = true});
+        scene_->expect(tracer, kRayCullNoOpaque, {.runTimeFlags = 0, .constantFlags = constantRayFlags()});
     }
 }
 
@@ -174,10 +188,126 @@ TEST_F(PipelineBinaries, OfAnotherDevice)
         ASSERT_EQ(messages.size(), 1u);
         EXPECT_EQ(messages[0].id, "VELLUM-pipeline-binary") << messages[0].text;
     }
-    Kept damaged = kept(gpu(), tracer.layout(), tracer_comp);
-    damaged.data.resize(20);
-    EXPECT_TRUE(binaries.from(damaged) == nullptr);
+}
+
+// Cut off, also right after the layer's header, or with any byte of the header or the driver's data changed.
+TEST_F(PipelineBinaries, ThatAreDamaged)
+{
+    const Tracer tracer(gpu());
+    const Kept whole = kept(gpu(), tracer.layout(), tracer_comp);
+    Binaries binaries(gpu());
+    const auto expectRefused = [&](const Kept &damaged) {
+        EXPECT_TRUE(binaries.from(damaged) == nullptr);
+        EXPECT_EQ(binaries.last(), VK_ERROR_INITIALIZATION_FAILED);
+        EXPECT_EQ(gpu().takeUnexpectedMessages().size(), 1u);
+    };
+    for (const std::size_t size : {std::size_t{1}, std::size_t{20}, whole.data.size() - 33, whole.data.size() - 32,
+                                   whole.data.size() - 31, whole.data.size() - 1}) {
+        Kept damaged = whole;
+        damaged.data.resize(size);
+        expectRefused(damaged);
+    }
+    for (std::size_t at = 0; at < whole.data.size(); at += 3) {
+        Kept damaged = whole;
+        damaged.data[at] ^= 0x40;
+        expectRefused(damaged);
+    }
+    EXPECT_TRUE(binaries.from(whole) != nullptr);
+    Kept damaged = whole;
+    damaged.data.back() ^= 1;
+    const std::vector<newer::PipelineBinary> made = binaries.fromAll({whole, damaged, whole});
+    EXPECT_EQ(binaries.last(), VK_ERROR_INITIALIZATION_FAILED);
+    EXPECT_TRUE(made[0] != nullptr && made[1] == nullptr && made[2] != nullptr);
     EXPECT_EQ(gpu().takeUnexpectedMessages().size(), 1u);
 }
+
+TEST_F(PipelineBinaries, ThatTheDriverDoesNotHave)
+{
+    const Tracer tracer(gpu());
+    const VkShaderModule module = gpu().shader(empty);
+    VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), module, nullptr);
+    info.stage.pName = "nothing"; // a key of its own
+    Binaries binaries(gpu());
+    EXPECT_TRUE(binaries.fromCache(&info) == nullptr);
+    EXPECT_EQ(binaries.last(), newer::kPipelineBinaryMissing);
+    vkDestroyShaderModule(gpu().device(), module, nullptr);
+}
+
+// Rays of a library may meet shaders of others. In the binary of a whole pipeline constant flags are constants.
+TEST_F(PipelineBinaries, OfAWholePipelineMakeNoLibrary)
+{
+    if (!constantRayFlags())
+        GTEST_SKIP() << "constant ray flags travel like others";
+    PipelineTracerSetup setup;
+    setup.raygen = pipeline_constant_080;
+    setup.make = [](Gpu &g, const PipelineSetup &from) {
+        const PipelineFlags2 capture{.flags = kCaptureData | from.flags};
+        PipelineInfo info(g, from);
+        info.get().pNext = &capture;
+        VkPipeline whole = VK_NULL_HANDLE;
+        VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
+                                                     nullptr, &whole));
+        Binaries binaries(g);
+        const newer::PipelineBinary binary = binaries.from(whole);
+        const PipelineFlags2 flags{.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | from.flags};
+        const OfBinary made(binary, &flags);
+        info.get().pNext = &made.info;
+        VkPipeline library = VK_NULL_HANDLE;
+        EXPECT_EQ(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
+                                                      nullptr, &library),
+                  VK_ERROR_UNKNOWN);
+        EXPECT_TRUE(library == VK_NULL_HANDLE);
+        const std::vector<Message> messages = g.takeUnexpectedMessages();
+        EXPECT_EQ(messages.size(), 1u);
+        for (const Message &message : messages)
+            EXPECT_EQ(message.id, "VELLUM-not-available") << message.text;
+        return MadePipeline{RayPipeline(g, whole), {}};
+    };
+    const PipelineTracer tracer(gpu(), setup);
+}
+
+// Settings change what pipelines are made of: groups get any-hit shaders, or ray flags travel in another way. An
+// application that sees the same global key hands over the same binaries for the same pipeline.
+class BinariesOfSettings : public testing::TestWithParam<std::array<const char *, 2>>
+{
+};
+
+TEST_P(BinariesOfSettings, AreNotThoseOfOthers)
+{
+    const auto [variable, value] = GetParam();
+    const char *old = std::getenv(variable);
+    const std::optional<std::string> before = old ? std::optional<std::string>(old) : std::nullopt;
+    if (before == value)
+        GTEST_SKIP() << variable << " is " << value;
+    std::vector<std::uint8_t> key;
+    Kept data;
+    {
+        Gpu gpu(cachingDriver());
+        key = Binaries(gpu).key(nullptr);
+        data = PipelineBinaries::kept(gpu, Tracer(gpu).layout(), empty);
+    }
+    setenv(variable, value, 1);
+    {
+        Gpu gpu(cachingDriver());
+        Binaries binaries(gpu);
+        EXPECT_NE(binaries.key(nullptr), key);
+        EXPECT_TRUE(binaries.from(data) == nullptr);
+        EXPECT_EQ(gpu.takeUnexpectedMessages().size(), 1u);
+    }
+    if (before)
+        setenv(variable, before->c_str(), 1);
+    else
+        unsetenv(variable);
+    Gpu gpu(cachingDriver());
+    Binaries binaries(gpu);
+    if (binaries.key(nullptr) != key)
+        GTEST_SKIP() << "the tables are elsewhere for each device";
+    EXPECT_TRUE(binaries.from(data) != nullptr);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, BinariesOfSettings,
+                         testing::Values(std::array{"VELLUM_ASSUME_MICROMAPS", "1"},
+                                         std::array{"VELLUM_CARRIED_RAY_FLAGS", "off"},
+                                         std::array{"VELLUM_CONSTANT_RAY_FLAGS", "off"}));
 
 } // namespace

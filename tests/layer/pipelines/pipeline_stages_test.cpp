@@ -5,6 +5,7 @@
 #include "shaders/pipeline_relay_callable.h"
 #include "shaders/pipeline_relay_closest_hit.h"
 #include "shaders/pipeline_relay_miss.h"
+#include "shaders/pipeline_relay_other_closest_hit.h"
 #include "shaders/pipeline_relay_queries_any_hit.h"
 #include "shaders/pipeline_relay_queries_closest_hit.h"
 #include "shaders/pipeline_relay_queries_miss.h"
@@ -29,6 +30,7 @@ struct Relay {
     bool queries = false;
     bool anyHit = true;
     bool micromaps = true; // the pipeline has the bit, and the traced scene micromaps
+    bool others = false;   // there are groups of rays with another payload, and of any rays
 };
 
 class PipelineStages : public PipelineTest
@@ -71,6 +73,10 @@ protected:
                         {.closestHit = 2, .anyHit = relay.anyHit ? 3 : kUnused},
                         {.general = 4},
                         {.general = 4}};
+        if (relay.others) {
+            setup.stages.push_back({VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_relay_other_closest_hit});
+            setup.groups.insert(setup.groups.end(), {{.closestHit = 5}, {}});
+        }
         setup.layout = resources.layout();
         setup.recursion = kDepth;
         setup.flags = relay.micromaps ? kMicromapBit : 0;
@@ -172,6 +178,14 @@ TEST_F(PipelineStages, RaysFromEveryStage)
 TEST_F(PipelineStages, WithoutAnyHit)
 {
     expect({.anyHit = false});
+}
+
+// Where ray flags travel in payloads, the layer's any-hit shader of each group has the payload of its rays: the test
+// driver looks at that (layers/spy_pipelines.cpp).
+TEST_F(PipelineStages, PayloadsOfSeveralTypes)
+{
+    expect({.others = true});
+    expect({.anyHit = false, .others = true});
 }
 
 TEST_F(PipelineStages, QueriesInEveryStage)

@@ -89,7 +89,8 @@ TEST_F(StructureScale, ThousandsBuiltAndCompactedInAFrame)
         EXPECT_EQ(seen(gpu(), Tlas(gpu(), instances), rays), seen(gpu(), Tlas(gpu(), originals), rays));
     });
     if (kResidentTells) {
-        EXPECT_LT(Footprint::now().resident, warm + (4 << 20));
+        // A kilobyte for each structure and frame; lavapipe's threads alone have been seen to take 6 MiB.
+        EXPECT_LT(Footprint::now().resident, warm + (8 << 20));
     }
     EXPECT_EQ(allocations(), warmAllocations);
 }

@@ -3,7 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 // Chains of rays: the ray generation shader traces the first, the closest-hit or miss shader of each the next one,
 // with a callable shader in between. One of RAYGEN, MISS, CLOSEST_HIT, ANY_HIT, CALLABLE is defined. With QUERIES, each
-// shader that traces a ray traces another one with a ray query before, and so does the any-hit shader.
+// shader that traces a ray traces another one with a ray query before, and so does the any-hit shader. With
+// OTHER_PAYLOAD, a closest-hit shader of other rays.
 #ifdef QUERIES
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
@@ -53,7 +54,17 @@ struct Payload {
     uint canary;
 };
 
-#if defined(CALLABLE)
+#if defined(OTHER_PAYLOAD)
+
+// Of rays that nobody traces.
+layout(location = 0) rayPayloadInEXT uvec4 many[16];
+
+void main()
+{
+    many[0].x += 1u;
+}
+
+#elif defined(CALLABLE)
 
 layout(location = 0) callableDataInEXT uint called;
 layout(location = 1) callableDataEXT uint inner;

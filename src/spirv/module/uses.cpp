@@ -1,0 +1,59 @@
+#include "spirv/module/uses.h"
+
+#include "spirv/module/opcodes.h"
+
+namespace vellum::spirv
+{
+namespace
+{
+
+// Whether an instruction has the pointer among its operands. Other words may be literals that are equal to the id.
+bool hasOperand(const Module &module, Instruction in, Id pointer)
+{
+    const auto among = [&](std::uint32_t first, std::uint32_t last) {
+        for (std::uint32_t i = first; i <= last && i < in.count; ++i)
+            if (module.word(in, i) == pointer)
+                return true;
+        return false;
+    };
+    switch (in.opcode) {
+    case spv::OpLoad:
+    case spv::OpAccessChain:
+    case spv::OpInBoundsAccessChain:
+    case spv::OpCopyObject: return among(3, 3);
+    case spv::OpStore: return among(1, 1);
+    case spv::OpCopyMemory:
+    case spv::OpCopyMemorySized: return among(1, 2);
+    case spv::OpFunctionCall: return among(4, in.count);
+    case spv::OpExtInst: return among(5, in.count);
+    case spv::OpTraceRayKHR:
+    case kOpTraceRayMotionNV: return among(11, 12);
+    default: return makesOrExecutesHitObject(in.opcode) && among(2, 13);
+    }
+}
+
+} // namespace
+
+bool isDebug(const Module &module, Instruction in)
+{
+    if (in.opcode == spv::OpLine || in.opcode == spv::OpNoLine)
+        return true;
+    if (in.opcode != spv::OpExtInst)
+        return false;
+    const std::string set = module.string(module.definition(module.word(in, 3)), 2);
+    return set.starts_with("NonSemantic.Shader.DebugInfo") || set == "OpenCL.DebugInfo.100" || set == "DebugInfo";
+}
+
+bool usesPointer(const Module &module, const std::set<Id> &functions, Id pointer)
+{
+    Id function = 0;
+    for (const Instruction in : module.section(Section::Functions)) {
+        if (in.opcode == spv::OpFunction)
+            function = module.result(in);
+        if (functions.contains(function) && hasOperand(module, in, pointer))
+            return true;
+    }
+    return false;
+}
+
+} // namespace vellum::spirv

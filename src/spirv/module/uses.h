@@ -1,0 +1,17 @@
+// What instructions use variables for.
+#pragma once
+
+#include <set>
+
+#include "spirv/module/module.h"
+
+namespace vellum::spirv
+{
+
+// Whether an instruction only tells a debugger something.
+bool isDebug(const Module &module, Instruction in);
+
+// Whether one of the functions uses the pointer, which is a payload or hit attributes.
+bool usesPointer(const Module &module, const std::set<Id> &functions, Id pointer);
+
+} // namespace vellum::spirv
