@@ -289,8 +289,9 @@ protected:
     Usages built(Bottom &bottom)
     {
         build(bottom.info(), bottom.blas.ranges());
+        Usages told = usages(true);
         EXPECT_EQ(tracedBottom(bottom.blas.address()), kForwards);
-        return usages(true);
+        return told;
     }
     static void expectWithin(const Usages &inner, const Usages &outer)
     {
