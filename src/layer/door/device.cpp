@@ -114,7 +114,7 @@ VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const
     const Asked asked = askedFor(info);
     const HiddenExtension *hidden = nullptr;
     for (uint32_t i = 0; i < info.enabledExtensionCount && !hidden; ++i)
-        hidden = hiddenExtension(info.ppEnabledExtensionNames[i]);
+        hidden = hiddenByEmulation(info.ppEnabledExtensionNames[i]);
     if (!asked.ext && !asked.khr && !asked.addressCommands && !hidden)
         return VK_SUCCESS;
     provided.extensions = driverExtensions(instance, physicalDevice);
@@ -129,15 +129,18 @@ VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const
     provided.emulated = provides && !provided.translated;
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
         const char *name = info.ppEnabledExtensionNames[i];
-        const char *reason = provided.translated ? notBesideTranslation(name) : nullptr;
-        hidden = hiddenExtension(name);
-        if (hidden && (provided.emulated || have.ext == Implementation::Emulation))
-            reason = hidden->reason;
-        if (!reason)
+        hidden = nullptr;
+        if (provided.emulated || have.ext == Implementation::Emulation)
+            hidden = hiddenByEmulation(name);
+        else if (provided.translated)
+            hidden = hiddenByTranslation(name);
+        // Without KHR the micromaps of a translated device are as the driver knows them.
+        if (!hidden ||
+            (provided.translated && !asked.khr && hidden->translated != HiddenExtension::Translated::NotBesideWork))
             continue;
         instance.report.error("VELLUM-hidden-extension",
                               std::string(name) + " is not there beside " +
-                                  (provided.translated ? "translated" : "emulated") + " micromaps: " + reason,
+                                  (provided.translated ? "translated" : "emulated") + " micromaps: " + hidden->reason,
                               VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
@@ -212,7 +215,7 @@ struct DriverDeviceInfo {
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
         if (driver.translated)
-            setExtFeature(driver.asked.khr);
+            possible = setExtFeature(driver.asked.khr);
         else
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
         if (ownAddressCommands)
@@ -238,19 +241,24 @@ struct DriverDeviceInfo {
         }
         info.pNext = chain.head();
     }
-    // The driver's micromaps, for those of VK_KHR_opacity_micromap.
-    void setExtFeature(bool needed)
+    // The driver's micromaps, for those of VK_KHR_opacity_micromap. Whether the driver can be asked for them.
+    bool setExtFeature(bool needed)
     {
         if (!needed)
-            return;
+            return true;
         if (auto *own = chain.edit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
                 VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
             own->micromap = VK_TRUE;
-        } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
+        } else if (const auto *applications = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+                       chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
+            return applications->micromap; // it lies behind a structure of unknown size
+        } else {
             micromaps.micromap = VK_TRUE;
             chain.prepend(reinterpret_cast<VkBaseInStructure *>(&micromaps));
         }
+        return true;
     }
+    bool possible = true;
     VkDeviceCreateInfo info;
     Chain chain;
     std::vector<const char *> extensions;
@@ -395,6 +403,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->buffers.gpu.driversMicromaps = device->driver.asked.ext || device->driver.asked.khr;
         device->translation.limits = driverLimits(instance, physicalDevice);
         const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
+        if (!driverInfo.possible) {
+            instance.report.error("VELLUM-device-features",
+                                  "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable "
+                                  "micromap, lies behind a structure of unknown size");
+            return VK_ERROR_FEATURE_NOT_PRESENT;
+        }
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else if (provided.emulated) {
         if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {

@@ -283,6 +283,9 @@ const Row kRows[] = {
     row<createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Translated),
     row<createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Translated),
     row<createTranslatedShaders>("vkCreateShadersEXT", Scope::Translated),
+    row<getTranslatedInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Translated),
+    row<createTranslatedBinaries>("vkCreatePipelineBinariesKHR", Scope::Translated),
+    row<getTranslatedKey>("vkGetPipelineKeyKHR", Scope::Translated),
 
     row<cmdCopyMemory>("vkCmdCopyMemoryKHR", Scope::Address),
     row<cmdCopyMemoryToImage>("vkCmdCopyMemoryToImageKHR", Scope::Address),

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
-#include <utility>
 
 namespace vellum::layer
 {
@@ -22,47 +21,36 @@ constexpr HiddenExtension kHidden[] = {
     {"VK_NV_partitioned_acceleration_structure", "its structures are built by commands of its own",
      static_cast<VkStructureType>(1000570000), 1},
     {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own",
-     static_cast<VkStructureType>(1000478000), 1},
+     static_cast<VkStructureType>(1000478000), 1, HiddenExtension::Translated::NotBesideKhr},
     // "recording any non-heap descriptor state commands immediately invalidates" what vkCmdPushDataEXT pushed, and the
     // layer's own dispatches push constants.
     {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound",
-     static_cast<VkStructureType>(1000135009), 2},
-    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be rewritten",
-     static_cast<VkStructureType>(1000134000), 2},
-};
-
-constexpr std::pair<const char *, const char *> kNotBesideTranslation[] = {
-    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own"},
-    {"VK_KHR_pipeline_binary", "its keys would be of shaders that were not translated"},
-    {VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME, "its identifiers would name shaders that were not translated"},
-    {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound"},
-    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be translated"},
+     static_cast<VkStructureType>(1000135009), 2, HiddenExtension::Translated::NotBesideWork},
+    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be changed for the driver",
+     static_cast<VkStructureType>(1000134000), 2, HiddenExtension::Translated::NotBesideKhr},
 };
 
 } // namespace
 
-const char *notBesideTranslation(const char *name)
-{
-    for (const auto &[extension, reason] : kNotBesideTranslation) {
-        if (std::strcmp(extension, name) == 0)
-            return reason;
-    }
-    return nullptr;
-}
-
-const HiddenExtension *hiddenExtension(const char *name)
+const HiddenExtension *hiddenByEmulation(const char *name)
 {
     const auto *found = std::find_if(std::begin(kHidden), std::end(kHidden),
                                      [name](const HiddenExtension &e) { return std::strcmp(e.name, name) == 0; });
     return found == std::end(kHidden) ? nullptr : found;
 }
 
-void clearHiddenFeatures(VkPhysicalDeviceFeatures2 &features)
+const HiddenExtension *hiddenByTranslation(const char *name)
+{
+    const HiddenExtension *hidden = hiddenByEmulation(name);
+    return hidden && hidden->translated != HiddenExtension::Translated::Works ? hidden : nullptr;
+}
+
+void clearHiddenFeatures(VkPhysicalDeviceFeatures2 &features, const HiddenExtension *(*hidden)(const char *name))
 {
     for (auto *s = static_cast<VkBaseOutStructure *>(features.pNext); s != nullptr; s = s->pNext) {
-        for (const HiddenExtension &hidden : kHidden) {
-            if (hidden.featureCount != 0 && s->sType == hidden.features)
-                std::fill_n(reinterpret_cast<VkBool32 *>(s + 1), hidden.featureCount, VK_FALSE);
+        for (const HiddenExtension &one : kHidden) {
+            if (one.featureCount != 0 && s->sType == one.features && hidden(one.name))
+                std::fill_n(reinterpret_cast<VkBool32 *>(s + 1), one.featureCount, VK_FALSE);
         }
     }
 }

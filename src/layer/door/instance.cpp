@@ -113,6 +113,14 @@ VkPhysicalDeviceOpacityMicromapFeaturesEXT driverFeatures(Instance &instance, Vk
     return micromaps;
 }
 
+// What tells the extensions that are hidden; null where none are.
+const HiddenExtension *(*hiddenOn(const Implementations &have))(const char *)
+{
+    if (have.ext == Implementation::Emulation)
+        return hiddenByEmulation;
+    return have.khr == Implementation::Translation ? hiddenByTranslation : nullptr;
+}
+
 bool isVulkan11(const VkInstanceCreateInfo &info)
 {
     return info.pApplicationInfo && info.pApplicationInfo->apiVersion >= VK_API_VERSION_1_1;
@@ -333,8 +341,8 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
         if (isProvided(implementations.*own.implementation) && !contains(list, own.name))
             list.push_back(propertiesOf(own));
     }
-    if (implementations.ext == Implementation::Emulation)
-        std::erase_if(list, [](const auto &e) { return hiddenExtension(e.extensionName) != nullptr; });
+    if (const auto hidden = hiddenOn(implementations))
+        std::erase_if(list, [hidden](const auto &e) { return hidden(e.extensionName) != nullptr; });
     return giveList(list, count, properties);
 }
 
@@ -362,8 +370,8 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->deviceAddressCommands = VK_TRUE;
     if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
         own->pipelineOpacityMicromap = VK_TRUE;
-    if (have.ext == Implementation::Emulation)
-        clearHiddenFeatures(*features);
+    if (const auto hidden = hiddenOn(have))
+        clearHiddenFeatures(*features, hidden);
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,

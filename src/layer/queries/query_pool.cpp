@@ -239,8 +239,10 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
     VkResult driver = device.driver.next.CreateQueryPool(handle, &driverInfo, allocator, result);
     if (driver == VK_SUCCESS && device.driver.translated && device.driver.asked.khr) {
         driver = createMicromapPool(device, *info, pool->micromaps);
-        if (driver != VK_SUCCESS)
+        if (driver != VK_SUCCESS) {
             device.driver.next.DestroyQueryPool(handle, *result, allocator);
+            *result = VK_NULL_HANDLE;
+        }
     }
     if (driver == VK_SUCCESS)
         device.pools.set(*result, std::move(pool));

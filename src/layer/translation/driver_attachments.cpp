@@ -1,7 +1,5 @@
 #include "layer/translation/driver_attachments.h"
 
-#include <algorithm>
-
 #include "layer/translation/device_translation.h"
 #include "layer/translation/placed_micromaps.h"
 
@@ -14,26 +12,22 @@ constexpr VkStructureType kAttachmentKHR = VK_STRUCTURE_TYPE_ACCELERATION_STRUCT
 
 // How many of a geometry's triangles have each level and format, EXT wants to know exactly, and drivers size a
 // structure by it; but the indices that tell it are read on the device, later. So it is the most that is possible:
-// every triangle of the geometry has each level and format that there is in the micromap.
+// every triangle of the geometry has each level and format that there is in the micromap, or that there can be in one
+// of which nothing is known. The counts of the micromap's own build would be less where it is not indexed. But a
+// build may follow the query of its size after the micromap was built again with more, and must not get more than the
+// query.
 std::vector<VkMicromapUsageEXT> mostUsages(const DeviceTranslation &device, const PlacedMicromap &micromap,
-                                           uint32_t primitives, bool indexed)
+                                           uint32_t primitives)
 {
-    if (!micromap.isKnown)
-        return {{primitives, device.limits.twoStateLevel, VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT},
-                {primitives, device.limits.fourStateLevel, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT}};
-    std::vector<VkMicromapUsageEXT> result;
-    for (const VkMicromapUsageEXT &usage : micromap.usages) {
-        const auto same = std::ranges::find_if(result, [&](const VkMicromapUsageEXT &other) {
-            return other.subdivisionLevel == usage.subdivisionLevel && other.format == usage.format;
-        });
-        if (same == result.end())
-            result.push_back(usage);
-        else
-            same->count += usage.count;
+    std::vector<VkMicromapUsageEXT> result = micromap.usages;
+    if (!micromap.isKnown) {
+        for (uint32_t level = 0; level <= device.limits.twoStateLevel; ++level)
+            result.push_back({0, level, VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT});
+        for (uint32_t level = 0; level <= device.limits.fourStateLevel; ++level)
+            result.push_back({0, level, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT});
     }
-    // Indices may name a triangle of the micromap many times.
     for (VkMicromapUsageEXT &usage : result)
-        usage.count = indexed ? primitives : std::min(primitives, usage.count);
+        usage.count = primitives;
     return result;
 }
 
@@ -50,8 +44,15 @@ AttachedBuild::AttachedBuild(DeviceTranslation &device, const VkAccelerationStru
         info_.srcAccelerationStructure = VK_NULL_HANDLE;
     geometries_.reserve(application.geometryCount);
     for (uint32_t i = 0; i < application.geometryCount; ++i) {
-        VkAccelerationStructureGeometryKHR &g = geometries_.emplace_back(
-            application.pGeometries ? application.pGeometries[i] : *application.ppGeometries[i]);
+        const VkAccelerationStructureGeometryKHR *given = application.pGeometries    ? application.pGeometries + i
+                                                          : application.ppGeometries ? application.ppGeometries[i]
+                                                                                     : nullptr;
+        if (!given) {
+            lacksGeometry_ = true;
+            info_.geometryCount = i;
+            break;
+        }
+        VkAccelerationStructureGeometryKHR &g = geometries_.emplace_back(*given);
         topLevel_ = topLevel_ || g.geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR;
         hasMicromapGeometry_ = hasMicromapGeometry_ || g.geometryType == VK_GEOMETRY_TYPE_MICROMAP_KHR;
         if (g.geometryType != VK_GEOMETRY_TYPE_TRIANGLES_KHR)
@@ -66,12 +67,13 @@ AttachedBuild::AttachedBuild(DeviceTranslation &device, const VkAccelerationStru
 void AttachedBuild::attach(DeviceTranslation &device, uint32_t geometry,
                            const VkAccelerationStructureTrianglesOpacityMicromapKHR &khr, uint32_t primitives)
 {
-    const bool indexed = khr.indexType != VK_INDEX_TYPE_NONE_KHR;
     VkAccelerationStructureTrianglesOpacityMicromapEXT &ext = attachments_.emplace_back();
     ext = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT};
     ext.indexType = khr.indexType;
-    ext.indexBuffer.deviceAddress = khr.indexBuffer;
-    ext.indexStride = khr.indexStride;
+    if (khr.indexType != VK_INDEX_TYPE_NONE_KHR) {
+        ext.indexBuffer.deviceAddress = khr.indexBuffer;
+        ext.indexStride = khr.indexStride;
+    }
     ext.baseTriangle = khr.baseTriangle;
     if (khr.indexType == VK_INDEX_TYPE_UINT8_EXT) {
         ext.indexType = VK_INDEX_TYPE_UINT32;
@@ -85,7 +87,7 @@ void AttachedBuild::attach(DeviceTranslation &device, uint32_t geometry,
         if (structure && canHoldMicromap(*structure)) {
             const PlacedMicromap micromap = lastMicromap(device, *structure);
             ext.micromap = micromap.handle;
-            usages = mostUsages(device, micromap, primitives, indexed);
+            usages = mostUsages(device, micromap, primitives);
         }
     }
     ext.usageCountsCount = static_cast<uint32_t>(usages.size());

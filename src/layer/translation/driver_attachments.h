@@ -45,6 +45,8 @@ public:
     // Points into this object.
     [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &info();
     [[nodiscard]] bool topLevel() const { return topLevel_; }
+    // Not all geometries are there: the rest has not been looked at, and the build must not reach the driver.
+    [[nodiscard]] bool lacksGeometry() const { return lacksGeometry_; }
     // One of VK_GEOMETRY_TYPE_MICROMAP_KHR, which only micromaps may have.
     [[nodiscard]] bool hasMicromapGeometry() const { return hasMicromapGeometry_; }
 
@@ -61,6 +63,7 @@ private:
     std::vector<Named> named_;
     bool topLevel_ = false;
     bool hasMicromapGeometry_ = false;
+    bool lacksGeometry_ = false;
 };
 
 } // namespace vellum::layer

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/records.h"
 #include "layer/translation/device_translation.h"
 
 namespace vellum::layer
@@ -48,7 +49,14 @@ VkMicromapEXT PlacedMicromaps::ofSize(VkBuffer buffer, VkDeviceSize offset, VkDe
 void PlacedMicromaps::record(PlacedMicromap micromap)
 {
     std::lock_guard lock(mutex_);
+    for (const VkMicromapUsageEXT &usage : micromap.usages) {
+        if (std::ranges::none_of(usages_, [&](const VkMicromapUsageEXT &other) {
+                return other.subdivisionLevel == usage.subdivisionLevel && other.format == usage.format;
+            }))
+            usages_.push_back(usage);
+    }
     last_ = std::move(micromap);
+    last_.usages = last_.isKnown ? usages_ : std::vector<VkMicromapUsageEXT>{};
 }
 
 PlacedMicromap PlacedMicromaps::last() const
@@ -65,7 +73,8 @@ bool mayHaveMicromapAt(const DeviceTranslation &device, VkBuffer buffer, VkDevic
 
 VkMicromapEXT micromapOfSize(DeviceTranslation &device, const AccelerationStructure &structure, VkDeviceSize bytes)
 {
-    if (!mayHaveMicromapAt(device, structure.buffer, structure.offset))
+    // Without either extension the driver has none.
+    if (!device.driver.next.CreateMicromapEXT || !mayHaveMicromapAt(device, structure.buffer, structure.offset))
         return VK_NULL_HANDLE;
     return placeOf(device, structure).ofSize(structure.buffer, structure.offset, bytes);
 }
@@ -74,9 +83,7 @@ PlacedMicromap lastMicromap(DeviceTranslation &device, const AccelerationStructu
 {
     PlacedMicromap micromap = placeOf(device, structure).last();
     if (!micromap.handle) {
-        micromap.bytes = structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
-                             ? structure.size
-                             : roomOf(device.objects, structure);
+        micromap.bytes = roomOf(device.objects, structure);
         micromap.handle = micromapOfSize(device, structure, micromap.bytes);
     }
     return micromap;
@@ -90,7 +97,10 @@ void becomesMicromap(DeviceTranslation &device, AccelerationStructure &structure
 
 void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps)
 {
-    becomes(structure, type, 0);
+    // Which one of the driver's, where only the device knows it, makes no difference here. It is no micromap.
+    becomes(structure,
+            type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR : type,
+            0);
     std::lock_guard lock(structure.place->mutex);
     structure.place->namesMicromaps = namesMicromaps;
 }
@@ -99,6 +109,14 @@ bool namesMicromaps(const AccelerationStructure &structure)
 {
     std::lock_guard lock(structure.place->mutex);
     return structure.place->namesMicromaps;
+}
+
+std::optional<bool> knownMicromap(const AccelerationStructure &structure)
+{
+    const VkAccelerationStructureTypeKHR content = contentOf(structure);
+    if (content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        return content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    return structure.size % 256 == shared::kMicromapSizeMark ? std::optional(true) : std::nullopt;
 }
 
 bool isDrivers(const AccelerationStructure *structure)

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -22,8 +23,10 @@ struct Driver;
 struct PlacedMicromap {
     VkMicromapEXT handle = VK_NULL_HANDLE;
     VkDeviceSize bytes = 0;
-    bool isKnown = false;                   // what follows is of what was recorded last
-    std::vector<VkMicromapUsageEXT> usages; // that it was built with
+    bool isKnown = false; // what follows is of what was recorded last
+    // Levels and formats, each once, of all that was recorded at the place: the sizes of structures that name the
+    // micromap were asked for at some time between.
+    std::vector<VkMicromapUsageEXT> usages;
 };
 
 // All at one place.
@@ -45,6 +48,7 @@ private:
     mutable std::mutex mutex_;
     std::vector<std::pair<VkDeviceSize, VkMicromapEXT>> micromaps_;
     PlacedMicromap last_;
+    std::vector<VkMicromapUsageEXT> usages_;
 };
 
 // Whether the driver can have a micromap there. EXT wants an offset that is a multiple of 256, KHR an address. These
@@ -60,6 +64,9 @@ void becomesMicromap(DeviceTranslation &device, AccelerationStructure &structure
 // Something else is: a structure of that type, with or without names of micromaps.
 void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps);
 bool namesMicromaps(const AccelerationStructure &structure);
+// Whether a structure holds a micromap. Nothing: it is a GENERIC one that nothing was recorded into so far, and that
+// has not the size of a micromap.
+std::optional<bool> knownMicromap(const AccelerationStructure &structure);
 
 // Handles of the type OPACITY_MICROMAP are the layer's own, and must not reach the driver.
 bool isDrivers(const AccelerationStructure *structure);

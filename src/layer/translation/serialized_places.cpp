@@ -11,27 +11,31 @@ constexpr size_t kMostPlaces = 65536;
 
 }
 
-SerializedPlaces::Key SerializedPlaces::keyOf(const DeviceBuffers &device, VkDeviceAddress address)
+std::optional<SerializedPlaces::Key> SerializedPlaces::keyOf(const DeviceBuffers &device, VkDeviceAddress address)
 {
     const AddressMap::Place place = device.addresses.find(address);
-    return {device.infos.get(place.buffer).number, place.offset};
+    if (!place.buffer)
+        return std::nullopt;
+    return Key{device.infos.get(place.buffer).number, place.offset};
 }
 
-void SerializedPlaces::set(const DeviceBuffers &device, VkDeviceAddress address, bool isMicromap)
+void SerializedPlaces::set(const DeviceBuffers &device, VkDeviceAddress address, Data data)
 {
-    const Key key = keyOf(device, address);
+    const std::optional<Key> key = keyOf(device, address);
+    if (!key)
+        return;
     std::lock_guard lock(mutex_);
     // Those of buffers that are gone are not used again, and not looked for.
     if (places_.size() >= kMostPlaces)
         places_.clear();
-    places_[key] = isMicromap;
+    places_[*key] = std::move(data);
 }
 
-std::optional<bool> SerializedPlaces::holdsMicromap(const DeviceBuffers &device, VkDeviceAddress address) const
+std::optional<SerializedPlaces::Data> SerializedPlaces::find(const DeviceBuffers &device, VkDeviceAddress address) const
 {
-    const Key key = keyOf(device, address);
+    const std::optional<Key> key = keyOf(device, address);
     std::lock_guard lock(mutex_);
-    const auto found = places_.find(key);
+    const auto found = key ? places_.find(*key) : places_.end();
     return found == places_.end() ? std::nullopt : std::optional(found->second);
 }
 

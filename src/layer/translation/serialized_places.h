@@ -7,6 +7,7 @@
 #include <mutex>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -18,15 +19,21 @@ struct DeviceBuffers;
 class SerializedPlaces
 {
 public:
-    void set(const DeviceBuffers &device, VkDeviceAddress address, bool isMicromap);
-    // Whether a micromap was serialized to that address; nothing where nothing was.
-    [[nodiscard]] std::optional<bool> holdsMicromap(const DeviceBuffers &device, VkDeviceAddress address) const;
+    struct Data {
+        bool isMicromap = false;
+        bool isKnown = false;                     // what follows is
+        std::vector<VkMicromapUsageEXT> usages{}; // of the micromap (PlacedMicromap::usages)
+    };
+    void set(const DeviceBuffers &device, VkDeviceAddress address, Data data);
+    // What was serialized to that address; nothing where nothing was.
+    [[nodiscard]] std::optional<Data> find(const DeviceBuffers &device, VkDeviceAddress address) const;
 
 private:
     using Key = std::pair<uint64_t, VkDeviceSize>; // a buffer, by its number of all of the device, and an offset in it
-    static Key keyOf(const DeviceBuffers &device, VkDeviceAddress address);
+    // Nothing: the address is in no known buffer.
+    static std::optional<Key> keyOf(const DeviceBuffers &device, VkDeviceAddress address);
     mutable std::mutex mutex_;
-    std::map<Key, bool> places_;
+    std::map<Key, Data> places_;
 };
 
 } // namespace vellum::layer

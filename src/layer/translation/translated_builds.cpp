@@ -19,6 +19,9 @@ using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
 using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 using MicromapData = VkAccelerationStructureGeometryMicromapDataKHR;
 
+constexpr const char *kGeometries = "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788";
+constexpr const char *kGeometriesText = "geometryCount is not 0, but a geometry is a null pointer";
+
 // VUID-vkCmdBuildMicromapsEXT-pInfos-07515; KHR wants 128.
 constexpr VkDeviceSize kInputAlignment = 256;
 
@@ -59,9 +62,19 @@ VkMicromapBuildSizesInfoEXT driverSizes(const DeviceTranslation &device, const T
     return sizes;
 }
 
+// Whether a micromap build may be measured, and the driver can do it.
+bool mayMeasure(const DeviceTranslation &device, const Judge &judge, const BuildInfo &info)
+{
+    // Of a device with neither extension, for the sake of VK_KHR_device_address_commands.
+    if (!device.driver.next.GetMicromapBuildSizesEXT)
+        return judge.refuse("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559",
+                            "VK_KHR_opacity_micromap is not enabled");
+    return mayMeasureMicromap(device.driver, judge, info, device.limits);
+}
+
 bool mayBuildMicromap(const DeviceTranslation &device, const Judge &judge, const BuildInfo &info)
 {
-    if (!mayMeasureMicromap(device.driver, judge, info, device.limits))
+    if (!mayMeasure(device, judge, info))
         return false;
     // It is built.
     if (info.mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR &&
@@ -122,8 +135,9 @@ bool moveTriangles(DeviceTranslation &device, VkCommandBuffer commandBuffer, Inj
 {
     const uint64_t triangles = trianglesOf(build);
     const auto state = device.commands.states.get(commandBuffer);
-    const VkDeviceAddress copy = state ? state->scratch.allocate(triangles * sizeof(VkMicromapTriangleKHR)) : 0;
-    if (!copy || triangles > UINT32_MAX)
+    const VkDeviceAddress copy =
+        state && triangles <= UINT32_MAX ? state->scratch.allocate(triangles * sizeof(VkMicromapTriangleKHR)) : 0;
+    if (!copy)
         return false;
     MicromapTrianglesPush push{};
     push.source = build.info.triangleArray.deviceAddress;
@@ -144,24 +158,25 @@ bool moveTriangles(DeviceTranslation &device, VkCommandBuffer commandBuffer, Inj
     return work.dispatch(InjectedShader::MicromapTriangles, push, triangles, 64);
 }
 
-// The builds of micromaps among those of one command.
+// The builds of micromaps among those of one command, whose first one is its element `first`.
 void buildMicromaps(DeviceTranslation &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
-                    const BuildInfo *infos)
+                    const BuildInfo *infos, uint32_t first = 0)
 {
     std::vector<TranslatedMicromapBuild> builds;
+    std::vector<std::shared_ptr<AccelerationStructure>> targets;
+    std::vector<PlacedMicromap> micromaps;
     std::vector<uint32_t> moved; // builds
     for (uint32_t i = 0; i < count; ++i) {
         if (!isMicromapBuild(infos[i]))
             continue;
-        const Judge judge = judgeOf(device, command, infos[i].dstAccelerationStructure, i);
+        const Judge judge = judgeOf(device, command, infos[i].dstAccelerationStructure, first + i);
         if (!mayBuildMicromap(device, judge, infos[i]))
             continue;
         const auto target = device.objects.accelerationStructures.get(infos[i].dstAccelerationStructure);
         TranslatedMicromapBuild build = driverBuild(infos[i], VK_NULL_HANDLE);
         PlacedMicromap micromap;
-        micromap.bytes = target->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
-                             ? target->size
-                             : driverSizes(device, build).micromapSize;
+        // Handles may reach into one another, whichever their types.
+        micromap.bytes = std::max<VkDeviceSize>(driverSizes(device, build).micromapSize, 1);
         micromap.handle = build.info.dstMicromap = micromapOfSize(device, *target, micromap.bytes);
         if (!micromap.handle) {
             judge.refuse("VELLUM-out-of-memory", "the driver could not make a micromap");
@@ -174,7 +189,8 @@ void buildMicromaps(DeviceTranslation &device, VkCommandBuffer commandBuffer, co
                 continue;
             moved.push_back(static_cast<uint32_t>(builds.size()));
         }
-        becomesMicromap(device, *target, std::move(micromap));
+        targets.push_back(target);
+        micromaps.push_back(std::move(micromap));
         builds.push_back(std::move(build));
     }
     if (builds.empty())
@@ -188,7 +204,10 @@ void buildMicromaps(DeviceTranslation &device, VkCommandBuffer commandBuffer, co
         VkMicromapBuildInfoEXT &info = builds[i].info;
         info.usageCountsCount = 0; // nothing is read
         info.data.deviceAddress = info.triangleArray.deviceAddress = 0;
+        micromaps[i].isKnown = false;
     }
+    for (size_t i = 0; i < builds.size(); ++i)
+        becomesMicromap(device, *targets[i], std::move(micromaps[i]));
     if (!moved.empty())
         work.barrier();
     std::vector<VkMicromapBuildInfoEXT> driverInfos;
@@ -270,6 +289,8 @@ private:
 
     [[nodiscard]] bool mayAttach(const Judge &judge, const AttachedBuild &build) const
     {
+        if (build.lacksGeometry())
+            return judge.refuse(kGeometries, kGeometriesText);
         // The driver does not know the type.
         if (build.hasMicromapGeometry())
             return judge.refuse(
@@ -319,14 +340,17 @@ private:
         const VkDeviceSize readable =
             bytes == 0 ? 0 : (narrow.stride > 0 ? (bytes - 1) / narrow.stride + 1 : VkDeviceSize{UINT32_MAX});
         push.readable = static_cast<uint32_t>(std::min<VkDeviceSize>(readable, UINT32_MAX));
-        if (wide && narrow.indices &&
-            (narrow.count == 0 || work.dispatch(InjectedShader::WideIndices, push, narrow.count, 64))) {
+        // No index is read where there are none, and their address may be anything.
+        if (wide && (narrow.count == 0 ||
+                     (narrow.indices && work.dispatch(InjectedShader::WideIndices, push, narrow.count, 64)))) {
             narrow.attachment->indexBuffer.deviceAddress = wide;
             return;
         }
         // No index is read, and no micromap.
-        device_.driver.report().error("VELLUM-out-of-memory", std::string(command_) + ": no memory for the indices of "
-                                                                                      "micromaps");
+        device_.driver.report().error(
+            "VELLUM-out-of-memory", std::string(command_) + (narrow.indices ? ": no memory for the indices of micromaps"
+                                                                            : ": the indices of a micromap are at a "
+                                                                              "null address"));
         narrow.attachment->indexType = VK_INDEX_TYPE_NONE_KHR;
         narrow.attachment->indexBuffer.deviceAddress = 0;
     }
@@ -357,16 +381,19 @@ void getTranslatedBuildSizes(DeviceTranslation &device, VkDevice handle, VkAccel
     constexpr const char *kCommand = "vkGetAccelerationStructureBuildSizesKHR";
     if (isMicromapBuild(*info)) {
         sizes->accelerationStructureSize = sizes->updateScratchSize = sizes->buildScratchSize = 0;
-        if (!mayMeasureMicromap(device.driver, {device.driver.report(), kCommand}, *info, device.limits))
+        if (!mayMeasure(device, {device.driver.report(), kCommand}, *info))
             return;
         const VkMicromapBuildSizesInfoEXT driver = driverSizes(device, driverBuild(*info, VK_NULL_HANDLE));
-        if (driver.micromapSize == 0)
-            return; // there are no such micromaps
         sizes->accelerationStructureSize = markedMicromapSize(driver.micromapSize);
         sizes->buildScratchSize = driver.buildScratchSize;
         return;
     }
     AttachedBuild build(device, *info, maxPrimitives);
+    if (build.lacksGeometry()) {
+        Judge(device.driver.report(), kCommand).refuse(kGeometries, kGeometriesText);
+        sizes->accelerationStructureSize = sizes->updateScratchSize = sizes->buildScratchSize = 0;
+        return;
+    }
     if (build.hasMicromapGeometry()) {
         device.driver.report().error("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
                                      std::string(kCommand) +
@@ -396,9 +423,11 @@ void cmdBuildTranslatedStructures(DeviceTranslation &device, VkCommandBuffer com
     });
     if (builds.elements().empty())
         return;
+    // Of builds without geometries there may be none.
+    const RangeInfo none{};
     std::vector<const RangeInfo *> driverRanges;
     for (const uint32_t i : builds.elements())
-        driverRanges.push_back(ranges[i]);
+        driverRanges.push_back(ranges && ranges[i] ? ranges[i] : &none);
     device.driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer, static_cast<uint32_t>(driverRanges.size()),
                                                          builds.driverInfos().data(), driverRanges.data());
 }
@@ -415,20 +444,21 @@ void cmdBuildTranslatedStructuresIndirect(DeviceTranslation &device, VkCommandBu
             judgeOf(device, kCommand, infos[i].dstAccelerationStructure, i)
                 .tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
                           "a micromap is not built indirectly"))
-            buildMicromaps(device, commandBuffer, kCommand, 1, &infos[i]);
+            buildMicromaps(device, commandBuffer, kCommand, 1, &infos[i], i);
     }
     StructureBuilds builds(device, commandBuffer, kCommand, count, infos);
     builds.prepare([&](uint32_t i) {
         return most && most[i] ? std::vector<uint32_t>(most[i], most[i] + infos[i].geometryCount)
                                : std::vector<uint32_t>{};
     });
+    const uint32_t none = 0;
     std::vector<VkDeviceAddress> driverAddresses;
     std::vector<uint32_t> driverStrides;
     std::vector<const uint32_t *> driverMost;
     for (const uint32_t i : builds.elements()) {
-        driverAddresses.push_back(addresses[i]);
-        driverStrides.push_back(strides[i]);
-        driverMost.push_back(most[i]);
+        driverAddresses.push_back(addresses ? addresses[i] : 0);
+        driverStrides.push_back(strides ? strides[i] : 0);
+        driverMost.push_back(most && most[i] ? most[i] : &none);
     }
     if (!driverMost.empty())
         device.driver.next.CmdBuildAccelerationStructuresIndirectKHR(
@@ -443,7 +473,17 @@ VkResult buildTranslatedStructures(DeviceTranslation &device, VkDevice handle, V
     // which KHR does not let the host build or build with.
     for (uint32_t i = 0; i < count; ++i) {
         AttachedBuild build(device, infos[i], nullptr);
-        const bool own = !isDrivers(device.objects.accelerationStructures.get(infos[i].dstAccelerationStructure).get());
+        if (build.lacksGeometry()) {
+            judgeOf(device, "vkBuildAccelerationStructuresKHR", infos[i].dstAccelerationStructure, i)
+                .refuse(kGeometries, kGeometriesText);
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
+        const auto isOwn = [&](VkAccelerationStructureKHR structure) {
+            return !isDrivers(device.objects.accelerationStructures.get(structure).get());
+        };
+        const bool own = isOwn(infos[i].dstAccelerationStructure) ||
+                         (infos[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR &&
+                          isOwn(infos[i].srcAccelerationStructure));
         if (!isMicromapBuild(infos[i]) && !own && !build.attaches() && !build.hasMicromapGeometry())
             continue;
         device.driver.report().notAvailable("vkBuildAccelerationStructuresKHR with micromaps");

@@ -12,6 +12,7 @@ namespace
 {
 
 constexpr VkAccelerationStructureTypeKHR kMicromap = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+constexpr VkAccelerationStructureTypeKHR kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
 Judge judgeOf(const DeviceTranslation &device, const char *command, VkAccelerationStructureKHR structure)
 {
@@ -28,18 +29,23 @@ struct Copy {
 
     [[nodiscard]] bool compacts() const { return info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR; }
 
-    [[nodiscard]] bool isMicromap() const
+    // Nothing: neither structure tells.
+    [[nodiscard]] std::optional<bool> isMicromap() const
     {
-        return (source && holdsMicromap(*source)) || (target && target->type == kMicromap);
+        if (target && target->type == kMicromap)
+            return true;
+        const std::optional<bool> known = source ? knownMicromap(*source) : std::nullopt;
+        return !known && target && target->type != kGeneric ? std::optional(false) : known;
     }
 
     // Of all copies.
     [[nodiscard]] bool valid() const
     {
         // One of a micromap is of nothing else.
-        if (isMicromap() && (!source || !target))
+        const bool micromap = isMicromap().value_or(false);
+        if (micromap && (!source || !target))
             return judge.refuse("VELLUM-copy-type", "one of src and dst is no micromap");
-        if (isMicromap() && source->place == target->place)
+        if (micromap && source->place == target->place)
             return judge.refuse("VELLUM-micromap-copy-overlap", "src and dst overlap");
         if (!source)
             return judge.refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-src-parameter",
@@ -89,7 +95,6 @@ struct Copy {
 
     void recordStructure() const
     {
-        // What a GENERIC source holds of which nothing was recorded, the driver may know.
         becomesStructure(*target, contentOf(*source), namesMicromaps(*source));
         VkCopyAccelerationStructureInfoKHR driverInfo = info;
         if (!compacts())
@@ -98,15 +103,20 @@ struct Copy {
     }
 };
 
-// Whether serialized data is to be read as a micromap. Commands for both are recorded before the device, or anyone,
-// looks at the data; its header is the same.
-bool readsMicromap(const DeviceTranslation &device, const AccelerationStructure &target, VkDeviceAddress source)
+// What serialized data is to be read as. Commands for micromaps and for others are recorded before the device, or
+// anyone, looks at the data; its header is the same.
+SerializedPlaces::Data dataAt(const DeviceTranslation &device, const AccelerationStructure &target,
+                              VkDeviceAddress source)
 {
-    if (target.type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        return target.type == kMicromap;
+    auto data = device.serialized.find(device.buffers, source);
     // The sizes of micromaps that are told to applications are marked.
-    return device.serialized.holdsMicromap(device.buffers, source)
-        .value_or(target.size % 256 == shared::kMicromapSizeMark);
+    const bool isMicromap = target.type != kGeneric
+                                ? target.type == kMicromap
+                                : (data ? data->isMicromap : target.size % 256 == shared::kMicromapSizeMark);
+    // Other data may have come there since.
+    if (!data || data->isMicromap != isMicromap)
+        return {isMicromap};
+    return *std::move(data);
 }
 
 VkResult refuseOnHost(const DeviceTranslation &device, const char *command)
@@ -128,7 +138,11 @@ void cmdCopyTranslatedStructure(DeviceTranslation &device, VkCommandBuffer comma
                     judgeOf(device, "vkCmdCopyAccelerationStructureKHR", info->dst)};
     if (!copy.valid())
         return;
-    if (copy.isMicromap())
+    const std::optional<bool> isMicromap = copy.isMicromap();
+    if (!isMicromap)
+        device.driver.report().notAvailable("vkCmdCopyAccelerationStructureKHR between two structures of type GENERIC, "
+                                            "recorded before any build of the source,");
+    else if (*isMicromap)
         copy.recordMicromap();
     else
         copy.recordStructure();
@@ -147,7 +161,13 @@ void cmdCopyTranslatedStructureToMemory(DeviceTranslation &device, VkCommandBuff
     if (info->mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR &&
         !judge.tolerate("VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", "mode is not SERIALIZE"))
         return;
-    if (!holdsMicromap(*source)) {
+    const std::optional<bool> isMicromap = knownMicromap(*source);
+    if (!isMicromap) {
+        device.driver.report().notAvailable("vkCmdCopyAccelerationStructureToMemoryKHR of a GENERIC structure recorded "
+                                            "before any build of it");
+        return;
+    }
+    if (!*isMicromap) {
         if (namesMicromaps(*source)) {
             device.driver.report().notAvailable(
                 "vkCmdCopyAccelerationStructureToMemoryKHR of a bottom-level structure with micromaps, on a driver "
@@ -156,7 +176,7 @@ void cmdCopyTranslatedStructureToMemory(DeviceTranslation &device, VkCommandBuff
         }
         VkCopyAccelerationStructureToMemoryInfoKHR driverInfo = *info;
         driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
-        device.serialized.set(device.buffers, info->dst.deviceAddress, false);
+        device.serialized.set(device.buffers, info->dst.deviceAddress, {});
         device.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
         return;
     }
@@ -171,14 +191,16 @@ void cmdCopyTranslatedStructureToMemory(DeviceTranslation &device, VkCommandBuff
         return;
     }
     VkCopyMicromapToMemoryInfoEXT copy{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
-    copy.src = lastMicromap(device, *source).handle;
+    PlacedMicromap micromap = lastMicromap(device, *source);
+    copy.src = micromap.handle;
     copy.dst.deviceAddress = info->dst.deviceAddress;
     copy.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
     if (!copy.src) {
         judge.refuse("VELLUM-out-of-memory", "the driver could not make a micromap");
         return;
     }
-    device.serialized.set(device.buffers, info->dst.deviceAddress, true);
+    device.serialized.set(device.buffers, info->dst.deviceAddress,
+                          {true, micromap.isKnown, std::move(micromap.usages)});
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     device.driver.next.CmdCopyMicromapToMemoryEXT(commandBuffer, &copy);
@@ -198,7 +220,8 @@ void cmdCopyMemoryToTranslatedStructure(DeviceTranslation &device, VkCommandBuff
     if (info->mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR &&
         !judge.tolerate("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", "mode is not DESERIALIZE"))
         return;
-    if (!readsMicromap(device, *target, info->src.deviceAddress)) {
+    SerializedPlaces::Data data = dataAt(device, *target, info->src.deviceAddress);
+    if (!data.isMicromap) {
         becomesStructure(*target, target->type, false);
         VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = *info;
         driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
@@ -216,7 +239,9 @@ void cmdCopyMemoryToTranslatedStructure(DeviceTranslation &device, VkCommandBuff
         return;
     }
     PlacedMicromap micromap;
-    micromap.bytes = target->type == kMicromap ? target->size : roomOf(device.objects, *target);
+    micromap.bytes = roomOf(device.objects, *target);
+    micromap.isKnown = data.isKnown;
+    micromap.usages = std::move(data.usages);
     micromap.handle = micromapOfSize(device, *target, micromap.bytes);
     if (!micromap.handle) {
         judge.refuse("VELLUM-out-of-memory", "the driver could not make a micromap");
@@ -239,7 +264,7 @@ VkResult copyTranslatedStructure(DeviceTranslation &device, VkDevice handle, VkD
 {
     const auto source = device.objects.accelerationStructures.get(info->src);
     const auto target = device.objects.accelerationStructures.get(info->dst);
-    if (!source || !isDrivers(target.get()) || holdsMicromap(*source))
+    if (!source || !isDrivers(target.get()) || knownMicromap(*source).value_or(target->type == kGeneric))
         return refuseOnHost(device, "vkCopyAccelerationStructureKHR");
     becomesStructure(*target, contentOf(*source), namesMicromaps(*source));
     return device.driver.next.CopyAccelerationStructureKHR(handle, operation, info);
@@ -249,7 +274,7 @@ VkResult copyTranslatedStructureToMemory(DeviceTranslation &device, VkDevice han
                                          const VkCopyAccelerationStructureToMemoryInfoKHR *info)
 {
     const auto source = device.objects.accelerationStructures.get(info->src);
-    if (!source || holdsMicromap(*source) || namesMicromaps(*source))
+    if (!source || knownMicromap(*source).value_or(true) || namesMicromaps(*source))
         return refuseOnHost(device, "vkCopyAccelerationStructureToMemoryKHR");
     return device.driver.next.CopyAccelerationStructureToMemoryKHR(handle, operation, info);
 }

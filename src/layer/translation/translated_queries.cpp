@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "layer/translation/device_translation.h"
@@ -64,7 +65,13 @@ void cmdWriteTranslatedProperties(DeviceTranslation &device, VkCommandBuffer com
         if (!mayWriteProperty(device.queries, judge, structures[i], i, type))
             return;
         const auto structure = device.objects.accelerationStructures.get(structures[i]);
-        micromaps.push_back(holdsMicromap(*structure) ? structure : nullptr);
+        const std::optional<bool> isMicromap = knownMicromap(*structure);
+        if (!isMicromap)
+            device.driver.report().warning(
+                "VELLUM-unknown-content",
+                std::string(kCommand) + ": pAccelerationStructures[" + std::to_string(i) +
+                    "] is of type GENERIC, and nothing was recorded into it so far: it is taken for no micromap");
+        micromaps.push_back(isMicromap.value_or(false) ? structure : nullptr);
     }
     if (marks(type) && InjectedWork::refusedIn(device.commands, commandBuffer, kCommand))
         return;
@@ -101,7 +108,7 @@ VkResult writeTranslatedProperties(DeviceTranslation &device, VkDevice handle, u
 {
     for (uint32_t i = 0; i < count; ++i) {
         const auto structure = device.objects.accelerationStructures.get(structures[i]);
-        if (structure && !holdsMicromap(*structure))
+        if (structure && !knownMicromap(*structure).value_or(true))
             continue;
         device.driver.report().notAvailable("vkWriteAccelerationStructuresPropertiesKHR of a micromap");
         return VK_ERROR_FEATURE_NOT_PRESENT;

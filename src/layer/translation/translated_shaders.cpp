@@ -45,8 +45,22 @@ public:
     explicit DriverInfos(DeviceTranslation &device) : device_(device) {}
     void finish() override {}
 
+    // False: it cannot be, and that is told.
+    bool translate(VkComputePipelineCreateInfo &info) { return setFlags(info) && translateStage(info.stage); }
+    bool translate(VkGraphicsPipelineCreateInfo &info)
+    {
+        return setFlags(info) && (!hasShaderStages(info) || translateStages(info.pStages, info.stageCount));
+    }
+    bool translate(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        const bool assumes = device_.driver.asked.khrFeature && device_.driver.settings->assumeMicromaps;
+        return setFlags(info, assumes ? kUsesMicromaps : 0) && translateStages(info.pStages, info.stageCount);
+    }
+    std::vector<VkRayTracingPipelineCreateInfoKHR> rayTracing;
+
+private:
     // Inline modules (VkShaderModuleCreateInfo in a stage's pNext chain).
-    bool translate(VkPipelineShaderStageCreateInfo &stage)
+    bool translateStage(VkPipelineShaderStageCreateInfo &stage)
     {
         if (stage.module || !findInChain(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO))
             return true;
@@ -61,39 +75,45 @@ public:
         stage.pNext = chain.head();
         return true;
     }
-    bool translate(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
+    bool translateStages(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
     {
-        if (!stages)
+        if (!stages || count == 0)
             return true;
         auto &own = stages_.emplace_back(stages, stages + count);
         stages = own.data();
-        return std::ranges::all_of(own, [this](VkPipelineShaderStageCreateInfo &stage) { return translate(stage); });
+        return std::ranges::all_of(own,
+                                   [this](VkPipelineShaderStageCreateInfo &stage) { return translateStage(stage); });
     }
     // Takes out the flags that a driver with VK_EXT_opacity_micromap does not know, and adds some. That of ray tracing
     // pipelines is EXT's own.
     template <typename Info>
-    void setFlags(Info &info, VkFlags64 added = 0)
+    bool setFlags(Info &info, VkFlags64 added = 0)
     {
         const auto *flags2 =
             findInChain<newer::PipelineCreateFlags2CreateInfo>(info.pNext, newer::kPipelineCreateFlags2CreateInfo);
         if (!flags2) {
             info.flags |= static_cast<VkPipelineCreateFlags>(added);
-            return;
+            return true;
         }
         VkFlags64 unknown = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
         if (!device_.driver.asked.pipelineMicromaps)
             unknown |= newer::kPipelineDisallowOpacityMicromap;
         const VkFlags64 flags = (flags2->flags & ~unknown) | added;
         if (flags == flags2->flags)
-            return;
+            return true;
         Chain &chain = chains_.emplace_back(info.pNext);
-        if (auto *own = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
-            own->flags = flags;
+        auto *own = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
+        if (!own) {
+            device_.driver.report().error("VELLUM-pipeline-flags",
+                                          "VkPipelineCreateFlags2CreateInfo, whose flags the driver must not get as "
+                                          "they are, lies behind a structure of unknown size");
+            return false;
+        }
+        own->flags = flags;
         info.pNext = chain.head();
+        return true;
     }
-    std::vector<VkRayTracingPipelineCreateInfoKHR> rayTracing;
 
-private:
     DeviceTranslation &device_;
     std::deque<Chain> chains_;
     std::deque<std::vector<uint32_t>> words_;
@@ -124,6 +144,29 @@ bool mayHaveRayTracingFlags(const DeviceTranslation &device, const VkRayTracingP
     return true;
 }
 
+// Calls `use` with the create info of a pipeline as the driver gets it.
+template <typename Use>
+VkResult withDriverInfo(DeviceTranslation &device, const newer::PipelineCreateInfo &info, Use use)
+{
+    const auto *structure = static_cast<const VkBaseInStructure *>(info.pNext);
+    DriverInfos own(device);
+    const auto useOwn = [&]<typename Info>(const Info *application) {
+        Info driverInfo = *application;
+        if (!own.translate(driverInfo))
+            return VK_ERROR_INITIALIZATION_FAILED;
+        return use({info.sType, &driverInfo});
+    };
+    switch (structure ? structure->sType : VK_STRUCTURE_TYPE_MAX_ENUM) {
+    case VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO:
+        return useOwn(reinterpret_cast<const VkComputePipelineCreateInfo *>(structure));
+    case VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO:
+        return useOwn(reinterpret_cast<const VkGraphicsPipelineCreateInfo *>(structure));
+    case VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR:
+        return useOwn(reinterpret_cast<const VkRayTracingPipelineCreateInfoKHR *>(structure));
+    default: return use(info);
+    }
+}
+
 VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
 {
     std::fill_n(pipelines, count, VK_NULL_HANDLE);
@@ -151,8 +194,7 @@ VkResult createTranslatedComputePipelines(DeviceTranslation &device, VkDevice ha
         if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
                           "vkCreateComputePipelines"))
             return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        own.setFlags(info);
-        if (!own.translate(info.stage))
+        if (!own.translate(info))
             return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
     }
     return device.driver.next.CreateComputePipelines(handle, cache, count, driverInfos.data(), allocator, pipelines);
@@ -168,8 +210,7 @@ VkResult createTranslatedGraphicsPipelines(DeviceTranslation &device, VkDevice h
         if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
                           "vkCreateGraphicsPipelines"))
             return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        own.setFlags(info);
-        if (hasShaderStages(info) && !own.translate(info.pStages, info.stageCount))
+        if (!own.translate(info))
             return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
     }
     return device.driver.next.CreateGraphicsPipelines(handle, cache, count, driverInfos.data(), allocator, pipelines);
@@ -185,9 +226,7 @@ VkResult createTranslatedRayTracingPipelines(DeviceTranslation &device, VkDevice
     for (VkRayTracingPipelineCreateInfoKHR &info : own->rayTracing) {
         if (!mayHaveRayTracingFlags(device, info))
             return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        own->setFlags(info,
-                      device.driver.asked.khrFeature && device.driver.settings->assumeMicromaps ? kUsesMicromaps : 0);
-        if (!own->translate(info.pStages, info.stageCount))
+        if (!own->translate(info))
             return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
     }
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
@@ -223,6 +262,45 @@ VkResult createTranslatedShaders(DeviceTranslation &device, VkDevice handle, uin
         info.pCode = code;
     }
     return device.driver.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
+}
+
+void getTranslatedInfoIdentifier(DeviceTranslation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
+                                 VkShaderModuleIdentifierEXT *identifier)
+{
+    VkShaderModuleCreateInfo driverInfo = *info;
+    std::vector<uint32_t> storage;
+    translateShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
+    device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
+}
+
+VkResult createTranslatedBinaries(DeviceTranslation &device, VkDevice handle,
+                                  const newer::PipelineBinaryCreateInfo *info, const VkAllocationCallbacks *allocator,
+                                  newer::PipelineBinaryHandlesInfo *binaries)
+{
+    const auto create = device.driver.next.CreatePipelineBinariesKHR;
+    if (!info->pPipelineCreateInfo)
+        return create(handle, info, allocator, binaries);
+    bool asked = false;
+    const VkResult result =
+        withDriverInfo(device, *info->pPipelineCreateInfo, [&](const newer::PipelineCreateInfo &pipeline) {
+            newer::PipelineBinaryCreateInfo driverInfo = *info;
+            driverInfo.pPipelineCreateInfo = &pipeline;
+            asked = true;
+            return create(handle, &driverInfo, allocator, binaries);
+        });
+    if (!asked && binaries->pPipelineBinaries)
+        std::fill_n(binaries->pPipelineBinaries, binaries->pipelineBinaryCount, nullptr);
+    return result;
+}
+
+VkResult getTranslatedKey(DeviceTranslation &device, VkDevice handle, const newer::PipelineCreateInfo *info,
+                          newer::PipelineBinaryKey *key)
+{
+    const auto get = device.driver.next.GetPipelineKeyKHR;
+    if (!info)
+        return get(handle, nullptr, key);
+    return withDriverInfo(device, *info,
+                          [&](const newer::PipelineCreateInfo &driverInfo) { return get(handle, &driverInfo, key); });
 }
 
 } // namespace vellum::layer

@@ -32,6 +32,11 @@ void addStructure(DeviceTranslation &device, std::shared_ptr<AccelerationStructu
 VkResult addMicromap(DeviceTranslation &device, const Judge &judge, const BufferRange &range,
                      VkAccelerationStructureKHR &result)
 {
+    if (!device.driver.next.CreateMicromapEXT) {
+        judge.refuse("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                     "type is OPACITY_MICROMAP, but VK_KHR_opacity_micromap is not enabled");
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    }
     // VUID-VkMicromapCreateInfoEXT-buffer-07496
     const VkFlags64 usage = device.buffers.infos.get(range.buffer).usage;
     if ((usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) == 0) {

@@ -70,5 +70,11 @@ VkResult createTranslatedRayTracingPipelines(DeviceTranslation &, VkDevice, VkDe
                                              const VkAllocationCallbacks *, VkPipeline *);
 VkResult createTranslatedShaders(DeviceTranslation &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
                                  const VkAllocationCallbacks *, newer::ShaderEXT *);
+// Identifiers and keys are the driver's, of the shaders that it gets: these hold nothing of one device or process.
+void getTranslatedInfoIdentifier(DeviceTranslation &, VkDevice, const VkShaderModuleCreateInfo *,
+                                 VkShaderModuleIdentifierEXT *);
+VkResult createTranslatedBinaries(DeviceTranslation &, VkDevice, const newer::PipelineBinaryCreateInfo *,
+                                  const VkAllocationCallbacks *, newer::PipelineBinaryHandlesInfo *);
+VkResult getTranslatedKey(DeviceTranslation &, VkDevice, const newer::PipelineCreateInfo *, newer::PipelineBinaryKey *);
 
 } // namespace vellum::layer

@@ -189,11 +189,43 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, std::uint3
     DRIVER_NEXT(vkCmdWriteMicromapsPropertiesEXT)(handle, count, all, type, pool, first);
 }
 
+// What the last query of sizes and the last build of an acceleration structure were told of their micromaps.
+std::vector<VkMicromapUsageEXT> measuredUsages, builtUsages;
+
+void takeUsages(const VkAccelerationStructureBuildGeometryInfoKHR &info, std::vector<VkMicromapUsageEXT> &usages,
+                const char *command)
+{
+    std::lock_guard lock(mutex);
+    usages.clear();
+    for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
+        const auto &geometry = info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
+        const auto *triangles = geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR
+                                    ? inChain<VkAccelerationStructureTrianglesOpacityMicromapEXT>(
+                                          geometry.geometry.triangles.pNext,
+                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT)
+                                    : nullptr;
+        if (triangles == nullptr)
+            continue;
+        if (triangles->indexType == VK_INDEX_TYPE_NONE_KHR && triangles->indexBuffer.deviceAddress != 0)
+            tell(std::string(command) + ": an index buffer of indices of no type");
+        usages.insert(usages.end(), triangles->pUsageCounts, triangles->pUsageCounts + triangles->usageCountsCount);
+    }
+}
+
+VKAPI_ATTR void VKAPI_CALL getSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
+                                    const VkAccelerationStructureBuildGeometryInfoKHR *info,
+                                    const std::uint32_t *primitives, VkAccelerationStructureBuildSizesInfoKHR *sizes)
+{
+    takeUsages(*info, measuredUsages, "vkGetAccelerationStructureBuildSizesKHR");
+    DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, primitives, sizes);
+}
+
 VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     for (const auto &info : std::span(infos, count)) {
+        takeUsages(info, builtUsages, "vkCmdBuildAccelerationStructuresKHR");
         for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
             const auto &geometry = info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
             if (geometry.geometryType != VK_GEOMETRY_TYPE_TRIANGLES_KHR)
@@ -218,6 +250,7 @@ LevelRows extRows()
         {"vkCmdCopyMicromapEXT", DRIVER_FUNCTION(cmdCopyMicromap)},
         {"vkCmdWriteMicromapsPropertiesEXT", DRIVER_FUNCTION(cmdWriteProperties)},
         {"vkCmdBuildAccelerationStructuresKHR", DRIVER_FUNCTION(cmdBuild)},
+        {"vkGetAccelerationStructureBuildSizesKHR", DRIVER_FUNCTION(getSizes)},
     };
     static const Row instance[]{
         {"vkCreateDevice", DRIVER_FUNCTION(createDevice)},
@@ -235,4 +268,12 @@ extern "C" __attribute__((visibility("default"))) std::uint64_t vellumExtBuilds(
 extern "C" std::uint64_t vellumExtBuilds()
 {
     return driver::builds;
+}
+// The usage counts of the last query of the sizes of an acceleration structure, or of the last build.
+extern "C" __attribute__((visibility("default"))) void vellumExtUsages(bool built,
+                                                                       std::vector<VkMicromapUsageEXT> *usages);
+extern "C" void vellumExtUsages(bool built, std::vector<VkMicromapUsageEXT> *usages)
+{
+    std::lock_guard lock(driver::mutex);
+    *usages = built ? driver::builtUsages : driver::measuredUsages;
 }

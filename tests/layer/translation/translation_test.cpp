@@ -246,4 +246,288 @@ TEST_F(TranslationBeside, MicromapsOfBothExtensions)
     gpu().vk().DestroyMicromapEXT(gpu().device(), ext, nullptr);
 }
 
+// --- how much a structure is said to have of each level and format ---
+
+using Usages = std::vector<VkMicromapUsageEXT>;
+
+class TranslationUsages : public Translation
+{
+protected:
+    static Usages usages(bool built)
+    {
+        Usages all;
+        testDriverFunction<void (*)(bool, Usages *)>("vellumExtUsages")(built, &all);
+        return all;
+    }
+    // A structure of eight triangles with that micromap, whose size was asked for at some time.
+    struct Bottom {
+        explicit Bottom(Gpu &gpu, VkAccelerationStructureKHR micromap) : any(gpu, eightStates()), blas(gpu)
+        {
+            blas.prepare({mapped(&any)});
+            geometry = blas.buildInfo().pGeometries[0];
+            attachment = *static_cast<const VkAccelerationStructureTrianglesOpacityMicromapKHR *>(
+                geometry.geometry.triangles.pNext);
+            attachment.micromap = micromap;
+            geometry.geometry.triangles.pNext = &attachment;
+        }
+        BuildInfo info()
+        {
+            BuildInfo result = blas.buildInfo();
+            result.pGeometries = &geometry;
+            return result;
+        }
+        Micromap any;
+        Blas blas;
+        VkAccelerationStructureGeometryKHR geometry{};
+        VkAccelerationStructureTrianglesOpacityMicromapKHR attachment{};
+    };
+    Usages measured(Bottom &bottom)
+    {
+        sizesOf(bottom.info());
+        return usages(false);
+    }
+    Usages built(Bottom &bottom)
+    {
+        build(bottom.info(), bottom.blas.ranges());
+        Usages told = usages(true);
+        EXPECT_EQ(tracedBottom(bottom.blas.address()), kForwards);
+        return told;
+    }
+    static void expectWithin(const Usages &inner, const Usages &outer)
+    {
+        EXPECT_FALSE(inner.empty());
+        for (const VkMicromapUsageEXT &usage : inner)
+            EXPECT_TRUE(std::any_of(outer.begin(), outer.end(),
+                                    [&](const VkMicromapUsageEXT &other) {
+                                        return other.subdivisionLevel == usage.subdivisionLevel &&
+                                               other.format == usage.format && other.count >= usage.count;
+                                    }))
+                << usage.count << " of level " << usage.subdivisionLevel << ", format " << usage.format;
+    }
+};
+
+TEST_F(TranslationUsages, MeasuredBeforeTheMicromap)
+{
+    for (const auto type : {kMicromapType, kGeneric}) {
+        const Micromap input(gpu(), eightStates());
+        const Placed target(gpu(), type, input.size());
+        Bottom bottom(gpu(), target.handle());
+        const Usages before = measured(bottom);
+        buildInto(input, target.handle());
+        const Usages after = built(bottom);
+        expectWithin(after, before);
+        EXPECT_EQ(after.size(), 1u);
+    }
+}
+
+// The same levels and formats, for more triangles; and others in between.
+TEST_F(TranslationUsages, MicromapsThatAreBuiltAgain)
+{
+    MicromapInput few;
+    few.add(4, kFourState, std::vector<std::uint8_t>(256, 2));
+    MicromapInput other;
+    other.add(2, kTwoState, std::vector<std::uint8_t>(16, 1));
+    const Micromap first(gpu(), few), second(gpu(), other), third(gpu(), eightStates());
+    const Placed target(gpu(), kMicromapType, third.size());
+    Bottom bottom(gpu(), target.handle());
+    buildInto(first, target.handle());
+    const Usages before = measured(bottom);
+    buildInto(third, target.handle());
+    expectWithin(built(bottom), before);
+    buildInto(second, target.handle());
+    const Usages between = measured(bottom);
+    buildInto(third, target.handle());
+    expectWithin(built(bottom), between);
+}
+
+TEST_F(TranslationUsages, SerializedAndBack)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    Bottom first(gpu(), micromap.handle().khr);
+    const Usages known = built(first);
+    const VkDeviceSize bytes = query(micromap.handle().khr, kSerializedSize);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const Placed target(gpu(), kMicromapType, micromap.size());
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, data.address(), target.micromap()); });
+    Bottom second(gpu(), target.handle());
+    const Usages again = built(second);
+    expectWithin(again, known);
+    expectWithin(known, again);
+}
+
+// --- content, not handles ---
+
+TEST_F(Translation, TypedMicromapsOfOverlappingHandles)
+{
+    const Buffer memory(gpu(), 1 << 20, kStorage);
+    const Placed first(gpu(), kMicromapType, memory.address(), 1 << 20);
+    const Placed second(gpu(), kMicromapType, memory.address() + (1 << 19), 1 << 19);
+    const Placed third(gpu(), kMicromapType, memory.address() + (1 << 18), (1 << 20) - (1 << 18));
+    const Micromap input(gpu(), eightStates());
+    buildInto(input, first.handle());
+    copy(first.handle(), second.handle());
+    EXPECT_EQ(tracedMicromap(second.handle()), kForwards);
+    const VkDeviceSize bytes = query(second.handle(), kSerializedSize);
+    EXPECT_LT(bytes, 1u << 16);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, second.micromap(), data.address()); });
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, data.address(), third.micromap()); });
+    EXPECT_EQ(tracedMicromap(third.handle()), kForwards);
+    EXPECT_EQ(tracedMicromap(second.handle()), kForwards);
+}
+
+// Nothing was recorded, and the size is none of a micromap: what there is, a driver must not be told at random.
+TEST_F(Translation, GenericStructuresOfUnknownContent)
+{
+    const Placed from(gpu(), kGeneric, 4096), to(gpu(), kGeneric, 4096);
+    gpu().takeUnexpectedMessages();
+    copy(from.handle(), to.handle());
+    expectRefused("not-available");
+    const Buffer data(gpu(), 1 << 16, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, from.micromap(), data.address()); });
+    expectRefused("not-available");
+    query(from.handle(), kSerializedSize);
+    expectRefused("unknown-content");
+    // The size of a micromap tells, before it is built.
+    const Micromap input(gpu(), eightStates());
+    ASSERT_EQ(input.size() % 256, 64u);
+    const Placed marked(gpu(), kGeneric, input.size()), target(gpu(), kGeneric, input.size());
+    VkCommandBuffer copies = gpu().begin();
+    recordCopy(gpu(), copies, marked.handle(), target.handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
+    gpu().end(copies);
+    buildInto(input, marked.handle());
+    gpu().execute(copies);
+    EXPECT_EQ(tracedMicromap(target.handle()), kForwards);
+}
+
+// --- what is missing ---
+
+class TranslationMissing : public Translation
+{
+protected:
+    TranslationMissing() : Translation({.validation = false, .traits = "ext", .api = Api::Khr}) {}
+};
+
+TEST_F(TranslationMissing, Geometries)
+{
+    Blas blas(gpu());
+    blas.prepare({mapped(nullptr)});
+    BuildInfo info = blas.buildInfo();
+    const VkAccelerationStructureGeometryKHR *none = nullptr;
+    info.pGeometries = nullptr;
+    for (const auto *const *all : {static_cast<decltype(&none)>(nullptr), &none}) {
+        info.ppGeometries = all;
+        EXPECT_EQ(sizesOf(info).accelerationStructureSize, 0u);
+        expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
+        build(info, blas.ranges());
+        expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
+    }
+    // None are needed, nor are ranges.
+    info.geometryCount = 0;
+    info.ppGeometries = nullptr;
+    build(info);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, nullptr); });
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// An index buffer that is not used may be anything.
+TEST_F(TranslationMissing, IndicesOfNoType)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    Blas blas(gpu());
+    blas.prepare({mapped(&micromap)});
+    VkAccelerationStructureGeometryKHR geometry = blas.buildInfo().pGeometries[0];
+    auto attachment =
+        *static_cast<const VkAccelerationStructureTrianglesOpacityMicromapKHR *>(geometry.geometry.triangles.pNext);
+    ASSERT_EQ(attachment.indexType, VK_INDEX_TYPE_NONE_KHR);
+    attachment.indexBuffer = 12345;
+    attachment.indexStride = 3;
+    geometry.geometry.triangles.pNext = &attachment;
+    BuildInfo info = blas.buildInfo();
+    info.pGeometries = &geometry;
+    build(info, blas.ranges());
+    EXPECT_EQ(tracedBottom(blas.address()), kForwards);
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// --- devices ---
+
+class TranslationDevices : public Translation
+{
+protected:
+    TranslationDevices() : Translation({.validation = false, .traits = "ext,caching", .api = Api::Khr}) {}
+
+    VkResult create(const std::vector<const char *> &names, VkDevice &device)
+    {
+        const float priority = 1;
+        VkDeviceQueueCreateInfo queue{};
+        queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+        queue.queueCount = 1;
+        queue.pQueuePriorities = &priority;
+        VkPhysicalDeviceOpacityMicromapFeaturesKHR micromaps{};
+        micromaps.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR;
+        micromaps.micromap = VK_TRUE;
+        VkDeviceCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+        info.pNext =
+            std::ranges::any_of(
+                names, [](const char *name) { return std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0; })
+                ? &micromaps
+                : nullptr;
+        info.queueCreateInfoCount = 1;
+        info.pQueueCreateInfos = &queue;
+        info.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
+        info.ppEnabledExtensionNames = names.data();
+        return vkCreateDevice(gpu().physical(), &info, nullptr, &device);
+    }
+};
+
+TEST_F(TranslationDevices, EverythingThatIsListed)
+{
+    std::uint32_t count = 0;
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> list(count);
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, list.data()));
+    std::vector<const char *> names;
+    for (const VkExtensionProperties &extension : list)
+        names.push_back(extension.extensionName);
+    for (const char *name : {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, "VK_KHR_pipeline_binary",
+                             VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME})
+        EXPECT_TRUE(std::ranges::any_of(names, [name](const char *n) { return std::strcmp(n, name) == 0; })) << name;
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(create(names, device), VK_SUCCESS);
+    vkDestroyDevice(device, nullptr);
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// Commands that micromaps would take are not there, and nobody falls over that.
+TEST_F(TranslationDevices, AddressCommandsAlone)
+{
+    VkDevice device = VK_NULL_HANDLE;
+    ASSERT_EQ(create({VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+                      VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME},
+                     device),
+              VK_SUCCESS);
+    gpu().takeUnexpectedMessages();
+    const auto sizesOf = reinterpret_cast<PFN_vkGetAccelerationStructureBuildSizesKHR>(
+        vkGetDeviceProcAddr(device, "vkGetAccelerationStructureBuildSizesKHR"));
+    const Micromap input(gpu(), eightStates());
+    const StructureBuild build(input.buildInfo(), VK_NULL_HANDLE);
+    VkAccelerationStructureBuildSizesInfoKHR sizes{};
+    sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    sizesOf(device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, nullptr, &sizes);
+    EXPECT_EQ(sizes.accelerationStructureSize, 0u);
+    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559");
+    vkDestroyDevice(device, nullptr);
+}
+
 } // namespace
