@@ -5,6 +5,7 @@
 #include "core/records.h"
 #include "layer/ground/driver.h"
 #include "layer/ground/pnext.h"
+#include "layer/memory/address_map.h"
 #include "layer/micromaps/micromap_extent.h"
 
 namespace vellum::layer
@@ -145,6 +146,30 @@ bool mayMeasureMicromap(const Driver &driver, const Judge &judge, const BuildInf
                         "flags " + std::to_string(info.flags) + " holds some that are not for micromaps"))
         return false;
     return mayHaveUsages(judge, info, *data, limits);
+}
+
+bool mayReadInput(const AddressMap &addresses, const Judge &judge, const BuildInfo &info, VkDeviceSize scratchBytes)
+{
+    const MicromapData &data = *micromapDataOf(info);
+    if (data.data == 0 || data.triangleArray == 0)
+        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550",
+                            "data or triangleArray is a null address");
+    if ((data.data % 128 != 0 || data.triangleArray % 128 != 0) &&
+        !judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552",
+                        "data or triangleArray is not a multiple of 128"))
+        return false;
+    if (scratchBytes == 0)
+        return true;
+    const VkDeviceAddress scratch = info.scratchData.deviceAddress;
+    if (scratch == 0 || scratch % kLeastScratchAlignment != 0)
+        return judge.refuse(scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
+                                         : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710",
+                            "scratchData is a null address or not aligned");
+    if (addresses.bytesFrom(scratch) < scratchBytes)
+        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258",
+                            "scratchData has " + std::to_string(addresses.bytesFrom(scratch)) +
+                                " bytes in its buffer, the build needs " + std::to_string(scratchBytes));
+    return true;
 }
 
 VkDeviceSize markedMicromapSize(VkDeviceSize bytes)

@@ -11,6 +11,7 @@
 namespace vellum::layer
 {
 
+class AddressMap;
 struct Driver;
 
 // Whether a build is one of a micromap.
@@ -46,6 +47,10 @@ struct MicromapLimits {
 // Whether the sizes of a build may be told.
 bool mayMeasureMicromap(const Driver &driver, const Judge &judge,
                         const VkAccelerationStructureBuildGeometryInfoKHR &info, const MicromapLimits &limits);
+
+// Whether the addresses of a build with triangles can be used: of its input, and of so many bytes of scratch memory.
+bool mayReadInput(const AddressMap &addresses, const Judge &judge,
+                  const VkAccelerationStructureBuildGeometryInfoKHR &info, VkDeviceSize scratchBytes);
 
 // The least size of a micromap that is told to applications, so that a GENERIC structure made for it is known.
 VkDeviceSize markedMicromapSize(VkDeviceSize bytes);

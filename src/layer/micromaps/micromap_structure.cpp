@@ -51,22 +51,8 @@ bool mayBuildStructure(const DeviceMicromaps &device, const Judge &judge, const 
                                 " bytes, the build needs " + std::to_string(extent.bytes()));
     if (extent.triangles == 0)
         return true;
-    if (data.data == 0 || data.triangleArray == 0)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550",
-                            "data or triangleArray is a null address");
-    if ((data.data % 128 != 0 || data.triangleArray % 128 != 0) &&
-        !judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552",
-                        "data or triangleArray is not a multiple of 128"))
+    if (!mayReadInput(device.buffers.addresses, judge, info, extent.scratchBytes()))
         return false;
-    const VkDeviceAddress scratch = info.scratchData.deviceAddress;
-    if (scratch == 0 || scratch % kLeastScratchAlignment != 0)
-        return judge.refuse(scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
-                                         : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710",
-                            "scratchData is a null address or not aligned");
-    if (device.buffers.addresses.bytesFrom(scratch) < extent.scratchBytes())
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258",
-                            "scratchData has " + std::to_string(device.buffers.addresses.bytesFrom(scratch)) +
-                                " bytes in its buffer, the build needs " + std::to_string(extent.scratchBytes()));
     return mayHaveStride(judge, data.triangleArrayStride, extent,
                          "VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646");
 }

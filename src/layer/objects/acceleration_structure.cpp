@@ -97,6 +97,16 @@ void forgetReference(DeviceObjects &device, StructurePlace &place, VkDeviceAddre
 
 } // namespace
 
+std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, VkAccelerationStructureTypeKHR type)
+{
+    auto structure = std::make_shared<AccelerationStructure>();
+    structure->buffer = range.buffer;
+    structure->offset = range.offset;
+    structure->size = range.size;
+    structure->type = type;
+    return structure;
+}
+
 void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
 {
     structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};

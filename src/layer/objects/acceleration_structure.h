@@ -8,6 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/objects/buffer_range.h"
 #include "layer/objects/micromap_object.h"
 #include "layer/objects/structure_place.h"
 
@@ -40,6 +41,8 @@ struct AccelerationStructure {
     };
     std::vector<Fitted> fitted; // handles of the driver's at the same place, structures/fitted_handle.h
 };
+
+std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, VkAccelerationStructureTypeKHR type);
 
 // Finds the place of a structure that was made in `buffer`, and lets go of it.
 void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);

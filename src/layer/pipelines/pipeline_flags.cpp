@@ -22,6 +22,16 @@ bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char
                 "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");
 }
 
+bool takeMixedSpecialIndex(const Driver &driver, newer::ShaderCreateInfo &info)
+{
+    constexpr VkFlags kDisallowMixedShader =
+        static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
+    const bool asked = (info.flags & kDisallowMixedShader) != 0;
+    info.flags &= ~kDisallowMixedShader;
+    return !asked || driver.asked.khrFeature ||
+           toleratesMixedSpecialIndex(driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
+}
+
 bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
 {
     const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(

@@ -24,6 +24,8 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);
 // Tells of the promise of no mixed special indices where it may not be made. It does no harm there; whether the object
 // may be made.
 bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
+// Takes the flag of a shader object away that only the layer knows; false, after a message, where it may not be there.
+bool takeMixedSpecialIndex(const Driver &driver, newer::ShaderCreateInfo &info);
 
 // The same of a compute or graphics pipeline with these flags.
 bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,

@@ -20,9 +20,6 @@ namespace vellum::layer
 namespace
 {
 
-constexpr VkFlags kDisallowMixedShader =
-    static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
-
 VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
 {
     for (uint32_t i = 0; i < count; ++i)
@@ -177,13 +174,10 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
-        if ((info.flags & kDisallowMixedShader) != 0 && !device.driver.asked.khrFeature &&
-            !toleratesMixedSpecialIndex(device.driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623",
-                                        "vkCreateShadersEXT")) {
+        if (!takeMixedSpecialIndex(device.driver, info)) {
             std::fill_n(shaders, count, nullptr);
             return VK_ERROR_VALIDATION_FAILED_EXT;
         }
-        info.flags &= ~kDisallowMixedShader;
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
             if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0) {

@@ -16,16 +16,6 @@ namespace vellum::layer
 namespace
 {
 
-std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &place, VkAccelerationStructureTypeKHR type)
-{
-    auto structure = std::make_shared<AccelerationStructure>();
-    structure->buffer = place.buffer;
-    structure->offset = place.offset;
-    structure->size = place.size;
-    structure->type = type;
-    return structure;
-}
-
 // A new structure has its handle, and is known from now on.
 void addStructure(DeviceStructures &device, std::shared_ptr<AccelerationStructure> structure,
                   VkAccelerationStructureKHR handle)

@@ -94,22 +94,8 @@ bool mayBuildMicromap(const DeviceTranslation &device, const Judge &judge, const
     if (triangles == 0)
         return true;
     const MicromapData &data = *micromapDataOf(info);
-    if (data.data == 0 || data.triangleArray == 0)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550",
-                            "data or triangleArray is a null address");
-    if ((data.data % 128 != 0 || data.triangleArray % 128 != 0) &&
-        !judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552",
-                        "data or triangleArray is not a multiple of 128"))
+    if (!mayReadInput(device.buffers.addresses, judge, info, sizes.buildScratchSize))
         return false;
-    const VkDeviceAddress scratch = info.scratchData.deviceAddress;
-    if (sizes.buildScratchSize > 0 && (scratch == 0 || scratch % kLeastScratchAlignment != 0))
-        return judge.refuse(scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
-                                         : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710",
-                            "scratchData is a null address or not aligned");
-    if (sizes.buildScratchSize > 0 && device.buffers.addresses.bytesFrom(scratch) < sizes.buildScratchSize)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258",
-                            "scratchData has " + std::to_string(device.buffers.addresses.bytesFrom(scratch)) +
-                                " bytes in its buffer, the build needs " + std::to_string(sizes.buildScratchSize));
     if (data.triangleArrayStride > UINT32_MAX && triangles > 1)
         return judge.refuse("VELLUM-micromap-stride", "triangleArrayStride does not fit 32 bits");
     return data.triangleArrayStride >= sizeof(VkMicromapTriangleKHR) ||

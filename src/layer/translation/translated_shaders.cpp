@@ -13,9 +13,6 @@ namespace vellum::layer
 namespace
 {
 
-constexpr VkFlags kDisallowMixedShader =
-    static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
-
 constexpr VkFlags64 kUsesMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
 
 // SPIR-V as a driver takes it that knows SPV_EXT_opacity_micromap only. `code` and `bytes` are replaced where something
@@ -248,13 +245,10 @@ VkResult createTranslatedShaders(DeviceTranslation &device, VkDevice handle, uin
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     for (newer::ShaderCreateInfo &info : own) {
-        if ((info.flags & kDisallowMixedShader) != 0 && !device.driver.asked.khrFeature &&
-            !toleratesMixedSpecialIndex(device.driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623",
-                                        "vkCreateShadersEXT")) {
+        if (!takeMixedSpecialIndex(device.driver, info)) {
             std::fill_n(shaders, count, nullptr);
             return VK_ERROR_VALIDATION_FAILED_EXT;
         }
-        info.flags &= ~kDisallowMixedShader;
         if (info.codeType != newer::kShaderCodeTypeSpirv)
             continue;
         const auto *code = static_cast<const uint32_t *>(info.pCode);

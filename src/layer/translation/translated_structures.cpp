@@ -11,16 +11,6 @@ namespace vellum::layer
 namespace
 {
 
-std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, VkAccelerationStructureTypeKHR type)
-{
-    auto structure = std::make_shared<AccelerationStructure>();
-    structure->buffer = range.buffer;
-    structure->offset = range.offset;
-    structure->size = range.size;
-    structure->type = type;
-    return structure;
-}
-
 void addStructure(DeviceTranslation &device, std::shared_ptr<AccelerationStructure> structure,
                   VkAccelerationStructureKHR handle)
 {

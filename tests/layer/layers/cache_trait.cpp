@@ -165,20 +165,14 @@ Identifier keyOfPipeline(const Shape &shape, const std::vector<Words> &code)
 VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
-    const auto next = DRIVER_NEXT(vkEnumerateDeviceExtensionProperties);
-    if (layer != nullptr)
-        return next(handle, layer, count, properties);
-    std::uint32_t below = 0;
-    next(handle, nullptr, &below, nullptr);
-    std::vector<VkExtensionProperties> all(below);
-    next(handle, nullptr, &below, all.data());
-    for (const char *name : kExtensions) {
-        VkExtensionProperties own{};
-        std::strcpy(own.extensionName, name);
-        own.specVersion = 1;
-        all.push_back(own);
-    }
-    return list<VkExtensionProperties>(all, count, properties);
+    return listExtensions(kLevel, handle, layer, count, properties, [](std::vector<VkExtensionProperties> &all) {
+        for (const char *name : kExtensions) {
+            VkExtensionProperties own{};
+            std::strcpy(own.extensionName, name);
+            own.specVersion = 1;
+            all.push_back(own);
+        }
+    });
 }
 
 VKAPI_ATTR void VKAPI_CALL getFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)

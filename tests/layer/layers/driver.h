@@ -17,6 +17,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace driver
 {
@@ -124,6 +125,23 @@ VkResult list(std::span<const T> all, std::uint32_t *count, T *out)
     *count = std::min(*count, size);
     std::copy_n(all.begin(), *count, out);
     return *count < size ? VK_INCOMPLETE : VK_SUCCESS;
+}
+
+// Answers vkEnumerateDeviceExtensionProperties for the level by the next level's list, changed by `change`.
+template <class Change>
+VkResult listExtensions(Level level, VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+                        VkExtensionProperties *properties, Change change)
+{
+    const auto next = driver::next<PFN_vkEnumerateDeviceExtensionProperties>(level, keyOf(handle),
+                                                                             "vkEnumerateDeviceExtensionProperties");
+    if (layer != nullptr)
+        return next(handle, layer, count, properties);
+    std::uint32_t below = 0;
+    next(handle, nullptr, &below, nullptr);
+    std::vector<VkExtensionProperties> all(below);
+    next(handle, nullptr, &below, all.data());
+    change(all);
+    return list<VkExtensionProperties>(all, count, properties);
 }
 
 } // namespace driver

@@ -34,15 +34,9 @@ bool hides(void *key, const char *extension)
 VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
-    const auto next = DRIVER_NEXT(vkEnumerateDeviceExtensionProperties);
-    if (layer != nullptr)
-        return next(handle, layer, count, properties);
-    std::uint32_t below = 0;
-    next(handle, nullptr, &below, nullptr);
-    std::vector<VkExtensionProperties> all(below);
-    next(handle, nullptr, &below, all.data());
-    std::erase_if(all, [handle](const VkExtensionProperties &e) { return hides(keyOf(handle), e.extensionName); });
-    return list<VkExtensionProperties>(all, count, properties);
+    return listExtensions(kLevel, handle, layer, count, properties, [handle](std::vector<VkExtensionProperties> &all) {
+        std::erase_if(all, [handle](const VkExtensionProperties &e) { return hides(keyOf(handle), e.extensionName); });
+    });
 }
 
 // Takes structures of an output chain out of it while the driver answers, which does not know them.

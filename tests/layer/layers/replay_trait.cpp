@@ -17,16 +17,10 @@ constexpr Level kLevel = Level::Replay;
 VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
-    const auto next = DRIVER_NEXT(vkEnumerateDeviceExtensionProperties);
-    if (layer != nullptr)
-        return next(handle, layer, count, properties);
-    std::uint32_t below = 0;
-    next(handle, nullptr, &below, nullptr);
-    std::vector<VkExtensionProperties> all(below);
-    next(handle, nullptr, &below, all.data());
-    std::erase_if(all,
-                  [](const VkExtensionProperties &e) { return std::strcmp(e.extensionName, kImportExtension) == 0; });
-    return list<VkExtensionProperties>(all, count, properties);
+    return listExtensions(kLevel, handle, layer, count, properties, [](std::vector<VkExtensionProperties> &all) {
+        std::erase_if(
+            all, [](const VkExtensionProperties &e) { return std::strcmp(e.extensionName, kImportExtension) == 0; });
+    });
 }
 
 struct Mapping {
