@@ -72,9 +72,9 @@ protected:
         const OfBinary made(binary, &flags);
         std::vector<VkPipelineShaderStageCreateInfo> stages(info.get().pStages,
                                                             info.get().pStages + info.get().stageCount);
-        VkShaderModuleCreateInfo ignored{}; // no code that could be rewritten
+        VkShaderModuleCreateInfo ignored{}; // that could not be rewritten
         ignored.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        ignored.codeSize = 24;
+        ignored.codeSize = sizeof tracer_comp / 8 * 4;
         ignored.pCode = tracer_comp;
         for (VkPipelineShaderStageCreateInfo &stage : stages) {
             stage.module = VK_NULL_HANDLE;
