@@ -46,4 +46,20 @@ BufferRange rangeOf(const DeviceObjects &device, const VkAccelerationStructureCr
     return {found.buffer, found.offset, std::min(size, found.bytes)};
 }
 
+VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreateInfo2KHR &info,
+                       const BufferRange &range, const VkAllocationCallbacks *allocator,
+                       VkAccelerationStructureKHR &result)
+{
+    if (driver.next.CreateAccelerationStructure2KHR)
+        return driver.next.CreateAccelerationStructure2KHR(driver.handle, &info, allocator, &result);
+    VkAccelerationStructureCreateInfoKHR driverInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+    driverInfo.pNext = info.pNext;
+    driverInfo.createFlags = info.createFlags;
+    driverInfo.buffer = range.buffer;
+    driverInfo.offset = range.offset;
+    driverInfo.size = range.size;
+    driverInfo.type = info.type;
+    return driver.next.CreateAccelerationStructureKHR(driver.handle, &driverInfo, allocator, &result);
+}
+
 } // namespace vellum::layer

@@ -7,6 +7,7 @@ namespace vellum::layer
 {
 
 struct DeviceObjects;
+struct Driver;
 
 struct BufferRange {
     VkBuffer buffer = VK_NULL_HANDLE;
@@ -16,5 +17,10 @@ struct BufferRange {
 // Null after a message. `micromapAlignment`: that addresses of micromaps need at least.
 BufferRange rangeOf(const DeviceObjects &device, const VkAccelerationStructureCreateInfo2KHR &info,
                     VkDeviceSize micromapAlignment);
+
+// Lets the driver make the structure: by the same command where it has it, and otherwise in the buffer.
+VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreateInfo2KHR &info,
+                       const BufferRange &range, const VkAllocationCallbacks *allocator,
+                       VkAccelerationStructureKHR &result);
 
 } // namespace vellum::layer

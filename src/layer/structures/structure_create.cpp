@@ -145,7 +145,7 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice handl
     }
 }
 
-VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
+VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
@@ -157,25 +157,10 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
         return VK_SUCCESS;
     }
     auto structure = newStructure(place, info->type);
-    if (device.driver.next.CreateAccelerationStructure2KHR) {
-        const VkResult created = device.driver.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
-        if (created != VK_SUCCESS)
-            return created;
-    } else {
-        VkAccelerationStructureCreateInfoKHR driverInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-        driverInfo.pNext = info->pNext;
-        driverInfo.createFlags = info->createFlags;
-        driverInfo.buffer = place.buffer;
-        driverInfo.offset = place.offset;
-        driverInfo.size = place.size;
-        driverInfo.type = info->type;
-        const VkResult created =
-            device.driver.next.CreateAccelerationStructureKHR(handle, &driverInfo, allocator, result);
-        if (created != VK_SUCCESS)
-            return created;
-    }
-    addStructure(device, std::move(structure), *result);
-    return VK_SUCCESS;
+    const VkResult created = createInRange(device.driver, *info, place, allocator, *result);
+    if (created == VK_SUCCESS)
+        addStructure(device, std::move(structure), *result);
+    return created;
 }
 
 } // namespace vellum::layer

@@ -170,6 +170,22 @@ VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
     return result;
 }
 
+// Pipelines without groups: compute and graphics, by the driver's command for them.
+template <typename Info, typename Create>
+VkResult createPipelines(DeviceTranslation &device, uint32_t count, const Info *infos, VkPipeline *pipelines,
+                         const char *id, const char *command, Create create)
+{
+    DriverInfos own(device);
+    std::vector<Info> driverInfos(infos, infos + count);
+    for (Info &info : driverInfos) {
+        if (!mayHaveFlags(device.driver, info.pNext, info.flags, id, command))
+            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
+        if (!own.translate(info))
+            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
+    }
+    return create(driverInfos.data());
+}
+
 } // namespace
 
 VkResult createTranslatedModule(DeviceTranslation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
@@ -185,32 +201,22 @@ VkResult createTranslatedComputePipelines(DeviceTranslation &device, VkDevice ha
                                           uint32_t count, const VkComputePipelineCreateInfo *infos,
                                           const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    DriverInfos own(device);
-    std::vector<VkComputePipelineCreateInfo> driverInfos(infos, infos + count);
-    for (VkComputePipelineCreateInfo &info : driverInfos) {
-        if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
-                          "vkCreateComputePipelines"))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        if (!own.translate(info))
-            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
-    }
-    return device.driver.next.CreateComputePipelines(handle, cache, count, driverInfos.data(), allocator, pipelines);
+    return createPipelines(device, count, infos, pipelines, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
+                           "vkCreateComputePipelines", [&](const VkComputePipelineCreateInfo *driverInfos) {
+                               return device.driver.next.CreateComputePipelines(handle, cache, count, driverInfos,
+                                                                                allocator, pipelines);
+                           });
 }
 
 VkResult createTranslatedGraphicsPipelines(DeviceTranslation &device, VkDevice handle, VkPipelineCache cache,
                                            uint32_t count, const VkGraphicsPipelineCreateInfo *infos,
                                            const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    DriverInfos own(device);
-    std::vector<VkGraphicsPipelineCreateInfo> driverInfos(infos, infos + count);
-    for (VkGraphicsPipelineCreateInfo &info : driverInfos) {
-        if (!mayHaveFlags(device.driver, info.pNext, info.flags, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
-                          "vkCreateGraphicsPipelines"))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        if (!own.translate(info))
-            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
-    }
-    return device.driver.next.CreateGraphicsPipelines(handle, cache, count, driverInfos.data(), allocator, pipelines);
+    return createPipelines(device, count, infos, pipelines, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+                           "vkCreateGraphicsPipelines", [&](const VkGraphicsPipelineCreateInfo *driverInfos) {
+                               return device.driver.next.CreateGraphicsPipelines(handle, cache, count, driverInfos,
+                                                                                 allocator, pipelines);
+                           });
 }
 
 VkResult createTranslatedRayTracingPipelines(DeviceTranslation &device, VkDevice handle,

@@ -73,7 +73,7 @@ VkResult createTranslatedStructure(DeviceTranslation &device, VkDevice handle,
     return created;
 }
 
-VkResult createTranslatedStructure2(DeviceTranslation &device, VkDevice handle,
+VkResult createTranslatedStructure2(DeviceTranslation &device, VkDevice,
                                     const VkAccelerationStructureCreateInfo2KHR *info,
                                     const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
@@ -83,19 +83,7 @@ VkResult createTranslatedStructure2(DeviceTranslation &device, VkDevice handle,
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return addMicromap(device, {device.driver.report(), "vkCreateAccelerationStructure2KHR"}, range, *result);
     auto structure = newStructure(range, info->type);
-    VkResult created = VK_SUCCESS;
-    if (device.driver.next.CreateAccelerationStructure2KHR) {
-        created = device.driver.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
-    } else {
-        VkAccelerationStructureCreateInfoKHR driverInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-        driverInfo.pNext = info->pNext;
-        driverInfo.createFlags = info->createFlags;
-        driverInfo.buffer = range.buffer;
-        driverInfo.offset = range.offset;
-        driverInfo.size = range.size;
-        driverInfo.type = info->type;
-        created = device.driver.next.CreateAccelerationStructureKHR(handle, &driverInfo, allocator, result);
-    }
+    const VkResult created = createInRange(device.driver, *info, range, allocator, *result);
     if (created == VK_SUCCESS)
         addStructure(device, std::move(structure), *result);
     return created;
