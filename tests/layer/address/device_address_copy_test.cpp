@@ -3,9 +3,16 @@
 #include <algorithm>
 
 #include "address/address_ranges.h"
+#include "harness/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"AddressCopies.*", "one_api strict_ext"},
+                         {"AddressCopiesHarmless.*", "one_api strict_ext"},
+                         {"AddressImageCopies.*", "one_api strict_ext"},
+                         {"AddressMarkers.*", "one_api strict_ext"},
+                         {"AddressQueries.*", "one_api strict_ext"}};
 
 using namespace vt;
 

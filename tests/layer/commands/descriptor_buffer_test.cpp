@@ -4,10 +4,13 @@
 #include "commands/state_scene.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/labels.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"DescriptorBuffers.*", "traits packed"}, {"DescriptorBuffersWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

@@ -6,11 +6,14 @@
 #include "commands/state_scene.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/labels.h"
 #include "shaders/tracer_by_address.h"
 #include "shaders/tracer_constant_080.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"GeneratedCommandsOfDevice.*", "traits"}, {"GeneratedCommandsWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "harness/labels.h"
 #include "harness/scene.h"
 #include "shaders/tracer_comp.h"
 
@@ -13,6 +14,8 @@ using namespace vt;
 
 namespace
 {
+
+const vt::Labels kLabels{{"Trials.*", "ray_flags"}};
 
 // On a fresh device: nothing was tried yet. The validation layer below judges who uses the queue at the same time.
 class Trials : public GpuTest
@@ -63,8 +66,7 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
     std::vector<VkCommandPool> pools(4);
     std::vector<VkCommandBuffer> commands(4);
     besideSubmissions([&](std::size_t thread) {
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0,
-                                               gpu().family()};
+        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, gpu().family()};
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
         const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
                                                    pools[thread], VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};

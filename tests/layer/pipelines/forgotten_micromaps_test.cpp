@@ -5,11 +5,14 @@
 #include "commands/state_scene.h"
 #include "harness/pipeline_builder.h"
 
+#include "harness/labels.h"
 #include "shaders/query_raygen.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Assumed/ForgottenMicromaps.*", "one_api"}};
 
 using namespace vt;
 

@@ -2,10 +2,13 @@
 // state, which no trace may change.
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/labels.h"
 #include "shaders/pipeline_state.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineCommands.*", "traits stacked ray_flags"}};
 
 using namespace vt;
 

@@ -2,10 +2,16 @@
 #include <algorithm>
 #include <thread>
 
+#include "harness/labels.h"
 #include "pipelines/pipeline_scene.h"
 
 namespace
 {
+
+const vt::Labels kLabels{
+    {"PipelineCreation.*", "slow ray_flags"},     {"PipelineCreationDeferred.*", "slow"},
+    {"PipelineCreationDeferredInline.*", "slow"}, {"PipelineCreationNotDeferred.*", "slow"},
+    {"PipelineCreationUncompiled.*", "slow"},     {"PipelineCreationUncompiledDeferred.*", "slow"}};
 
 using namespace vt;
 

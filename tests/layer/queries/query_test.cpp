@@ -3,9 +3,15 @@
 #include <thread>
 
 #include "harness/copies.h"
+#include "harness/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Queries.*", "traits stacked packed"},
+                         {"Queries.AMicromapThatWasNeverBuilt", "unpacked"},
+                         {"Queries.AccelerationStructuresWithMicromaps", "serialized"},
+                         {"Queries.Wrong*", "strict"}};
 
 using namespace vt;
 

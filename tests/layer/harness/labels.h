@@ -1,0 +1,44 @@
+// Labels of test suites and cases. tests/layer/CMakeLists.txt has the runs that take cases by them:
+//   slow          none of ctest -L quick
+//   one_api       chooses the extension itself, or uses none: no second run by VK_KHR_opacity_micromap
+//   traits        on a driver with all traits of the test driver that go together
+//   stacked       where the driver's VK_EXT_opacity_micromap is a second copy of the layer: KHR emulated, and
+//   translated translated    where KHR is translated to the driver's EXT, and not where it is emulated serialized not
+//   where KHR is translated: serializes BLASes with micromaps, which EXT cannot express inside        nor these: the
+//   layer's shaders find what is wrong with copies, or tests look into the layer's own micromaps;
+//                 messages and sizes are those of the copy below
+//   lenient       nor these: they break rules that the layer's micromaps tolerate, as any driver may not, or let ray
+//   queries
+//                 that do not declare it meet micromaps, which all do with EXT
+//   forced        emulated by VELLUM_FORCE_EMULATION on a driver with EXT
+//   strict        with VELLUM_STRICT
+//   strict_ext    with VELLUM_STRICT, by VK_EXT_opacity_micromap only
+//   ray_flags     on a driver that does not give unused ray flag bits back
+//   constants     where constant ray flags travel as others do
+//   packed        in packed memory
+//   unpacked      never in packed memory
+#pragma once
+
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+namespace vt
+{
+
+struct Labelled {
+    std::string cases;  // a pattern, as for --gtest_filter
+    std::string labels; // with spaces between
+};
+
+// Makes known what a file of tests says of its cases. The program prints all with --labels, for
+// tests/runner/run_cases.py, which fails if a pattern matches no case.
+class Labels
+{
+public:
+    Labels(std::initializer_list<Labelled> labels);
+
+    static const std::vector<Labelled> &all();
+};
+
+} // namespace vt
