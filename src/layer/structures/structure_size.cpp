@@ -1,7 +1,9 @@
 #include "layer/structures/structure_size.h"
 
-#include "layer/objects/acceleration_structure.h"
+#include "core/records.h"
+#include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/emulated_backend.h"
 
 namespace vellum::layer
 {
@@ -29,22 +31,42 @@ bool isStructureProperty(VkQueryType type)
     return propertyOf(type) != UINT32_MAX;
 }
 
-void recordStructureProperty(InjectedWork &work, DeviceStructures &device, VkAccelerationStructureKHR structure,
+namespace
+{
+
+void recordStructureProperty(InjectedWork &work, DeviceStructures &device, AccelerationStructure &structure,
                              VkQueryType type, VkDeviceAddress value)
 {
-    const auto known = device.objects.accelerationStructures.get(structure);
-    if (!known)
-        return;
     StructureSizePush push{};
-    push.cell = cellOf(device.objects, *known, structure).address;
-    push.begin = beginOf(device.driver, *known);
+    push.cell = cellOf(device.objects, structure).address;
+    push.begin = beginOf(device.driver, structure);
     push.value = value;
-    push.structureUnits = unitsOf(known->size);
+    push.structureUnits = unitsOf(structure.size);
     push.property = propertyOf(type);
     if (push.property == kSerializationSize)
         push.wholeCopies = blankStructure(device).wholeCopies;
     if (push.cell)
         work.dispatch(InjectedShader::StructureSize, push, 1, 1);
+}
+
+} // namespace
+
+void EmulatedBackend::recordCorrection(InjectedWork &work, const Property &property)
+{
+    if (!property.micromap)
+        return recordStructureProperty(work, device_, property.structure, property.type, property.address);
+    switch (property.type) {
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
+        return recordMicromapProperty(work, device_.driver, micromapIn(property.structure),
+                                      shared::kQueryMicromapSerialized, property.address);
+    // The size is that of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
+        return recordMicromapProperty(work, device_.driver, micromapIn(property.structure),
+                                      shared::kQueryMicromapCompacted | shared::kQueryMarked, property.address);
+    default: // the bottom-level pointers of a top-level structure: the query was reset to none
+        return;
+    }
 }
 
 } // namespace vellum::layer
