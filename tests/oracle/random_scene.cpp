@@ -135,7 +135,7 @@ Instance randomInstance(Random &random, std::uint32_t objects, const Limits &lim
         instance.flags |= VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR;
     else if (chance(random, 20))
         instance.flags |= VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR;
-    if (limits.micromaps && limits.twoState && chance(random, 25))
+    if (limits.micromaps && chance(random, 25))
         instance.flags |= vt::kFlagTwoState;
     if (limits.micromaps && chance(random, 15))
         instance.flags |= vt::kFlagDisable;
@@ -166,7 +166,7 @@ vt::Ray randomRay(Random &random, const Limits &limits)
         break;
     default: break;
     }
-    if (limits.micromaps && limits.twoState && chance(random, 25))
+    if (limits.micromaps && chance(random, 25))
         ray.flags |= vt::kRayForceTwoState;
     ray.cullMask = chance(random, 70) ? 0xff : below(random, 256);
     ray.rule = below(random, 3);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdlib>
 #include <random>
 
 #include "harness/tracer.h"
@@ -56,9 +55,6 @@ struct Limits {
     bool micromaps = true;
     std::uint32_t maxLevel = 5;
     std::uint32_t rays = 640;
-    // Flags that make unknown states known ones. The forcing layer (tests/layer/forcing) gives geometries unknown
-    // states.
-    bool twoState = std::getenv("VELLUM_FORCING") == nullptr;
 };
 
 Scene randomScene(Random &random, const Limits &limits);

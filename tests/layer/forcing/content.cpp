@@ -16,15 +16,17 @@ struct Triangle {
     uint16_t format;
     uint8_t states; // of each byte
 };
-constexpr uint8_t kUnknown = 0xee; // unknown-transparent and unknown-opaque in turn
+constexpr uint8_t kUnknown = 0xff;  // unknown-opaque
+constexpr uint8_t kUnknowns = 0xee; // unknown-transparent and unknown-opaque in turn
 constexpr uint8_t kOpaque2 = 0xff, kOpaque4 = 0x55;
-constexpr std::array<Triangle, 6> kTriangles{{
+constexpr std::array<Triangle, 7> kTriangles{{
     {4, k4State, kUnknown},
     {1, k4State, kUnknown},
     {6, k4State, kUnknown},
     {4, k4State, kOpaque4},
     {5, k2State, kOpaque2},
     {0, k2State, kOpaque2},
+    {4, k4State, kUnknowns},
 }};
 constexpr int16_t kTransparent = VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_TRANSPARENT_EXT;
 constexpr int16_t kOpaque = VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_OPAQUE_EXT;
@@ -53,9 +55,9 @@ const MicromapContent &micromapContent()
 
 std::span<const int16_t> indexPattern(Content content, bool opaque)
 {
-    static constexpr std::array<int16_t, 5> kMixed[2]{{0, kUnknownTransparent, 1, kUnknownOpaque, 2},
+    static constexpr std::array<int16_t, 5> kMixed[2]{{0, kUnknownOpaque, 1, 2, kUnknownOpaque},
                                                       {3, kOpaque, 4, 5, kOpaque}};
-    static constexpr std::array<int16_t, 1> kData[2]{{0}, {3}};
+    static constexpr std::array<int16_t, 1> kData[2]{{6}, {3}};
     static constexpr std::array<int16_t, 2> kSpecial[2]{{kUnknownTransparent, kUnknownOpaque}, {kOpaque, kOpaque}};
     static constexpr std::array<int16_t, 1> kNothing{kTransparent};
     switch (content) {

@@ -4,9 +4,13 @@
 // pipelines and, with VK_KHR_opacity_micromap, the execution mode of shaders with ray queries. A device that enables
 // one of the extensions itself is forced by that one. In the environment:
 //
-//   VELLUM_FORCING        which micro-triangles and special indices there are (Content): "mixed" (also where it is not
-//                         set), "data", "special"; "transparent" changes every picture, and shows that forcing works
-//   VELLUM_FORCING_API    "ext" (also where it is not set) or "khr"
+//   VELLUM_FORCING        what the micromaps are made of
+//     mixed               data of several levels and formats, and special indices; also where it is not set. Unknown
+//                         states are unknown-opaque, so that a test can say what 2-state flags make of them
+//     data                subdivision level 4 for every triangle, both unknown states in turn
+//     special             special indices only, and no micromap
+//     transparent         this changes every picture, and shows that forcing works
+//   VELLUM_FORCING_API    ext (also where it is not set) or khr
 //
 // When the process ends, the layer says on stderr how much it forced. It changes what a program sees where that sets
 // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_BIT_EXT or the ray flag ForceOpacityMicromap2State, looks at the
