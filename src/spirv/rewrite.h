@@ -73,7 +73,7 @@ struct RewriteOptions {
     std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
     // Whether the driver gives ray flag bits 11..13 back. Without them, flags that are not constant lie in variables
-    // beside the ray queries (query_flags.h). Asked only where the answer matters.
+    // beside the ray queries (side_variables.h). Asked only where the answer matters.
     std::function<bool()> queriesCarryFlagBits = [] { return true; };
     // The same of traceRay, in pipelines that do not use micromaps.
     std::function<bool()> pipelinesCarryFlagBits = [] { return true; };
