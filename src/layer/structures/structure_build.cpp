@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "core/records.h"
+#include "layer/ground/atomic_max.h"
 #include "layer/ground/judge.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_structure.h"
@@ -203,6 +204,7 @@ private:
             return;
         const uint32_t i = part.i;
         AccelerationStructure &target = *part.target;
+        atomicMax(device_.objects.mostGeometries, part.build.geometryCount());
         std::vector<uint32_t> primitives(part.build.geometryCount());
         for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
             primitives[g] = ranges_[i].primitives(g);
