@@ -99,10 +99,11 @@ struct RewriteResult {
     bool lacksHiddenFlags = false;
 };
 
-// What is known of the hidden flags of all rays that a module traces in pipelines.
+// What is known of all rays that a module traces in pipelines.
 struct TracedFlags {
     bool traces = false;
-    std::optional<std::uint32_t> hidden; // nothing if they differ or are computed
+    std::optional<std::uint32_t> hidden; // flags; nothing if they differ or are computed
+    std::uint32_t mostStride = 15;       // the greatest SBT stride; where one is computed, the greatest there may be
 };
 
 // Nothing is known of what is no SPIR-V.

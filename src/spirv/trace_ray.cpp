@@ -1,5 +1,6 @@
 #include "spirv/trace_ray.h"
 
+#include <algorithm>
 #include <unordered_map>
 
 #include "core/ray_flags.h"
@@ -8,6 +9,12 @@
 
 namespace vellum::spirv
 {
+namespace
+{
+
+constexpr std::uint32_t kStrideMask = 15; // the bits of an SBT stride that are used (OpTraceRayKHR)
+
+} // namespace
 
 Id hideRayFlags(Module &module, Types &types, Linker &linker, Id flags, Code &out)
 {
@@ -145,25 +152,28 @@ TracedFlags tracedFlags(std::span<const std::uint32_t> words)
     std::unordered_map<std::uint32_t, std::uint32_t> constants;
     std::set<std::optional<std::uint32_t>> traced, queries;
     bool fromQuery = false;
+    std::uint32_t mostStride = 0;
     for (std::size_t at = 5; at < words.size();) {
         const std::uint32_t opcode = words[at] & 0xffff;
         const std::uint32_t count = words[at] >> 16;
         if (count == 0 || count > words.size() - at)
             return {.traces = fromQuery || !traced.empty(), .hidden = {}};
-        const auto hidden = [&](std::uint32_t word) -> std::optional<std::uint32_t> {
+        const auto bitsOf = [&](std::uint32_t word, std::uint32_t mask) -> std::optional<std::uint32_t> {
             const auto value = word < count ? constants.find(words[at + word]) : constants.end();
-            return value == constants.end() ? std::nullopt : std::optional(value->second & shared::kHiddenRayFlags);
+            return value == constants.end() ? std::nullopt : std::optional(value->second & mask);
         };
         if (opcode == spv::OpConstant && count == 4)
             constants[words[at + 2]] = words[at + 3];
         else if (opcode == spv::OpConstantNull && count == 3)
             constants[words[at + 2]] = 0;
         else if (opcode == spv::OpRayQueryInitializeKHR)
-            queries.insert(hidden(3));
+            queries.insert(bitsOf(3, shared::kHiddenRayFlags));
         else if (const auto ray = rayInstruction(opcode); ray && !ray->onlyExecutes() && !ray->empties) {
             fromQuery = fromQuery || ray->query != 0;
             if (ray->query == 0)
-                traced.insert(ray->flags != 0 ? hidden(ray->flags) : 0);
+                traced.insert(ray->flags != 0 ? bitsOf(ray->flags, shared::kHiddenRayFlags) : 0);
+            if (ray->stride() != 0)
+                mostStride = std::max(mostStride, bitsOf(ray->stride(), kStrideMask).value_or(kStrideMask));
         }
         at += count;
     }
@@ -171,7 +181,9 @@ TracedFlags tracedFlags(std::span<const std::uint32_t> words)
     // they travel with it (RayQueries::findMode), and so with the rays.
     if (fromQuery)
         traced.insert(queries == decltype(queries){0} ? std::optional(0u) : std::nullopt);
-    return {.traces = !traced.empty(), .hidden = traced.size() == 1 ? *traced.begin() : std::nullopt};
+    return {.traces = !traced.empty(),
+            .hidden = traced.size() == 1 ? *traced.begin() : std::nullopt,
+            .mostStride = mostStride};
 }
 
 } // namespace vellum::spirv

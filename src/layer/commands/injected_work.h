@@ -106,9 +106,9 @@ struct TopSavePush {
     uint32_t structureUnits, leastUnits, capacity, pass;
 };
 struct HitRecordsPush {
-    VkDeviceAddress source, target, command, commandCopy;
-    uint32_t size, stride;
-    uint32_t handle[8];
+    VkDeviceAddress source, target, command, commandCopy, standIn, recordOffset;
+    uint32_t size, stride, capacity, reach;
+    uint32_t oneForAll;
 };
 struct RayFlagProbePush {
     VkDeviceAddress scene, result;

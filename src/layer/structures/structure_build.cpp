@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/atomic_max.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
@@ -116,6 +117,7 @@ private:
     void prepareBottomLevel(Part &part)
     {
         AccelerationStructure &target = part.target();
+        atomicMax(device_.objects.mostGeometries, part.build.geometryCount());
         const std::vector<uint32_t> primitives = part.build.primitives();
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
         if (part.tailBytes == 0 && !device_.driver.clearsWholeHandles)

@@ -95,6 +95,15 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
     record.w[1] = (only & kManyGeometries) != 0u ? kManyGeometries | mask : only & mask;
 }
 
+// The driver reads hit records of all instances: tables of the layer reach as far (hit_records.comp).
+void noteRecordOffset(uint offset)
+{
+    Words header = Words(push.root);
+    Words counters = Words(uvec2(header.w[kRootNotices], header.w[kRootNotices + 1u]));
+    if (counters.w[kGreatestRecordOffset] < offset)
+        atomicMax(counters.w[kGreatestRecordOffset], offset);
+}
+
 // The VkAccelerationStructureBuildRangeInfoKHR of an indirect build: primitiveCount, primitiveOffset.
 bool isIndirect()
 {
@@ -189,4 +198,5 @@ void main()
     target.w[kReferenceWord] = dead ? 0u : reference.x;
     target.w[kReferenceWord + 1u] = dead ? 0u : reference.y;
     writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, found);
+    noteRecordOffset(offsetAndFlags & 0x00ffffffu);
 }
