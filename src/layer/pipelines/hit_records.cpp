@@ -31,9 +31,9 @@ std::shared_ptr<RayTracingPipeline> pipelineOf(const DevicePipelines &device, co
     return pipeline && pipeline->hasNullGroup ? pipeline : nullptr;
 }
 
-HitRecordsPush pushOf(const DevicePipelines &device, const RayTracingPipeline &pipeline)
+shared::HitRecordsPush pushOf(const DevicePipelines &device, const RayTracingPipeline &pipeline)
 {
-    HitRecordsPush push{};
+    shared::HitRecordsPush push{};
     push.standIn = pipeline.standIn.address();
     push.recordOffset = device.objects.root.greatestRecordOffsetAddress();
     push.reach = kMostRayOffset + pipeline.mostStride * (device.objects.mostGeometries - 1);
@@ -51,7 +51,7 @@ VkDeviceAddress allocate(const DevicePipelines &device, CommandState &state, VkD
     return address;
 }
 
-bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const HitRecordsPush &push, uint64_t threads)
+bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const shared::HitRecordsPush &push, uint64_t threads)
 {
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
@@ -90,7 +90,7 @@ Region driverTable(DevicePipelines &device, VkCommandBuffer commandBuffer, const
         return table;
     VkDeviceSize bytes = table.size;
     uint64_t reached = records;
-    HitRecordsPush push = pushOf(device, *pipeline);
+    shared::HitRecordsPush push = pushOf(device, *pipeline);
     if (table.stride > 0) {
         reached = uint64_t{device.objects.root.greatestRecordOffset()} + push.reach + 1;
         const VkDeviceSize needed = std::max(reached * table.stride, table.size);
@@ -131,7 +131,7 @@ void cmdTraceRaysIndirect2(DevicePipelines &device, VkCommandBuffer commandBuffe
     CommandState *const state = device.commands.states.get(commandBuffer);
     const auto pipeline = pipelineOf(device, state);
     if (pipeline && !state->inheritsConditionalRendering) {
-        HitRecordsPush push = pushOf(device, *pipeline);
+        shared::HitRecordsPush push = pushOf(device, *pipeline);
         push.command = command;
         push.commandCopy = allocate(device, *state, kCommandRoom + kIndirectRoom);
         push.target = push.commandCopy + kCommandRoom;

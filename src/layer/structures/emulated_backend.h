@@ -60,9 +60,9 @@ private:
 uint64_t copyInvocations(VkDeviceSize bytes);
 
 // Builds `target` from the instances that the cell at `source` leads to, of which there are at most `most`.
-// `from`: Structure or Serialized. False, after a message: nothing was recorded.
+// `from`: kFromStructure or kFromSerialized (core/push.h). False, after a message: nothing was recorded.
 bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
                         const char *command, AccelerationStructure &target, VkDeviceAddress source,
-                        const TopLevelLayout &layout, InstancesFrom from);
+                        const TopLevelLayout &layout, uint32_t from);
 
 } // namespace vellum::layer

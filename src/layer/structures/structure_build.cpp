@@ -192,7 +192,7 @@ private:
         push.cell = part.cell.address;
         push.count = count;
         push.firstSlot = slots->first();
-        push.from = instances.arrayOfPointers ? InstancesFrom::Pointers : InstancesFrom::Array;
+        push.from = instances.arrayOfPointers ? kFromPointers : kFromArray;
         instances.arrayOfPointers = VK_FALSE;
         instances.data.deviceAddress = push.target;
         part.instanceRange = {count, 0, 0, 0};

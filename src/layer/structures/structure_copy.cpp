@@ -88,13 +88,12 @@ void recordBottomLevelCopy(InjectedWork &work, DeviceStructures &device, VkComma
 
 bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
                         const char *command, AccelerationStructure &target, VkDeviceAddress source,
-                        const TopLevelLayout &layout, InstancesFrom from)
+                        const TopLevelLayout &layout, uint32_t from)
 {
     const Judge judge = judgeOf(device.driver, command, target.handle);
     if (layout.bytes() > target.size)
-        return judge.refuse(from == InstancesFrom::Structure
-                                ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
-                                : "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+        return judge.refuse(from == kFromStructure ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
+                                                   : "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                             "dst is too small for any top-level structure");
     const auto slots = slotsFor(device.objects, target, layout.count);
     const auto state = device.commands.states.get(commandBuffer);
@@ -160,8 +159,7 @@ void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy 
     work.barrier();
     if (copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
         const TopLevelLayout layout(device_.driver, 0, mostInstances(device_, source, target));
-        recordTopLevelCopy(work, device_, commandBuffer, kCommand, target, sourceCell.address, layout,
-                           InstancesFrom::Structure);
+        recordTopLevelCopy(work, device_, commandBuffer, kCommand, target, sourceCell.address, layout, kFromStructure);
         keepCount(source, target);
     } else {
         recordBottomLevelCopy(work, device_, commandBuffer, copy, sourceCell.address, targetCell.address);

@@ -121,9 +121,9 @@ struct Restore {
         return push;
     }
 
-    void dispatch(InjectedWork &work, StructureRestorePush &push, RestorePass pass, VkDeviceSize bytes) const
+    void dispatch(InjectedWork &work, StructureRestorePush &push, uint32_t pass, VkDeviceSize bytes) const
     {
-        const bool one = pass == RestorePass::Check || pass == RestorePass::Decide;
+        const bool one = pass == kPassCheck || pass == kPassDecide;
         push.pass = pass;
         work.dispatch(InjectedShader::StructureRestore, push, one ? 1 : copyInvocations(bytes), 64);
         work.barrier();
@@ -174,17 +174,17 @@ struct Restore {
             recordTop(work, push, most);
             return;
         }
-        dispatch(work, push, RestorePass::Stage, target->size);
+        dispatch(work, push, kPassStage, target->size);
         recordDriver(work, push);
-        dispatch(work, push, RestorePass::Finish, target->size);
+        dispatch(work, push, kPassFinish, target->size);
         becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
     }
 
     void check(InjectedWork &work, StructureRestorePush &push) const
     {
-        dispatch(work, push, RestorePass::Check, target->size);
-        dispatch(work, push, RestorePass::AddUp, target->size);
-        dispatch(work, push, RestorePass::Decide, target->size);
+        dispatch(work, push, kPassCheck, target->size);
+        dispatch(work, push, kPassAddUp, target->size);
+        dispatch(work, push, kPassDecide, target->size);
     }
 
     void recordEither(StructureRestorePush &push, uint32_t most, VkDeviceSize keptBytes) const
@@ -193,16 +193,16 @@ struct Restore {
             InjectedWork work(device.commands, commandBuffer);
             work.barrier();
             check(work, push);
-            dispatch(work, push, RestorePass::Keep, keptBytes);
+            dispatch(work, push, kPassKeep, keptBytes);
             if (push.topWay != 0 && !recordTop(work, push, most)) {
                 push.topWay = 0; // data of that kind is refused
                 check(work, push);
             }
-            dispatch(work, push, RestorePass::GiveBack, keptBytes);
-            dispatch(work, push, RestorePass::Stage, target->size);
+            dispatch(work, push, kPassGiveBack, keptBytes);
+            dispatch(work, push, kPassStage, target->size);
             recordDriver(work, push);
-            dispatch(work, push, RestorePass::GiveBackLast, leastBytes());
-            dispatch(work, push, RestorePass::Finish, target->size);
+            dispatch(work, push, kPassGiveBackLast, leastBytes());
+            dispatch(work, push, kPassFinish, target->size);
             work.barrier(true); // the host looks at the cell
         }
         if (mayBeMicromap()) {
@@ -217,7 +217,7 @@ struct Restore {
     {
         return recordTopLevelCopy(work, device, commandBuffer, kCommand, *target,
                                   push.staging + VkDeviceSize{kPlanCellWord} * 4,
-                                  TopLevelLayout(device.driver, 0, most), InstancesFrom::Serialized);
+                                  TopLevelLayout(device.driver, 0, most), kFromSerialized);
     }
 
     void recordDriver(InjectedWork &work, const StructureRestorePush &push) const

@@ -85,7 +85,7 @@ void ExtBackend::recordCorrection(InjectedWork &work, const Property &property)
 {
     // A structure of that size is to be known as one for a micromap.
     if (property.micromap && property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
-        work.dispatch(InjectedShader::MarkedSize, MarkedSizePush{property.address}, 1, 1);
+        work.dispatch(InjectedShader::MarkedSize, shared::MarkedSizePush{property.address}, 1, 1);
 }
 
 VkAccelerationStructureCompatibilityKHR ExtBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)

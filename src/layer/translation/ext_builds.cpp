@@ -39,7 +39,7 @@ bool moveTriangles(DeviceTranslation &device, VkCommandBuffer commandBuffer, Inj
     const VkDeviceAddress copy = state ? state->scratch.allocate(triangles * sizeof(VkMicromapTriangleKHR)) : 0;
     if (!copy)
         return false;
-    MicromapTrianglesPush push{};
+    shared::MicromapTrianglesPush push{};
     push.source = build.triangles.deviceAddress;
     push.target = copy;
     push.stride = static_cast<uint32_t>(build.triangleStride);
@@ -166,7 +166,7 @@ void widen(DeviceTranslation &device, VkCommandBuffer commandBuffer, const char 
     const auto state = device.commands.states.get(commandBuffer);
     const VkDeviceAddress wide =
         state ? state->scratch.allocate(std::max<VkDeviceSize>(narrow.count, 1) * sizeof(uint32_t)) : 0;
-    WideIndicesPush push{};
+    shared::WideIndicesPush push{};
     push.source = narrow.indices;
     push.target = wide;
     push.stride = static_cast<uint32_t>(narrow.stride);

@@ -4,6 +4,7 @@
 // and behind the table's end as far as instances may reach: a hit without shaders still has to look up micromaps. The
 // table is given, or that of a VkTraceRaysIndirectCommand2KHR in memory, which is copied too and then names the copy.
 #include "shared.h"
+#include "push.h"
 #include "ground/memory.glsl"
 
 layout(local_size_x = 64) in;
@@ -15,18 +16,8 @@ const uint kHitWord = 10u; // of the command: hit records' address, size and str
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 source; // hit records; with a command taken from it
-    uvec2 target;
-    uvec2 command; // 0: none
-    uvec2 commandCopy;
-    uvec2 standIn;      // a record with the handle of the layer's group
-    uvec2 recordOffset; // kGreatestRecordOffset
-    uint size;          // with a command, size and stride are taken from it
-    uint stride;        // 0, or that of records that do not overlap
-    uint capacity;      // bytes at `target`
-    uint reach;         // how far behind an instance's record offset its hits may find records
-    uint oneForAll;     // 1: a table of one record may have it for all indices; for the table of a command
-} push;
+    HitRecordsPush push;
+};
 
 void copyRecord(uvec2 from, uvec2 to, uint words)
 {

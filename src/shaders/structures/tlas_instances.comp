@@ -5,6 +5,7 @@
 #include "shared.h"
 #include "opacity.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/cell.glsl"
 
@@ -12,22 +13,8 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 source; // instances, pointers to them, or a cell that leads to them
-    uvec2 target; // instances for the driver
-    uvec2 root;
-    uvec2 tail; // where the instances are kept for copies of the structure
-    uvec2 cell; // of the structure that is built
-    uvec2 range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
-    uint count; // the driver builds so many
-    uint firstSlot;
-    uint from; // kFrom*
-    uint pass; // 0: before the driver's build; 1: after it, since the driver may clear all of the structure
-} push;
-
-const uint kFromArray = 0u;
-const uint kFromPointers = 1u;
-const uint kFromStructure = 2u;  // a copy: the instances are those of another structure
-const uint kFromSerialized = 3u; // with the references in an array of their own
+    TlasInstancesPush push;
+};
 
 const uint kInstanceBytes = 64u;
 const uint kCustomIndexWord = 12u; // custom index 24 bits, mask 8
