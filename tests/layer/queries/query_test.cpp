@@ -2,8 +2,8 @@
 // format.
 #include <thread>
 
+#include "commands/inherited_condition.h"
 #include "harness/copies.h"
-#include "harness/inherited_condition.h"
 
 namespace
 {
