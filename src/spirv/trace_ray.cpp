@@ -188,6 +188,10 @@ TracedFlags tracedFlags(std::span<const std::uint32_t> words)
         const std::uint32_t count = words[at] >> 16;
         if (count == 0 || count > words.size() - at)
             return {.traces = fromQuery || !traced.empty(), .hidden = {}};
+        if (const std::uint32_t word = strideWord(opcode); word != 0) {
+            const auto stride = word < count ? constants.find(words[at + word]) : constants.end();
+            mostStride = std::max(mostStride, stride == constants.end() ? kMostStride : stride->second & kMostStride);
+        }
         const auto hidden = [&](std::uint32_t word) -> std::optional<std::uint32_t> {
             const auto value = word < count ? constants.find(words[at + word]) : constants.end();
             return value == constants.end() ? std::nullopt : std::optional(value->second & shared::kHiddenRayFlags);
@@ -204,10 +208,6 @@ TracedFlags tracedFlags(std::span<const std::uint32_t> words)
             queries.insert(hidden(3));
         else if (opcode == kOpHitObjectRecordFromQueryEXT)
             fromQuery = true;
-        if (const std::uint32_t word = strideWord(opcode); word != 0) {
-            const auto stride = word < count ? constants.find(words[at + word]) : constants.end();
-            mostStride = std::max(mostStride, stride == constants.end() ? kMostStride : stride->second & kMostStride);
-        }
         at += count;
     }
     // Hit objects that are made from a ray query have the flags that the driver knows of the query. If some are hidden,
