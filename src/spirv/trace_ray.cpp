@@ -11,6 +11,8 @@ namespace vellum::spirv
 namespace
 {
 
+constexpr std::uint32_t kStrideMask = 15; // the bits of an SBT stride that are used (OpTraceRayKHR)
+
 // The word that holds the flags of a ray that is traced, or that a hit object is told to have missed with; 0 for other
 // instructions.
 std::uint32_t rayFlagsWord(std::uint32_t opcode)
@@ -28,6 +30,14 @@ std::uint32_t rayFlagsWord(std::uint32_t opcode)
     case kOpHitObjectTraceMotionReorderExecuteEXT: return 3;
     default: return 0;
     }
+}
+
+// The word that holds the SBT stride of a ray that is traced; 0 for other instructions.
+std::uint32_t strideWord(std::uint32_t opcode)
+{
+    const bool misses = opcode == kOpHitObjectRecordMissEXT || opcode == kOpHitObjectRecordMissMotionEXT;
+    const std::uint32_t flags = rayFlagsWord(opcode);
+    return flags == 0 || misses ? 0 : flags + 3; // behind cull mask and SBT offset
 }
 
 bool recordsWithoutFlags(std::uint32_t opcode)
@@ -152,29 +162,6 @@ bool TraceRays::replace(Instruction in, Code &out)
     return true;
 }
 
-namespace
-{
-
-constexpr std::uint32_t kMostStride = 15; // of an SBT stride, four bits are used (OpTraceRayKHR)
-
-// The word that holds the SBT stride of a ray that is traced; 0 for other instructions.
-std::uint32_t strideWord(std::uint32_t opcode)
-{
-    switch (opcode) {
-    case spv::OpTraceRayKHR:
-    case kOpTraceRayMotionNV: return 5;
-    case kOpHitObjectTraceRayNV:
-    case kOpHitObjectTraceRayMotionNV:
-    case kOpHitObjectTraceRayEXT:
-    case kOpHitObjectTraceRayMotionEXT:
-    case kOpHitObjectTraceReorderExecuteEXT:
-    case kOpHitObjectTraceMotionReorderExecuteEXT: return 6;
-    default: return 0;
-    }
-}
-
-} // namespace
-
 TracedFlags tracedFlags(std::span<const std::uint32_t> words)
 {
     if (words.size() < 5 || words[0] != spv::MagicNumber)
@@ -188,24 +175,22 @@ TracedFlags tracedFlags(std::span<const std::uint32_t> words)
         const std::uint32_t count = words[at] >> 16;
         if (count == 0 || count > words.size() - at)
             return {.traces = fromQuery || !traced.empty(), .hidden = {}};
-        if (const std::uint32_t word = strideWord(opcode); word != 0) {
-            const auto stride = word < count ? constants.find(words[at + word]) : constants.end();
-            mostStride = std::max(mostStride, stride == constants.end() ? kMostStride : stride->second & kMostStride);
-        }
-        const auto hidden = [&](std::uint32_t word) -> std::optional<std::uint32_t> {
+        const auto bitsOf = [&](std::uint32_t word, std::uint32_t mask) -> std::optional<std::uint32_t> {
             const auto value = word < count ? constants.find(words[at + word]) : constants.end();
-            return value == constants.end() ? std::nullopt : std::optional(value->second & shared::kHiddenRayFlags);
+            return value == constants.end() ? std::nullopt : std::optional(value->second & mask);
         };
+        if (const std::uint32_t word = strideWord(opcode); word != 0)
+            mostStride = std::max(mostStride, bitsOf(word, kStrideMask).value_or(kStrideMask));
         if (opcode == spv::OpConstant && count == 4)
             constants[words[at + 2]] = words[at + 3];
         else if (opcode == spv::OpConstantNull && count == 3)
             constants[words[at + 2]] = 0;
         else if (const std::uint32_t word = rayFlagsWord(opcode); word != 0)
-            traced.insert(hidden(word));
+            traced.insert(bitsOf(word, shared::kHiddenRayFlags));
         else if (recordsWithoutFlags(opcode))
             traced.insert(0);
         else if (opcode == spv::OpRayQueryInitializeKHR)
-            queries.insert(hidden(3));
+            queries.insert(bitsOf(3, shared::kHiddenRayFlags));
         else if (opcode == kOpHitObjectRecordFromQueryEXT)
             fromQuery = true;
         at += count;
