@@ -20,7 +20,7 @@ static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandRoom);
 
 // Bytes for stand-ins behind a table's own records: at least, since builds that the device has not carried out yet may
 // have greater record offsets than the known ones; and at most.
-constexpr VkDeviceSize kLeastPadding = 256 * 1024;
+constexpr VkDeviceSize kLeastPadding = 16 * 1024;
 constexpr VkDeviceSize kMostPadding = 16 * 1024 * 1024;
 constexpr uint32_t kMostRayOffset = 15; // SBT offset of OpTraceRayKHR, of which four bits are used
 

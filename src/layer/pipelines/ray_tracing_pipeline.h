@@ -35,7 +35,7 @@ struct RayTracingPipeline {
     bool hasNullGroup = false;
     PooledMemory standIn;         // a hit record with that group's handle
     bool hasBoxes = false;        // has procedural hit groups, its own or of libraries
-    uint32_t mostStride = 0;      // the greatest SBT stride of its rays, or what may be
+    uint32_t mostStride = 0;      // the greatest SBT stride of its rays; 15 where it is not known
     HiddenInBinary hidden;        // of its rays
     spirv::PayloadTypes payloads; // where ray flags travel in them
 

@@ -10,7 +10,7 @@
 layout(local_size_x = 64) in;
 
 const uint kHandleBytes = 32u;
-const uint kHandleWords = 8u;
+const uint kHandleWords = kHandleBytes / 4u;
 const uint kCommandWords = 26u;
 const uint kHitWord = 10u; // of the command: hit records' address, size and stride, 64 bits each
 
