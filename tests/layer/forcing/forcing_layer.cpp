@@ -138,41 +138,59 @@ private:
             info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
         if (ext != nullptr && ext->micromap)
             api = Api::Ext;
-        else if (khr != nullptr && khr->micromap && asksFor(info, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
+        else if (khr != nullptr && khr->micromap && addAddressCommands())
             api = Api::Khr;
     }
 
     void addExtensions()
     {
-        uint32_t count = 0;
-        instance_.next.EnumerateDeviceExtensionProperties(physical_, nullptr, &count, nullptr);
-        std::vector<VkExtensionProperties> have(count);
-        instance_.next.EnumerateDeviceExtensionProperties(physical_, nullptr, &count, have.data());
-        names_.assign(info.ppEnabledExtensionNames, info.ppEnabledExtensionNames + info.enabledExtensionCount);
-        const auto add = [&](const char *name) {
-            if (!asksFor(info, name))
-                names_.push_back(name);
-            return std::any_of(have.begin(), have.end(),
-                               [=](const VkExtensionProperties &e) { return std::strcmp(e.extensionName, name) == 0; });
-        };
         add(VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME);
         const bool isExt = instance_.settings.api == Api::Ext;
-        if (isExt
-                ? !add(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME)
-                : !add(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) || !add(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME)) {
+        if (!add(isExt ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME : VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) ||
+            (!isExt && !addAddressCommands())) {
             std::fprintf(stderr, "forcing: a device without the extension is left alone\n");
             return;
         }
         api = instance_.settings.api;
+        if (isExt)
+            prepend(ext_);
+        else
+            prepend(khr_);
+    }
+
+    bool addAddressCommands()
+    {
+        if (features<VkBaseInStructure>(info, addressCommands_.sType) == nullptr)
+            prepend(addressCommands_);
+        return add(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    }
+
+    // Whether the device has it.
+    bool add(const char *name)
+    {
+        if (asksFor(info, name))
+            return true;
+        uint32_t count = 0;
+        instance_.next.EnumerateDeviceExtensionProperties(physical_, nullptr, &count, nullptr);
+        std::vector<VkExtensionProperties> have(count);
+        instance_.next.EnumerateDeviceExtensionProperties(physical_, nullptr, &count, have.data());
+        if (std::none_of(have.begin(), have.end(),
+                         [=](const VkExtensionProperties &e) { return std::strcmp(e.extensionName, name) == 0; }))
+            return false;
+        std::vector<const char *> names(info.ppEnabledExtensionNames,
+                                        info.ppEnabledExtensionNames + info.enabledExtensionCount);
+        names.push_back(name);
+        names_ = std::move(names);
         info.enabledExtensionCount = static_cast<uint32_t>(names_.size());
         info.ppEnabledExtensionNames = names_.data();
-        ext_.pNext = addressCommands_.pNext = const_cast<void *>(info.pNext);
-        if (features<VkBaseInStructure>(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR) ==
-            nullptr)
-            khr_.pNext = &addressCommands_;
-        else
-            khr_.pNext = const_cast<void *>(info.pNext);
-        info.pNext = isExt ? static_cast<const void *>(&ext_) : &khr_;
+        return true;
+    }
+
+    template <class Features>
+    void prepend(Features &structure)
+    {
+        structure.pNext = const_cast<void *>(info.pNext);
+        info.pNext = &structure;
     }
 
     Instance &instance_;
@@ -266,7 +284,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkD
     link->u.pLayerInfo = link->u.pLayerInfo->pNext;
     const auto create = reinterpret_cast<PFN_vkCreateDevice>(getInstance(instance.handle, "vkCreateDevice"));
     const ForcedDevice forced(instance, physical, *info);
-    VkResult result = create(physical, &forced.info, allocator, handle);
+    VkResult result = create(physical, forced.api ? &forced.info : info, allocator, handle);
     if (result != VK_SUCCESS)
         return result;
     auto device = std::make_unique<Device>();
