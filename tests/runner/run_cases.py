@@ -7,7 +7,7 @@ a process of its own, to find out which ones it is. The output of each case that
 failure was and how to run that case alone. The exit status is 0 if nothing failed and 77 if all cases were skipped.
 With --ctest it prints the tests of the program for CTest instead of running them: one for each test suite.
 
-Cases may have labels (tests/layer/harness/labels.h), which a program prints with --labels: a pattern of cases and its
+Cases may have labels (tests/layer/harness/program/labels.h), which a program prints with --labels: a pattern of cases and its
 labels on each line. --with and --without choose cases by them; the label "slow" is that of --slow.
 
 usage: run_cases.py [options] PROGRAM [--gtest_filter=...]

@@ -72,6 +72,39 @@ TEST_F(SettingsTest, StrictInAllThreePlaces)
     EXPECT_FALSE(readSettings(nullptr).strict);
 }
 
+// A misspelled value is not the setting's opposite: nothing changes, and the user can read why.
+TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
+{
+    for (const char *value : {"yes", "2", "ture", "o f f"}) {
+        write(("vellum_opacity_micromap.carried_ray_flags = " + std::string(value)).c_str());
+        setenv("VELLUM_STRICT", value, 1);
+        testing::internal::CaptureStderr();
+        const Settings settings = readSettings(nullptr);
+        const std::string said = testing::internal::GetCapturedStderr();
+        EXPECT_TRUE(settings.carriedRayFlags) << value;
+        EXPECT_FALSE(settings.strict) << value;
+        EXPECT_NE(said.find("VELLUM-setting: carried_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
+            << said;
+        EXPECT_NE(said.find("VELLUM-setting: strict is"), std::string::npos) << said;
+    }
+    unsetenv("VELLUM_STRICT");
+    write("vellum_opacity_micromap.report = loud\nvellum_opacity_micromap.valdiate = 1");
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(readSettings(nullptr).report, ReportLevel::None);
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_NE(said.find("report is \"loud\""), std::string::npos) << said;
+    EXPECT_NE(said.find("there is no setting valdiate"), std::string::npos) << said;
+}
+
+TEST_F(SettingsTest, CaseDoesNotMatter)
+{
+    write("vellum_opacity_micromap.strict = True\nvellum_opacity_micromap.report = Warning");
+    testing::internal::CaptureStderr();
+    EXPECT_TRUE(readSettings(nullptr).strict);
+    EXPECT_EQ(readSettings(nullptr).report, ReportLevel::Warning);
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
 VKAPI_ATTR VkBool32 VKAPI_CALL remember(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
                                         const VkDebugUtilsMessengerCallbackDataEXT *data, void *texts)
 {

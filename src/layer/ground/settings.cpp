@@ -1,8 +1,12 @@
 #include "layer/ground/settings.h"
 
+#include <cctype>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <initializer_list>
+#include <utility>
 
 #include <sys/stat.h>
 
@@ -24,42 +28,75 @@ std::string trimmed(const std::string &text)
     return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
 }
 
-bool isTrue(const std::string &value)
+struct Switch {
+    const char *key;
+    bool Settings::*setting;
+};
+constexpr Switch kSwitches[] = {
+    {"force_emulation", &Settings::forceEmulation},      {"validate", &Settings::validate},
+    {"assume_micromaps", &Settings::assumeMicromaps},    {"carried_ray_flags", &Settings::carriedRayFlags},
+    {"constant_ray_flags", &Settings::constantRayFlags}, {"strict", &Settings::strict}};
+
+struct Text {
+    const char *key;
+    std::string Settings::*setting;
+};
+constexpr Text kTexts[] = {{"dump_shaders", &Settings::dumpShaders}, {"cache_folder", &Settings::cacheFolder}};
+
+// The settings are read before there is a messenger, and may turn messages off.
+void reportWrong(const std::string &text)
 {
-    return value == "1" || value == "true" || value == "TRUE" || value == "on";
+    std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
 }
 
-ReportLevel reportLevel(const std::string &value)
+template <typename Value>
+void choose(Value &setting, const std::string &key, std::string value, const char *expected,
+            std::initializer_list<std::pair<const char *, Value>> values)
 {
-    if (value == "error")
-        return ReportLevel::Error;
-    if (value == "warning" || value == "warn")
-        return ReportLevel::Warning;
-    if (value == "info" || value == "1" || value == "true")
-        return ReportLevel::Info;
-    return ReportLevel::None;
+    for (char &c : value)
+        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    for (const auto &[name, meaning] : values) {
+        if (value != name)
+            continue;
+        setting = meaning;
+        return;
+    }
+    reportWrong(key + " is \"" + value + "\" and must be " + expected + "; the setting is ignored");
 }
 
 void apply(Settings &settings, const std::string &key, const std::string &value)
 {
-    if (key == "force_emulation")
-        settings.forceEmulation = isTrue(value);
-    else if (key == "validate")
-        settings.validate = isTrue(value);
-    else if (key == "assume_micromaps")
-        settings.assumeMicromaps = isTrue(value);
-    else if (key == "carried_ray_flags")
-        settings.carriedRayFlags = isTrue(value);
-    else if (key == "constant_ray_flags")
-        settings.constantRayFlags = isTrue(value);
-    else if (key == "strict")
-        settings.strict = isTrue(value);
-    else if (key == "report")
-        settings.report = reportLevel(value);
-    else if (key == "dump_shaders")
-        settings.dumpShaders = value;
-    else if (key == "cache_folder")
-        settings.cacheFolder = value;
+    for (const Switch &one : kSwitches) {
+        if (key == one.key)
+            return choose<bool>(settings.*one.setting, key, value, "1, true, on, 0, false or off",
+                                {{"1", true},
+                                 {"true", true},
+                                 {"on", true},
+                                 {"0", false},
+                                 {"false", false},
+                                 {"off", false},
+                                 {"", false}});
+    }
+    for (const Text &one : kTexts) {
+        if (key == one.key) {
+            settings.*one.setting = value;
+            return;
+        }
+    }
+    if (key != "report")
+        return reportWrong("there is no setting " + key);
+    choose<ReportLevel>(settings.report, key, value, "error, warning, info or none",
+                        {{"error", ReportLevel::Error},
+                         {"warning", ReportLevel::Warning},
+                         {"warn", ReportLevel::Warning},
+                         {"info", ReportLevel::Info},
+                         {"1", ReportLevel::Info},
+                         {"true", ReportLevel::Info},
+                         {"none", ReportLevel::None},
+                         {"off", ReportLevel::None},
+                         {"0", ReportLevel::None},
+                         {"false", ReportLevel::None},
+                         {"", ReportLevel::None}});
 }
 
 // By the XDG Base Directory Specification. Nowhere in programs that run with more rights than their user has.

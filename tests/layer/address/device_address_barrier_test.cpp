@@ -3,12 +3,9 @@
 #include <sstream>
 
 #include "address/address_ranges.h"
-#include "harness/labels.h"
 
 namespace
 {
-
-const vt::Labels kLabels{{"AddressBarriers.*", "one_api strict_ext"}, {"AddressTransfers.*", "one_api strict_ext"}};
 
 using namespace vt;
 

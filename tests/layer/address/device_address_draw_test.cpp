@@ -1,16 +1,10 @@
 // Bindings, indirect commands and conditional rendering of VK_KHR_device_address_commands: the same pixels as from the
 // commands that take buffers, and wrong ranges refused.
 #include "address/address_graphics.h"
-#include "harness/labels.h"
 #include "shaders/address_draws_compute.h"
 
 namespace
 {
-
-const vt::Labels kLabels{
-    {"AddressDispatches.*", "one_api strict_ext"},          {"AddressDraws.*", "one_api strict_ext"},
-    {"AddressDrawsHarmless.*", "one_api strict_ext"},       {"AddressIndices.*", "one_api strict_ext"},
-    {"AddressIndicesMaintenance5.*", "one_api strict_ext"}, {"AddressIndicesMaintenance6.*", "one_api strict_ext"}};
 
 using namespace vt;
 

@@ -1,13 +1,9 @@
 // Transform feedback of VK_KHR_device_address_commands: the same captured bytes, counters and draws as from the
 // commands that take buffers, and wrong ranges refused.
 #include "address/address_graphics.h"
-#include "harness/labels.h"
 
 namespace
 {
-
-const vt::Labels kLabels{{"AddressFeedback.*", "one_api strict_ext"},
-                         {"AddressFeedbackHarmless.*", "one_api strict_ext"}};
 
 using namespace vt;
 

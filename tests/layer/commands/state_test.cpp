@@ -2,7 +2,7 @@
 #include "commands/state_scene.h"
 #include "harness/graphics.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/plain_fragment.h"
 #include "shaders/state_compute.h"
 #include "shaders/state_compute_few.h"
@@ -11,7 +11,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"State.*", "traits"}};
+const vt::Labels kLabels{{"State.*", "traits forcing"}};
 
 using namespace vt;
 

@@ -1,7 +1,7 @@
 // The stage and access bits of micromaps, wherever an application can pass them: the driver, and the validation layer
 // in front of it, must not see them.
 #include "commands/state_scene.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 namespace
 {

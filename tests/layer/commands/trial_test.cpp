@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 #include "shaders/tracer_comp.h"
 
@@ -15,7 +15,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"Trials.*", "ray_flags"}};
+const vt::Labels kLabels{{"Trials.*", "ray_flags forcing"}};
 
 // On a fresh device: nothing was tried yet. The validation layer below judges who uses the queue at the same time.
 class Trials : public GpuTest

@@ -2,7 +2,7 @@
 // where it does not belong, and a device that goes on working. What does no harm is done, unless VELLUM_STRICT is set.
 #include "commands/state_scene.h"
 #include "harness/expected.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 namespace
 {

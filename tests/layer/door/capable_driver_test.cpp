@@ -1,7 +1,7 @@
 // What the layer has where the driver has more than lavapipe: indirect builds, and capture and replay of addresses. The
 // driver is lavapipe with the trait "capable".
 #include "harness/copies.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 namespace
 {

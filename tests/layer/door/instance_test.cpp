@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include <gtest/gtest.h>
 #include <vulkan/vk_layer.h>
 #include <vulkan/vulkan.h>

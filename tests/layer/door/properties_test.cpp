@@ -3,7 +3,7 @@
 #include <array>
 
 #include "harness/harness.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 namespace
 {

@@ -6,7 +6,7 @@
 #include "core/lossy.h"
 #include "core/micromap_memory.h"
 #include "harness/expected.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "harness/states.h"
 
 namespace

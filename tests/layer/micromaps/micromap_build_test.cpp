@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/micromap_memory.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "harness/states.h"
 
 namespace

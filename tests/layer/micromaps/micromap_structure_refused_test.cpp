@@ -1,6 +1,6 @@
 // What the layer refuses of micromaps as acceleration structures, each by the rule's name, and what it goes on with, as
 // long as nobody sets VELLUM_STRICT.
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
 
 namespace

@@ -1,6 +1,6 @@
 // What only VK_KHR_opacity_micromap has: micromaps as acceleration structures, beside those of the driver in builds,
 // copies, queries and memory.
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
 
 namespace

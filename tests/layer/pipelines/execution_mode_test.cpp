@@ -6,7 +6,7 @@
 #include "harness/graphics.h"
 #include "harness/pipeline_builder.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/plain_vertex.h"
 #include "shaders/query_fragment.h"
 #include "shaders/query_raygen.h"

@@ -5,7 +5,7 @@
 #include "commands/state_scene.h"
 #include "harness/pipeline_builder.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/query_raygen.h"
 #include "shaders/tracer_comp.h"
 

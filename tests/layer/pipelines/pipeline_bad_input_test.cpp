@@ -1,6 +1,6 @@
 // Ray tracing pipelines that break the rules: a message that names the rule, no crash, and a device that goes on
 // working.
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "pipelines/pipeline_scene.h"
 
 namespace

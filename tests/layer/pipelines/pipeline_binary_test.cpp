@@ -5,7 +5,7 @@
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/empty.h"
 #include "shaders/pipeline_constant_080.h"
 #include "shaders/tracer_comp.h"

@@ -2,16 +2,16 @@
 #include <algorithm>
 #include <thread>
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "pipelines/pipeline_scene.h"
 
 namespace
 {
 
 const vt::Labels kLabels{
-    {"PipelineCreation.*", "slow ray_flags"},     {"PipelineCreationDeferred.*", "slow"},
-    {"PipelineCreationDeferredInline.*", "slow"}, {"PipelineCreationNotDeferred.*", "slow"},
-    {"PipelineCreationUncompiled.*", "slow"},     {"PipelineCreationUncompiledDeferred.*", "slow"}};
+    {"PipelineCreation.*", "slow ray_flags forcing"},     {"PipelineCreationDeferred.*", "slow forcing"},
+    {"PipelineCreationDeferredInline.*", "slow forcing"}, {"PipelineCreationNotDeferred.*", "slow forcing"},
+    {"PipelineCreationUncompiled.*", "slow forcing"},     {"PipelineCreationUncompiledDeferred.*", "slow forcing"}};
 
 using namespace vt;
 

@@ -3,7 +3,7 @@
 
 #include "pipelines/pipeline_scene.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/pipeline_linked.h"
 #include "shaders/pipeline_merged.h"
 #include "shaders/pipeline_wide_any_hit.h"
@@ -13,7 +13,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineGroups.*", "slow ray_flags"}};
+const vt::Labels kLabels{{"PipelineGroups.*", "slow ray_flags forcing"}};
 
 using namespace vt;
 

@@ -1,7 +1,7 @@
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
 #include <algorithm>
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "harness/test_driver.h"
 #include "pipelines/pipeline_scene.h"
 #include "shaders/pipeline_pushed.h"
@@ -9,7 +9,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineLibrary.*", "slow ray_flags"},
+const vt::Labels kLabels{{"PipelineLibrary.*", "slow ray_flags forcing"},
                          {"PipelineLibraryHandles.*", "slow"},
                          {"PipelineLibraryHandlesWithoutLayer.*", "slow one_api"},
                          {"PipelineLibraryWithoutLayer.*", "slow one_api"}};

@@ -5,7 +5,7 @@
 #include "harness/expected.h"
 #include "harness/pipeline_builder.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/pipeline_positions_any_hit.h"
 #include "shaders/pipeline_positions_closest_hit.h"
 #include "shaders/pipeline_positions_miss.h"
@@ -15,7 +15,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelinePositions.*", "stacked forced ray_flags"},
+const vt::Labels kLabels{{"PipelinePositions.*", "stacked forced ray_flags forcing"},
                          {"PipelinePositions.WithoutMicromaps", "inside"},
                          {"PipelinePositionsWithoutLayer.*", "one_api"}};
 

@@ -5,7 +5,7 @@
 #include "harness/copies.h"
 #include "pipelines/pipeline_scene.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/pipeline_by_address.h"
 #include "shaders/pipeline_constant_000.h"
 #include "shaders/pipeline_constant_001.h"
@@ -26,9 +26,9 @@ namespace
 {
 
 const vt::Labels kLabels{
-    {"PipelineResolution.*", "slow ray_flags"},        {"PipelineResolution.Constant*", "constants"},
-    {"PipelineResolution.CopiesOfBoxes", "constants"}, {"PipelineResolutionMaintenance5.*", "slow"},
-    {"PipelineResolutionNotEnabled.*", "slow"},        {"PipelineResolutionWithoutLayer.*", "slow one_api"}};
+    {"PipelineResolution.*", "slow ray_flags forcing"}, {"PipelineResolution.Constant*", "constants"},
+    {"PipelineResolution.CopiesOfBoxes", "constants"},  {"PipelineResolutionMaintenance5.*", "slow forcing"},
+    {"PipelineResolutionNotEnabled.*", "slow"},         {"PipelineResolutionWithoutLayer.*", "slow one_api"}};
 
 using namespace vt;
 

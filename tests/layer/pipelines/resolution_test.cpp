@@ -4,7 +4,7 @@
 
 #include "harness/expected.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/tracer_constant_000.h"
 #include "shaders/tracer_constant_001.h"
 #include "shaders/tracer_constant_002.h"
@@ -20,7 +20,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Resolution.*", "slow translated ray_flags"}, {"Resolution.Constant*", "constants"}};
+const vt::Labels kLabels{{"Resolution.*", "slow translated ray_flags forcing"}, {"Resolution.Constant*", "constants"}};
 
 using namespace vt;
 

@@ -19,7 +19,7 @@
 #include "harness/pipeline_tracer.h"
 #include "harness/tracer.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/pipeline_constant_000.h"
 #include "shaders/pipeline_constant_040.h"
 #include "shaders/pipeline_constant_400.h"

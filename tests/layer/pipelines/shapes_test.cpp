@@ -1,7 +1,7 @@
 // Ray query code in all the forms applications write it.
 #include "harness/columns.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shapes_all.h"
 
 namespace

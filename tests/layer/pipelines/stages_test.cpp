@@ -2,7 +2,7 @@
 #include "harness/columns.h"
 #include "harness/graphics.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/plain_fragment.h"
 #include "shaders/plain_vertex.h"
 #include "shaders/query_fragment.h"
@@ -12,7 +12,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Stages.*", "ray_flags"}, {"StagesOfLibraries.*", "ray_flags"}};
+const vt::Labels kLabels{{"Stages.*", "ray_flags forcing"}, {"StagesOfLibraries.*", "ray_flags forcing"}};
 
 using namespace vt;
 

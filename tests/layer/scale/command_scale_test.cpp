@@ -1,6 +1,6 @@
 // Thousands of command buffers and query pools.
-#include "harness/labels.h"
 #include "harness/pipeline_tracer.h"
+#include "harness/program/labels.h"
 #include "scale/scale.h"
 
 namespace

@@ -4,7 +4,7 @@
 #include "pipelines/pipeline_scene.h"
 #include "scale/scale.h"
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "shaders/tracer_constant_000.h"
 #include "shaders/tracer_constant_001.h"
 #include "shaders/tracer_constant_040.h"

@@ -1,6 +1,6 @@
 // Thousands of bottom-level structures with micromaps in a frame, and a top-level structure of 100,000 instances in
 // each.
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "scale/scale.h"
 
 namespace

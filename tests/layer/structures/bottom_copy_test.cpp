@@ -4,13 +4,13 @@
 
 #include <set>
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "harness/test_driver.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"BottomCopies.*", "traits stacked"},
+const vt::Labels kLabels{{"BottomCopies.*", "traits stacked forcing"},
                          {"BottomCopies.GenericStructures", "serialized"},
                          {"BottomCopies.ManyGeometriesAndTriangles", "serialized"},
                          {"BottomCopies.QueriedSizes", "serialized"},

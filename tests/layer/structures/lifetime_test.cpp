@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 #include "harness/tracer.h"
 
@@ -14,7 +14,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"Lifetime.*", "traits stacked packed"}};
+const vt::Labels kLabels{{"Lifetime.*", "traits stacked packed forcing"}};
 
 class Lifetime : public GpuTest
 {

@@ -2,7 +2,7 @@
 // does not belong, and structures that can be traced.
 #include "commands/state_scene.h"
 #include "harness/copies.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 #include <algorithm>
 #include <random>

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "core/records.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 namespace
 {

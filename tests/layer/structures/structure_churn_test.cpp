@@ -1,6 +1,6 @@
 // Structures that come and go: memory that is used again, and tables that do not grow.
 #include "harness/copies.h"
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "structures/footprint.h"
 
 namespace

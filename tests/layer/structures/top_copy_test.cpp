@@ -1,6 +1,6 @@
 // Copies of TLAS with micromaps: whatever was copied, in whatever order it was recorded, is seen by shaders as the
 // original was, and stays so.
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 #include "structures/copy_test.h"
 
 #include <map>
@@ -8,7 +8,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"TopCopies.*", "traits stacked forced"}, {"TopCopiesExt.*", "one_api"}};
+const vt::Labels kLabels{{"TopCopies.*", "traits stacked forced forcing"}, {"TopCopiesExt.*", "one_api"}};
 
 using namespace vt;
 

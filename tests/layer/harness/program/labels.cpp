@@ -1,4 +1,4 @@
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 namespace vt
 {

@@ -13,7 +13,7 @@
 
 #include <gtest/gtest.h>
 
-#include "harness/labels.h"
+#include "harness/program/labels.h"
 
 #if defined(__SANITIZE_ADDRESS__)
 // Blocks that libraries which are not ours leave behind. Lavapipe 25 leaks one for each vkCmdBindVertexBuffers2 with a

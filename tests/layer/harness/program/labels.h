@@ -15,6 +15,8 @@
 //   strict_ext    with VELLUM_STRICT, by VK_EXT_opacity_micromap only
 //   ray_flags     on a driver that does not give unused ray flag bits back
 //   constants     where constant ray flags travel as others do
+//   forcing       under the forcing layer: not what looks at sizes or serialized data, at flags of pipelines and modes of
+//                 shaders, or at modules that the layer cannot read
 //   packed        in packed memory
 //   unpacked      never in packed memory
 #pragma once
