@@ -8,15 +8,35 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <set>
+#include <sstream>
 
 namespace vellum::test
 {
 namespace
 {
 
+// The oldest that takes the module's version.
 spv_target_env environmentOf(const Module &words)
 {
-    return words.size() > 1 && words[1] >= 0x10600 ? SPV_ENV_VULKAN_1_3 : SPV_ENV_VULKAN_1_2;
+    const std::uint32_t version = words.size() > 1 ? words[1] : 0;
+    if (version >= 0x10600)
+        return SPV_ENV_VULKAN_1_3;
+    if (version >= 0x10500)
+        return SPV_ENV_VULKAN_1_2;
+    return version >= 0x10400 ? SPV_ENV_VULKAN_1_1_SPIRV_1_4 : SPV_ENV_VULKAN_1_1;
+}
+
+// The lines of a module that say what it needs.
+std::set<std::string> needsOf(const Module &words)
+{
+    std::istringstream text(disassemble(words));
+    std::set<std::string> needs;
+    for (std::string line; std::getline(text, line);) {
+        if (line.find("OpCapability ") != std::string::npos || line.find("OpExtension ") != std::string::npos)
+            needs.insert(line.substr(line.find("Op")));
+    }
+    return needs;
 }
 
 } // namespace
@@ -95,6 +115,16 @@ void writeModule(const Module &words)
 
 } // namespace
 
+void expectNoMoreNeeds(const Module &words, const Module &rewritten)
+{
+    EXPECT_EQ(rewritten.at(1), words.at(1)); // the version
+    const std::set<std::string> before = needsOf(words);
+    for (const std::string &need : needsOf(rewritten))
+        EXPECT_TRUE(before.contains(need) || need == "OpCapability PhysicalStorageBufferAddresses" ||
+                    need == "OpExtension \"SPV_KHR_physical_storage_buffer\"")
+            << need;
+}
+
 Module rewriteValid(const Module &words)
 {
     writeModule(words);
@@ -103,11 +133,13 @@ Module rewriteValid(const Module &words)
     const auto result = spirv::rewrite(words, {.rootAddress = 0xfedcba9876543210});
     EXPECT_EQ(result.status, spirv::RewriteResult::Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+    expectNoMoreNeeds(words, result.words);
     for (const auto &[carried, constant] : {std::pair{false, true}, {false, false}, {true, false}}) {
         const auto kept = spirv::rewrite(
             words, {.queriesCarryFlagBits = [carried] { return carried; }, .constantQueryFlags = constant});
         EXPECT_EQ(kept.status, spirv::RewriteResult::Status::Rewritten) << kept.error;
         EXPECT_EQ(validate(kept.words), "") << disassemble(kept.words);
+        expectNoMoreNeeds(words, kept.words);
     }
     return result.words;
 }

@@ -26,6 +26,10 @@ std::string disassemble(const Module &words);
 // Empty if valid, else what spirv-val says. Picks the environment by the module's version.
 std::string validate(const Module &words);
 
+// A module that was rewritten has the version it had, and needs no more of a device than it did, but for what the layer
+// enables on every device.
+void expectNoMoreNeeds(const Module &words, const Module &rewritten);
+
 // Rewrites, and fails the test unless the result is a valid Rewritten module. The same for drivers that give no ray
 // flag bits back, and with constant flags that travel; these modules are not returned.
 Module rewriteValid(const Module &words);
