@@ -427,11 +427,13 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalD
 {
     Instance &instance = instanceOf(physicalDevice);
     VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
+    Chain chain(info->pNext);
     const Implementations have = implementationsOn(instance, physicalDevice);
     if (have.khr == Implementation::Translation)
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(translatedUsage(info->usage));
+        editUsage(instance.report, chain, driverInfo.usage, info->flags, translatedUsage);
     else if (have.anyEmulated())
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(emulatedUsage(info->usage));
+        editUsage(instance.report, chain, driverInfo.usage, info->flags, emulatedUsage);
+    driverInfo.pNext = chain.head();
     instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
 }
 
