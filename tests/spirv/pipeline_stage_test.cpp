@@ -31,6 +31,7 @@ std::string rewriteStage(const Stage &stage, const char *variant = "v15")
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
     EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
+    expectNoMoreNeeds(loadShader(stage.shader, variant), result.words);
     return disassemble(result.words);
 }
 
@@ -135,6 +136,7 @@ std::string rewriteHiding(const Stage &stage, spirv::HiddenFlags hidden, const c
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
     EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
+    expectNoMoreNeeds(loadShader(stage.shader, variant), result.words);
     const std::string text = disassemble(result.words);
     EXPECT_EQ(count(text, "vellumDriverFlags") + count(text, "vellumApplicationFlags"), 0u) << stage.shader;
     return text;

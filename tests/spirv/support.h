@@ -22,6 +22,10 @@ Module optimize(const Module &words);
 Module assemble(const std::string &text);
 std::string disassemble(const Module &words);
 
+// A module that was rewritten has the version it had, and needs no more of a device than it did, but for what the layer
+// enables on every device.
+void expectNoMoreNeeds(const Module &words, const Module &rewritten);
+
 // Rewrites, and fails the test unless the result is a valid Rewritten module. The same for drivers that give no ray
 // flag bits back, and with constant flags that travel; these modules are not returned.
 Module rewriteValid(const Module &words);

@@ -189,10 +189,11 @@ std::string keptAddresses(const Instance &instance, VkPhysicalDevice physicalDev
     return path;
 }
 
-// The device as the driver is asked for it: without what the layer provides, with what the layer needs.
+// The device as the driver is asked for it: without what the layer provides, with what the layer needs. Where the
+// driver cannot be asked for replayed addresses, `gpu` has none.
 struct DriverDeviceInfo {
     DriverDeviceInfo(const VkDeviceCreateInfo &application, const Driver &driver, const Implementations &have,
-                     const GpuContext &gpu)
+                     GpuContext &gpu)
         : info(application), chain(application.pNext)
     {
         const bool ownAddressCommands = driver.ownAddressCommands;
@@ -216,9 +217,9 @@ struct DriverDeviceInfo {
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
-        if (driver.translated)
-            possible = setExtFeature(driver.asked.khr);
-        else
+        if (driver.translated && !setExtFeature(driver.asked.khr))
+            impossible = "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable micromap";
+        if (!driver.translated)
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
         if (ownAddressCommands)
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
@@ -226,22 +227,34 @@ struct DriverDeviceInfo {
             chain.remove(newer::kPipelineOpacityMicromapFeatures);
         if (!keepsExt)
             chain.remove(newer::kDisplacementMicromapFeatures);
-        // The tables are reached by address from every rewritten shader.
-        if (auto *core =
-                chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
-            core->bufferDeviceAddress = VK_TRUE;
-            core->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
-        } else if (auto *own = chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(
-                       VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
-            own->bufferDeviceAddress = VK_TRUE;
-            own->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
-        } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES) &&
-                   !findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
-            addresses.bufferDeviceAddress = VK_TRUE;
-            addresses.bufferDeviceAddressCaptureReplay = VkBool32{gpu.replaysAddresses};
-            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
-        }
+        if (!enableAddresses(gpu))
+            impossible = "the structure in which the layer has to enable bufferDeviceAddress";
         info.pNext = chain.head();
+    }
+    // The tables are reached by address from every rewritten shader.
+    bool enableAddresses(GpuContext &gpu)
+    {
+        const auto enable = [&gpu](auto *features) {
+            if (features) {
+                features->bufferDeviceAddress = VK_TRUE;
+                features->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
+            }
+            return features != nullptr;
+        };
+        constexpr VkStructureType kCore = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+        constexpr VkStructureType kOwn = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES;
+        if (enable(chain.edit<VkPhysicalDeviceVulkan12Features>(kCore)) ||
+            enable(chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(kOwn)))
+            return true;
+        const auto *core = findInChain<VkPhysicalDeviceVulkan12Features>(chain.head(), kCore);
+        const auto *own = findInChain<VkPhysicalDeviceBufferDeviceAddressFeatures>(chain.head(), kOwn);
+        if (!core && !own) {
+            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
+            return enable(&addresses);
+        }
+        // It lies behind a structure of unknown size, and is what the application made it.
+        gpu.replaysAddresses = false;
+        return core ? core->bufferDeviceAddress : own->bufferDeviceAddress;
     }
     // The driver's micromaps, for those of VK_KHR_opacity_micromap. Whether the driver can be asked for them.
     bool setExtFeature(bool needed)
@@ -260,7 +273,7 @@ struct DriverDeviceInfo {
         }
         return true;
     }
-    bool possible = true;
+    const char *impossible = nullptr; // what lies behind a structure of unknown size, and must be changed
     VkDeviceCreateInfo info;
     Chain chain;
     std::vector<const char *> extensions;
@@ -405,14 +418,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->buffers.gpu.driversMicromaps = device->driver.asked.ext || device->driver.asked.khr;
         device->structures.backend =
             std::make_unique<ExtBackend>(device->translation, driverLimits(instance, physicalDevice));
-        const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
-        if (!driverInfo.possible) {
-            instance.report.error("VELLUM-device-features",
-                                  "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable "
-                                  "micromap, lies behind a structure of unknown size");
-            return VK_ERROR_FEATURE_NOT_PRESENT;
-        }
-        result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else if (provided.emulated) {
         device->structures.backend = std::make_unique<EmulatedBackend>(device->structures);
         if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
@@ -423,7 +428,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         // An application that replays addresses has all of them to itself.
         device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
                                                replaysAddresses(instance, physicalDevice);
+    }
+    if (provided.translated || provided.emulated) {
         const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
+        if (driverInfo.impossible) {
+            instance.report.error("VELLUM-device-features",
+                                  std::string(driverInfo.impossible) + " lies behind a structure of unknown size");
+            return VK_ERROR_FEATURE_NOT_PRESENT;
+        }
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);

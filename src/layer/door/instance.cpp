@@ -370,6 +370,13 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->deviceAddressCommands = VK_TRUE;
     if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
         own->pipelineOpacityMicromap = VK_TRUE;
+    // Emulation needs the GPU for builds and copies of acceleration structures: their host commands are always
+    // rejected.
+    auto *structures = const_cast<VkPhysicalDeviceAccelerationStructureFeaturesKHR *>(
+        findInChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR));
+    if (structures && have.ext == Implementation::Emulation)
+        structures->accelerationStructureHostCommands = VK_FALSE;
     if (const auto hidden = hiddenOn(have))
         clearHiddenFeatures(*features, hidden);
 }
@@ -427,11 +434,13 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalD
 {
     Instance &instance = instanceOf(physicalDevice);
     VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
+    Chain chain(info->pNext);
     const Implementations have = implementationsOn(instance, physicalDevice);
     if (have.khr == Implementation::Translation)
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(translatedUsage(info->usage));
+        editUsage(instance.report, chain, driverInfo.usage, info->flags, translatedUsage);
     else if (have.anyEmulated())
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(emulatedUsage(info->usage));
+        editUsage(instance.report, chain, driverInfo.usage, info->flags, emulatedUsage);
+    driverInfo.pNext = chain.head();
     instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
 }
 

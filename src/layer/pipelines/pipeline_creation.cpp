@@ -16,6 +16,7 @@
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
+#include "layer/pipelines/shaders.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::layer
@@ -110,17 +111,14 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
-        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one. Not of mere keys.
-        if (pipelines_ && available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
-            device_.driver.report().warning(
-                "VELLUM-pipeline-without-micromaps",
-                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
-                    " was created without RAY_TRACING_OPACITY_MICROMAP: where it meets micromaps, every hit on their "
-                    "geometry is non-opaque. The setting assume_micromaps creates all pipelines with it");
+        // Not for queries of pipeline keys. The code of a pipeline of binaries is ignored.
+        if (pipelines_ && available && !binariesOf(info.pNext))
+            warnOfTracing(info);
         // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
         changed_ = changed_ || own.flags != info.flags;
-        own.pNext = driverChain(own.pNext, chains_);
+        if (!hideMicromapFlags(device_.driver, own.pNext, chains_, "vkCreateRayTracingPipelinesKHR"))
+            return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
             return VK_ERROR_UNKNOWN;
         return takeIdentifiers(own);
@@ -178,6 +176,26 @@ private:
                                                              std::to_string(infos_.size() - 1) + " " + text);
         refuse(id, text);
         return false;
+    }
+
+    // Of a pipeline without the micromap bit, which is harmless where it meets no micromaps. Applications forget it all
+    // the same, NVRHI for one.
+    void warnOfTracing(const VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
+        bool isFirst = false;
+        for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
+            const std::span<const uint32_t> code = codeOf(stage);
+            isFirst =
+                (spirv::tracedFlags(code).traces && device_.shaderWarnings.isFirst(kId, codeHash(code))) || isFirst;
+        }
+        if (isFirst)
+            device_.driver.report().warning(
+                kId,
+                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
+                    " traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: where they meet micromaps, "
+                    "every hit on their geometry is non-opaque. The setting assume_micromaps creates all pipelines "
+                    "with it");
     }
 
     // What a driver's stage is made from: the application's stage, what it decides, and the type of the payload that it
@@ -508,32 +526,6 @@ private:
     std::vector<VkShaderModule> modules_;
 };
 
-// Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
-VkResult createOneByOne(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
-                        const VkRayTracingPipelineCreateInfoKHR *infos, const VkAllocationCallbacks *allocator,
-                        VkPipeline *pipelines)
-{
-    VkResult worst = VK_SUCCESS;
-    for (uint32_t i = 0; i < count; ++i) {
-        VkRayTracingPipelineCreateInfoKHR info = infos[i];
-        const bool derived = (flagsOf(info) & VK_PIPELINE_CREATE_DERIVATIVE_BIT) != 0 && info.basePipelineIndex >= 0 &&
-                             static_cast<uint32_t>(info.basePipelineIndex) < i;
-        VkResult result = worst;
-        if (derived) {
-            info.basePipelineHandle = pipelines[info.basePipelineIndex];
-            info.basePipelineIndex = -1;
-        }
-        if (!derived || info.basePipelineHandle)
-            result =
-                createRayTracingPipelines(device, handle, VK_NULL_HANDLE, cache, 1, &info, allocator, &pipelines[i]);
-        if (result < 0 || worst == VK_SUCCESS)
-            worst = result;
-        if (result != VK_SUCCESS && (flagsOf(info) & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
-            break;
-    }
-    return worst;
-}
-
 } // namespace
 
 VkResult
@@ -552,9 +544,17 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
 {
     std::fill_n(pipelines, count, VK_NULL_HANDLE);
     auto creation = std::make_unique<Creation>(device, pipelines);
-    for (uint32_t i = 0; i < count; ++i) {
-        if (const VkResult result = creation->add(infos[i]); result != VK_SUCCESS)
-            return count == 1 ? result : createOneByOne(device, handle, cache, count, infos, allocator, pipelines);
+    const std::vector<VkResult> prepared =
+        prepareEach(std::span(infos, count), [&](const auto &info) { return creation->add(info); });
+    if (!allSucceeded(prepared)) {
+        const VkResult result =
+            createPrepared(std::span(creation->infos()), prepared, pipelines,
+                           [&](uint32_t one, const VkRayTracingPipelineCreateInfoKHR *info, VkPipeline *pipeline) {
+                               return device.driver.next.CreateRayTracingPipelinesKHR(handle, VK_NULL_HANDLE, cache,
+                                                                                      one, info, allocator, pipeline);
+                           });
+        creation->finish();
+        return result;
     }
     if (!creation->changed())
         return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,

@@ -322,7 +322,9 @@ PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)
     Device &device = found->second;
     const auto [known, isNew] = device.found.try_emplace({level, name}, nullptr);
     if (isNew) {
-        const PFN_vkVoidFunction below = device.get(device.handle, name);
+        PFN_vkVoidFunction below = device.get(device.handle, name);
+        if (below == nullptr) // in an older version of Vulkan, that of the extension
+            below = device.get(device.handle, (std::string(name) + "KHR").c_str());
         const Row *row = rowBehind(*device.traits, &level, &LevelRows::device, name);
         known->second =
             row != nullptr && (row->where == Row::Where::Always || below != nullptr) ? row->function : below;

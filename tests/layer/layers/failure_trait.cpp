@@ -71,6 +71,27 @@ struct Losing<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
 #command, DRIVER_FUNCTION((Losing <PFN_##command>::call <Name(#command)>))                                     \
     }
 
+// All bindings are attempted, and VkBindMemoryStatus holds the result of each (VK_KHR_maintenance6).
+VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, std::uint32_t count,
+                                                 const VkBindBufferMemoryInfo *infos)
+{
+    struct Status {
+        VkStructureType sType;
+        const void *pNext;
+        VkResult *result;
+    };
+    VkResult any = VK_SUCCESS;
+    for (const VkBindBufferMemoryInfo &info : std::span(infos, count)) {
+        const VkResult result = fails("vkBindBufferMemory2") ? VK_ERROR_OUT_OF_DEVICE_MEMORY
+                                                             : DRIVER_NEXT(vkBindBufferMemory2)(handle, 1, &info);
+        if (const auto *status = inChain<Status>(info.pNext, static_cast<VkStructureType>(1000545002)))
+            *status->result = result;
+        if (result != VK_SUCCESS)
+            any = result;
+    }
+    return any;
+}
+
 // --- pipelines ---
 
 constexpr VkPipelineCreateFlags kNoCompiling = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
@@ -161,6 +182,7 @@ driver::LevelRows driver::failureRows()
         LOSING(vkWaitForFences),
         LOSING(vkGetFenceStatus),
         LOSING(vkGetQueryPoolResults),
+        {"vkBindBufferMemory2", DRIVER_FUNCTION(bindBufferMemory2)},
         {"vkCreateComputePipelines", DRIVER_FUNCTION(createComputePipelines)},
         {"vkCreateRayTracingPipelinesKHR", DRIVER_FUNCTION(createRayTracingPipelines)},
     };
