@@ -71,7 +71,7 @@ public:
     [[nodiscard]] uint32_t ways() const { return hidden_ ? 0 : 1u << open_.size(); }
     void choose(uint32_t way);
     // The driver knew them in this way: so it will be the next time, and so keys of such pipelines are made.
-    void remember(uint32_t way);
+    void remember(uint32_t way) noexcept;
 
 private:
     struct Open {

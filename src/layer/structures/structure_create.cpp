@@ -5,6 +5,7 @@
 #include <string>
 
 #include "layer/ground/judge.h"
+#include "layer/ground/undo.h"
 #include "layer/micromaps/micromap_structure.h"
 #include "layer/objects/buffer_range.h"
 #include "layer/structures/device_structures.h"
@@ -16,7 +17,15 @@ namespace vellum::layer
 namespace
 {
 
-// A new structure has its handle, and is known from now on.
+void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
+{
+    leavePlace(device.objects, structure);
+    destroyFittedHandles(device, structure);
+    if (structure.micromapKey)
+        device.objects.root.releaseCell(structure.micromapKey);
+}
+
+// A new structure has its handle, and is known from now on; not if this throws.
 void addStructure(DeviceStructures &device, std::shared_ptr<AccelerationStructure> structure,
                   VkAccelerationStructureKHR handle)
 {
@@ -25,8 +34,10 @@ void addStructure(DeviceStructures &device, std::shared_ptr<AccelerationStructur
                            structure->size,
                            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(handle)}};
     takePlace(device.objects, *structure, handle);
+    Undo undo([&] { forgetStructure(device, *structure); });
     letMicromapBeNamedOnceBound(device.objects, structure);
-    device.objects.accelerationStructures.set(handle, std::move(structure));
+    device.objects.accelerationStructures.set(handle, structure);
+    undo.keep();
 }
 
 // One of the layer's own handles, which never reach the driver.
@@ -64,7 +75,9 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
     const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
+    Undo undo([&] { device.driver.next.DestroyAccelerationStructureKHR(handle, *result, allocator); });
     addStructure(device, std::move(structure), *result);
+    undo.keep();
     return created;
 }
 
@@ -72,12 +85,8 @@ void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkA
                                   const VkAllocationCallbacks *allocator)
 {
     const auto known = device.objects.accelerationStructures.take(structure);
-    if (known) {
-        leavePlace(device.objects, *known);
-        destroyFittedHandles(device, *known);
-    }
-    if (known && known->micromapKey)
-        device.objects.root.releaseCell(known->micromapKey);
+    if (known)
+        forgetStructure(device, *known);
     device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
     if (known && known->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
         device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
@@ -145,7 +154,7 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice handl
     }
 }
 
-VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice,
+VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice handle,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
@@ -158,8 +167,11 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice,
     }
     auto structure = newStructure(place, info->type);
     const VkResult created = createInRange(device.driver, *info, place, allocator, *result);
-    if (created == VK_SUCCESS)
-        addStructure(device, std::move(structure), *result);
+    if (created != VK_SUCCESS)
+        return created;
+    Undo undo([&] { device.driver.next.DestroyAccelerationStructureKHR(handle, *result, allocator); });
+    addStructure(device, std::move(structure), *result);
+    undo.keep();
     return created;
 }
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <string>
 
+#include "layer/ground/undo.h"
 #include "layer/objects/buffer_range.h"
 #include "layer/translation/device_translation.h"
 #include "layer/translation/placed_micromaps.h"
@@ -15,7 +16,9 @@ void addStructure(DeviceTranslation &device, std::shared_ptr<AccelerationStructu
                   VkAccelerationStructureKHR handle)
 {
     takePlace(device.objects, *structure, handle);
-    device.objects.accelerationStructures.set(handle, std::move(structure));
+    Undo undo([&] { leavePlace(device.objects, *structure); });
+    device.objects.accelerationStructures.set(handle, structure);
+    undo.keep();
 }
 
 // A handle of the layer's own, and a micromap of the driver's.
@@ -42,12 +45,12 @@ VkResult addMicromap(DeviceTranslation &device, const Judge &judge, const Buffer
     auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
     takePlace(device.objects, *structure, handle);
-    if (!micromapOfSize(device, *structure, structure->size)) {
-        leavePlace(device.objects, *structure);
+    Undo undo([&] { leavePlace(device.objects, *structure); });
+    if (!micromapOfSize(device, *structure, structure->size))
         return VK_ERROR_OUT_OF_HOST_MEMORY; // the one error that vkCreateMicromapEXT has
-    }
+    device.objects.accelerationStructures.set(handle, structure);
     result = handle;
-    device.objects.accelerationStructures.set(handle, std::move(structure));
+    undo.keep();
     return VK_SUCCESS;
 }
 
@@ -68,12 +71,15 @@ VkResult createTranslatedStructure(DeviceTranslation &device, VkDevice handle,
     }
     auto structure = newStructure({info->buffer, info->offset, info->size}, info->type);
     const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
-    if (created == VK_SUCCESS)
-        addStructure(device, std::move(structure), *result);
+    if (created != VK_SUCCESS)
+        return created;
+    Undo undo([&] { device.driver.next.DestroyAccelerationStructureKHR(handle, *result, allocator); });
+    addStructure(device, std::move(structure), *result);
+    undo.keep();
     return created;
 }
 
-VkResult createTranslatedStructure2(DeviceTranslation &device, VkDevice,
+VkResult createTranslatedStructure2(DeviceTranslation &device, VkDevice handle,
                                     const VkAccelerationStructureCreateInfo2KHR *info,
                                     const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
@@ -84,8 +90,11 @@ VkResult createTranslatedStructure2(DeviceTranslation &device, VkDevice,
         return addMicromap(device, {device.driver.report(), "vkCreateAccelerationStructure2KHR"}, range, *result);
     auto structure = newStructure(range, info->type);
     const VkResult created = createInRange(device.driver, *info, range, allocator, *result);
-    if (created == VK_SUCCESS)
-        addStructure(device, std::move(structure), *result);
+    if (created != VK_SUCCESS)
+        return created;
+    Undo undo([&] { device.driver.next.DestroyAccelerationStructureKHR(handle, *result, allocator); });
+    addStructure(device, std::move(structure), *result);
+    undo.keep();
     return created;
 }
 
