@@ -3,48 +3,28 @@
 #include "layer/translation/ext_backend.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cstring>
-#include <shared_mutex>
 #include <string>
 #include <thread>
-#include <unordered_map>
+#include <type_traits>
 #include <vector>
 
 #include <vulkan/vk_layer.h>
 
 #include "layer/door/hidden_extensions.h"
+#include "layer/door/registry.h"
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-// Every intercepted command looks its device up, on all threads at once: a lock that they share, even one for readers,
-// would be written by each of them. So the first devices, which are all that most processes have, lie in places that
-// are read without one. A place changes only while its device is made or destroyed, when no command may name it; what
-// others read there meanwhile is another key than theirs.
-struct DevicePlace {
-    std::atomic<void *> key = nullptr;
-    std::atomic<Device *> device = nullptr;
-};
-std::array<DevicePlace, 16> devicePlaces;
-
-std::shared_mutex devicesMutex;
-std::unordered_map<void *, std::unique_ptr<Device>> devices;
-
-void setPlace(void *oldKey, void *key, Device *device)
-{
-    for (DevicePlace &place : devicePlaces) {
-        if (place.key.load(std::memory_order_relaxed) != oldKey)
-            continue;
-        place.device.store(device, std::memory_order_relaxed);
-        place.key.store(key, std::memory_order_release);
-        return;
-    }
-}
+constinit Registry<Device> devices;
+// At the end of the process nothing is destroyed.
+static_assert(std::is_trivially_destructible_v<Registry<Device>>);
 
 bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
 {
@@ -365,21 +345,13 @@ VkResult startTranslation(const DriverFacts &facts, Device &device)
 
 Device *deviceOfKey(void *key)
 {
-    for (const DevicePlace &place : devicePlaces) {
-        if (place.key.load(std::memory_order_acquire) == key)
-            return place.device.load(std::memory_order_relaxed);
-    }
-    std::shared_lock lock(devicesMutex);
-    const auto it = devices.find(key);
-    return it == devices.end() ? nullptr : it->second.get();
+    return devices.find(key);
 }
 
 bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle)
 {
-    std::shared_lock lock(devicesMutex);
-    return std::any_of(devices.begin(), devices.end(), [&](const auto &entry) {
-        return entry.second->instance == &instance && entry.second->objects.own(type, handle);
-    });
+    return devices.any(
+        [&](const Device &device) { return device.instance == &instance && device.objects.own(type, handle); });
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
@@ -444,6 +416,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         return result;
 
     static std::atomic<uint64_t> numbers{0};
+    device->driver.next.load(*handle, nextDeviceGet);
+    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
+    Undo undo([&] {
+        device.reset();
+        destroy(*handle, allocator);
+        *handle = VK_NULL_HANDLE;
+    });
     device->driver.handle = *handle;
     device->driver.number = ++numbers;
     device->driver.physicalDevice = physicalDevice;
@@ -452,7 +431,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.settings = &instance.settings;
     device->driver.reporter = &instance.report;
     device->driver.habits = &habitsOf(instance, physicalDevice);
-    device->driver.next.load(*handle, nextDeviceGet);
     if (device->driver.emulated || device->driver.translated) {
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->buffers.gpu.device = *handle;
@@ -465,10 +443,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
                                          : startTranslation(facts, *device);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
-            const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
-            device.reset();
-            destroy(*handle, allocator);
-            *handle = VK_NULL_HANDLE;
             return result;
         }
         instance.report.info("VELLUM-device",
@@ -477,9 +451,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
                                  : "VK_KHR_opacity_micromap is translated to the driver's VK_EXT_opacity_micromap on "
                                    "this device");
     }
-    std::unique_lock lock(devicesMutex);
-    setPlace(nullptr, dispatchKey(*handle), device.get());
-    devices[dispatchKey(*handle)] = std::move(device);
+    devices.add(*device.release(), dispatchKey(*handle));
+    undo.keep();
     return VK_SUCCESS;
 }
 
@@ -487,21 +460,24 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
 {
     if (!handle)
         return;
-    std::unique_ptr<Device> device;
-    {
-        std::unique_lock lock(devicesMutex);
-        const auto it = devices.find(dispatchKey(handle));
-        if (it == devices.end())
-            return;
-        device = std::move(it->second);
-        devices.erase(it);
-        setPlace(dispatchKey(handle), nullptr, nullptr);
-    }
+    std::unique_ptr<Device> device(devices.take(dispatchKey(handle)));
+    if (!device)
+        return;
+    const Undo undo([&] {
+        const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
+        device.reset();
+        destroy(handle, allocator);
+    });
     reportNotices(device->objects);
     device->commands.complaints.drain(device->driver.report());
-    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
-    device.reset();
-    destroy(handle, allocator);
+}
+
+bool forgetDevices(const Instance &instance)
+{
+    bool any = false;
+    while (devices.take([&](const Device &device) { return device.instance == &instance; }))
+        any = true;
+    return any;
 }
 
 } // namespace vellum::layer

@@ -3,9 +3,8 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
-#include <mutex>
-#include <optional>
 
 #include <vulkan/vulkan.h>
 
@@ -35,12 +34,11 @@ struct Asked {
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
-// What was found out about a physical device by trying, for all devices of an instance; nothing, where it was not tried
-// yet.
+// What was found out about a physical device by trying, for all devices of an instance.
+enum class TriedOut : uint8_t { No, Works, Fails };
 struct DriverHabits {
-    std::mutex mutex;
-    std::optional<bool> queriesCarryFlagBits; // pipelines/ray_flag_probe.h
-    std::optional<bool> pipelinesCarryFlagBits;
+    std::atomic<TriedOut> queriesCarryFlagBits = TriedOut::No; // pipelines/ray_flag_probe.h
+    std::atomic<TriedOut> pipelinesCarryFlagBits = TriedOut::No;
 };
 
 // A device as the next layer or the driver made it.

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 #include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
@@ -106,8 +107,11 @@ VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCrea
 {
     const DriverBufferInfo driverInfo(device.driver, *info);
     const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
-    if (result == VK_SUCCESS)
-        device.infos.set(*buffer, {info->size, driverInfo.usage, ++device.numbers});
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] { device.driver.next.DestroyBuffer(handle, *buffer, allocator); });
+    device.infos.set(*buffer, {info->size, driverInfo.usage, ++device.numbers});
+    undo.keep();
     return result;
 }
 
@@ -152,9 +156,12 @@ VkResult allocateMemory(DeviceBuffers &device, VkDevice handle, const VkMemoryAl
     }
     driverInfo.pNext = chain.head();
     const VkResult result = device.driver.next.AllocateMemory(handle, &driverInfo, allocator, memory);
-    if (result == VK_SUCCESS)
-        device.host.allocated(*memory, info->allocationSize,
-                              device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] { device.driver.next.FreeMemory(handle, *memory, allocator); });
+    device.host.allocated(*memory, info->allocationSize,
+                          device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+    undo.keep();
     return result;
 }
 

@@ -90,7 +90,7 @@ public:
 private:
     void choose(uint32_t way);
     // The driver knew them in this way: so it will be the next time, and so keys of such pipelines are made.
-    void remember(uint32_t way);
+    void remember(uint32_t way) noexcept;
     struct Open {
         std::vector<uint8_t> *bytes; // for the driver
         std::vector<uint8_t> application;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/ray_flags.h"
+#include "layer/ground/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
@@ -127,6 +128,24 @@ VkResult withoutShaderError(VkResult result, VkResult instead)
     return result == VK_ERROR_INVALID_SHADER_NV ? instead : result;
 }
 
+// Binaries that the driver has made are known from now on; where there is no memory for that, there are none.
+void addBinaries(DevicePipelines &device, VkDevice handle, const VkAllocationCallbacks *allocator,
+                 std::span<newer::PipelineBinary> binaries, const std::function<HiddenInBinary(size_t)> &hidden)
+{
+    Undo undo([&] {
+        for (newer::PipelineBinary &binary : binaries) {
+            if (binary)
+                destroyPipelineBinary(device, handle, binary, allocator);
+            binary = nullptr;
+        }
+    });
+    for (size_t i = 0; i < binaries.size(); ++i) {
+        if (binaries[i])
+            device.pipelineBinaries.set(binaries[i], hidden(i));
+    }
+    undo.keep();
+}
+
 // The driver makes those that fit; the handles of others are null ("all pipeline binaries ... will be attempted").
 VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryCreateInfo &info,
                         const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo &binaries)
@@ -167,11 +186,9 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
     newer::PipelineBinaryCreateInfo driverInfo = info;
     driverInfo.pKeysAndDataInfo = &own;
     const VkResult drivers = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, &handles);
-    for (size_t i = 0; i < made.size(); ++i) {
-        if (made[i])
-            device.pipelineBinaries.set(made[i], hidden[i]);
+    addBinaries(device, handle, allocator, made, [&](size_t i) { return hidden[i]; });
+    for (size_t i = 0; i < made.size(); ++i)
         binaries.pPipelineBinaries[places[i]] = made[i];
-    }
     return result < 0 || drivers == VK_SUCCESS ? result : drivers;
 }
 
@@ -251,10 +268,8 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
     const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
         binaries->pipelineBinaryCount = count;
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
-        for (uint32_t i = 0; emulated && i < room; ++i) {
-            if (binaries->pPipelineBinaries[i]) // also where others failed
-                device.pipelineBinaries.set(binaries->pPipelineBinaries[i], hidden);
-        }
+        if (emulated) // also where some failed
+            addBinaries(device, handle, allocator, {binaries->pPipelineBinaries, room}, [&](size_t) { return hidden; });
         return result;
     };
     if (info->pPipelineCreateInfo && !info->pKeysAndDataInfo) {

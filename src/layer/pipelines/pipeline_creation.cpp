@@ -133,8 +133,15 @@ public:
                std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
     }
 
+    // Before the driver makes the pipelines: afterwards nothing allocates.
+    void reserve()
+    {
+        for (const auto &record : records_)
+            entries_.push_back(device_.rayTracingPipelines.entry(record));
+    }
+
     // The driver has made the pipelines, or failed to.
-    void finish() override
+    void finish() noexcept override
     {
         for (const Feedback &feedback : feedback_)
             std::copy_n(feedback.own.begin(), std::min<size_t>(feedback.count, feedback.own.size()),
@@ -145,7 +152,7 @@ public:
             if (records_[i]->hasNullGroup)
                 writeStandIn(device_, pipelines_[i], *records_[i]);
             measureStacks(device_, pipelines_[i], groupsOfOurs_[i]);
-            device_.rayTracingPipelines.set(pipelines_[i], records_[i]);
+            device_.rayTracingPipelines.set(pipelines_[i], std::move(entries_[i]));
         }
     }
 
@@ -458,6 +465,7 @@ private:
             if (!rewriteShader(device_, code, bytes, storage, target))
                 return VK_ERROR_UNKNOWN;
             const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
+            modules_.reserve(modules_.size() + 1);
             const VkResult result =
                 device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
             if (result != VK_SUCCESS)
@@ -511,7 +519,8 @@ private:
     DriverStages stages_;
     VkPipeline *pipelines_; // the application's, which must stay valid until a deferred operation is complete
     std::vector<VkRayTracingPipelineCreateInfoKHR> infos_;
-    std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
+    std::vector<std::shared_ptr<RayTracingPipeline>> records_;                   // null for pipelines without micromaps
+    std::vector<decltype(DevicePipelines::rayTracingPipelines)::Entry> entries_; // of the records
     std::vector<std::vector<uint32_t>> groupsOfOurs_; // per pipeline, those whose any-hit shader is the layer's
     std::deque<Chain> chains_;
     std::deque<DriverIdentifiers> identifiers_;
@@ -565,6 +574,7 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
             handle, VK_NULL_HANDLE, cache, count, creation->infos().data(), allocator, pipelines);
         return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;
     }
+    creation->reserve();
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();

@@ -89,11 +89,13 @@ private:
 
 bool RayFlagBits::carried(Way way)
 {
-    std::lock_guard lock(mutex_);
-    std::optional<bool> &answer = answers_[static_cast<size_t>(way)];
-    if (!answer)
-        answer = tryOut(way).value_or(false);
-    return *answer;
+    Answer &answer = answers_[static_cast<size_t>(way)];
+    if (answer.carried == TriedOut::No) {
+        std::lock_guard lock(answer.mutex);
+        if (answer.carried == TriedOut::No)
+            answer.carried = tryOut(way).value_or(false) ? TriedOut::Works : TriedOut::Fails;
+    }
+    return answer.carried == TriedOut::Works;
 }
 
 std::optional<bool> RayFlagBits::tryOut(Way way)
@@ -106,15 +108,18 @@ std::optional<bool> RayFlagBits::tryOut(Way way)
         return true;
     // What one device found out holds for the instance's others of the same physical device.
     DriverHabits &habits = *device_.driver.habits;
-    std::lock_guard lock(habits.mutex);
-    std::optional<bool> &known = query ? habits.queriesCarryFlagBits : habits.pipelinesCarryFlagBits;
-    if (!known) {
-        if (query)
-            device_.commands.trials.run(std::make_unique<QueryTrial>(device_, known));
-        else
-            device_.commands.trials.run(std::make_unique<PipelineTrial>(device_, known));
-    }
-    return known;
+    std::atomic<TriedOut> &known = query ? habits.queriesCarryFlagBits : habits.pipelinesCarryFlagBits;
+    if (known != TriedOut::No)
+        return known == TriedOut::Works;
+    // Devices do not wait for each other: two that need it at once find it out twice.
+    std::optional<bool> answer;
+    if (query)
+        device_.commands.trials.run(std::make_unique<QueryTrial>(device_, answer));
+    else
+        device_.commands.trials.run(std::make_unique<PipelineTrial>(device_, answer));
+    if (answer)
+        known = *answer ? TriedOut::Works : TriedOut::Fails;
+    return answer;
 }
 
 } // namespace vellum::layer

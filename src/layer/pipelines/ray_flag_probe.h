@@ -3,8 +3,11 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <mutex>
 #include <optional>
+
+#include "layer/ground/driver.h"
 
 namespace vellum::layer
 {
@@ -27,9 +30,12 @@ private:
     bool carried(Way way);
     std::optional<bool> tryOut(Way way);
 
+    struct Answer {
+        std::atomic<TriedOut> carried = TriedOut::No;
+        std::mutex mutex; // held while a ray is traced: nobody who needs this answer can go on before
+    };
     DevicePipelines &device_;
-    std::mutex mutex_; // held while a ray is traced: nobody who asks can go on before
-    std::array<std::optional<bool>, 2> answers_;
+    std::array<Answer, 2> answers_;
 };
 
 } // namespace vellum::layer

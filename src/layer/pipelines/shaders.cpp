@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
@@ -58,10 +59,14 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
     if (emulated && spirv::hasRayTracingStages(words))
         original = std::make_shared<std::vector<uint32_t>>(words.begin(), words.end());
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
-    if (result == VK_SUCCESS && original)
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] { destroyShaderModule(device, handle, *module, allocator); });
+    if (original)
         device.rayTracingModules.set(*module, std::move(original));
-    if (result == VK_SUCCESS && spirv::tracesRays(words))
+    if (spirv::tracesRays(words))
         device.tracingModules.set(*module, true);
+    undo.keep();
     return result;
 }
 

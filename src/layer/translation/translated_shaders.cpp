@@ -45,7 +45,7 @@ class DriverInfos final : public DeferredWork
 {
 public:
     explicit DriverInfos(DeviceTranslation &device) : device_(device) {}
-    void finish() override {}
+    void finish() noexcept override {}
 
     // False: it cannot be, and that is told.
     bool translate(VkComputePipelineCreateInfo &info) { return setFlags(info) && translateStage(info.stage); }

@@ -1,11 +1,13 @@
 // What the layer finds out about the driver by trying is tried on the application's queue, when something first depends
 // on it: while the application uses that queue, and from whichever threads ask.
 #include <atomic>
+#include <chrono>
 #include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "harness/pipeline_tracer.h"
 #include "harness/scene.h"
 #include "shaders/tracer_comp.h"
 
@@ -63,8 +65,7 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
     std::vector<VkCommandPool> pools(4);
     std::vector<VkCommandBuffer> commands(4);
     besideSubmissions([&](std::size_t thread) {
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0,
-                                               gpu().family()};
+        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, gpu().family()};
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
         const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
                                                    pools[thread], VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
@@ -87,6 +88,45 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
         EXPECT_EQ(sizes[i], sizes[0]);
         vkDestroyCommandPool(gpu().device(), pools[i], nullptr);
     }
+}
+
+// A trial waits for the queue, which waits for what the application signals after another shader was made, whose trial
+// was carried out long ago. The message VELLUM-busy-queue would be one that no test expects.
+TEST_F(Trials, ThreadsThatNeedAnotherAnswerDoNotWait)
+{
+    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
+    const auto createModule = [&] {
+        VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+        info.codeSize = code.size() * 4;
+        info.pCode = code.data();
+        VkShaderModule module = VK_NULL_HANDLE;
+        EXPECT_EQ(vkCreateShaderModule(gpu().device(), &info, nullptr, &module), VK_SUCCESS);
+        vkDestroyShaderModule(gpu().device(), module, nullptr);
+    };
+    createModule();
+    VkSemaphoreTypeCreateInfo type{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO};
+    type.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE;
+    const VkSemaphoreCreateInfo semaphoreInfo{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, &type, 0};
+    VkSemaphore semaphore = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateSemaphore(gpu().device(), &semaphoreInfo, nullptr, &semaphore));
+    const std::uint64_t value = 1;
+    VkTimelineSemaphoreSubmitInfo values{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO};
+    values.waitSemaphoreValueCount = 1;
+    values.pWaitSemaphoreValues = &value;
+    const VkPipelineStageFlags stage = VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO, &values};
+    submit.waitSemaphoreCount = 1;
+    submit.pWaitSemaphores = &semaphore;
+    submit.pWaitDstStageMask = &stage;
+    VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
+    std::thread other([&] { const PipelineTracer tracer(gpu(), {.groups = {{.anyHit = true}}}); });
+    std::this_thread::sleep_for(std::chrono::milliseconds(300)); // its trial is on the queue by now
+    createModule();
+    const VkSemaphoreSignalInfo signal{VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO, nullptr, semaphore, value};
+    VT_CHECK(vkSignalSemaphore(gpu().device(), &signal));
+    other.join();
+    VT_CHECK(vkQueueWaitIdle(gpu().queue()));
+    vkDestroySemaphore(gpu().device(), semaphore, nullptr);
 }
 
 } // namespace

@@ -36,6 +36,13 @@ constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     {"VELLUM-pipeline-without-micromaps", ""},
 }};
 
+// With ThreadSanitizer the validation layer, which is not built with it, would be all that it has to say.
+#if defined(__SANITIZE_THREAD__)
+constexpr bool kHasValidation = false;
+#else
+constexpr bool kHasValidation = true;
+#endif
+
 // Whether the validation layer knows the extensions that Vellum provides, and all that came before.
 bool validationIsNew()
 {
@@ -255,7 +262,7 @@ void Gpu::createInstance()
     // One of that age gives every VkMicromapEXT a handle of its own, and hands that of a geometry's micromap to the
     // driver.
     const bool old = options_.oldValidation && !has("ext");
-    if (options_.validation && (old || validationIsNew()))
+    if (kHasValidation && options_.validation && (old || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
     if (options_.vellum && std::getenv("VELLUM_FORCING") != nullptr)
         layers.insert(layers.begin(), kForcingLayer);
