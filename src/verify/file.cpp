@@ -7,7 +7,6 @@
 #include <set>
 #include <string_view>
 
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 

@@ -2,8 +2,6 @@
 
 #include <cstdio>
 
-#include "gltf/file/gltf_error.h"
-
 namespace vellum
 {
 
@@ -43,10 +41,7 @@ void JsonEdit::append(const JsonValue &array, std::string text)
 
 void JsonEdit::set(const JsonValue &object, std::string_view name, const std::string &text)
 {
-    const std::size_t count = object.count(name);
-    if (count > 1)
-        throw GltfError("an object of the JSON has " + std::to_string(count) + " members named " + quotedJson(name));
-    if (count == 1)
+    if (object[name].exists())
         replace(object[name], text);
     else
         append(object, quotedJson(name) + ":" + text);

@@ -10,7 +10,6 @@
 #include "gltf/file/json_edit.h"
 #include "gltf/file/json_tree.h"
 #include "gltf/file/relative_uri.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -90,16 +89,13 @@ class Writer
 {
 public:
     Writer(const Document &document, const DocumentBake &bake, const std::string &bufferStem)
-        : m_document(document), m_bake(bake), m_bufferStem(bufferStem), m_tree(document.json()), m_root(m_tree.root()),
-          m_edit(m_tree)
+        : m_document(document), m_bake(bake), m_bufferStem(bufferStem), m_root(document.root()), m_edit(document.tree())
     {
     }
 
     RewrittenFile write();
 
 private:
-    void checkNumbers() const;
-    void checkOnce(const JsonValue &object, const char *name) const;
     [[nodiscard]] bool dataInChunk() const;
     void setExtension(const JsonValue &object, const std::string &text);
     void editPrimitives();
@@ -116,7 +112,6 @@ private:
     const Document &m_document;
     const DocumentBake &m_bake;
     const std::string &m_bufferStem;
-    JsonTree m_tree;
     JsonValue m_root;
     JsonEdit m_edit;
     bool m_inChunk = false;
@@ -125,35 +120,6 @@ private:
     std::vector<std::string> m_views;
     std::vector<std::string> m_accessors;
 };
-
-// What tinygltf read must be what the text says, or numbers would mean something else in the text.
-void Writer::checkNumbers() const
-{
-    const tinygltf::Model &model = m_document.model();
-    const std::pair<const char *, std::size_t> lists[] = {{"bufferViews", model.bufferViews.size()},
-                                                          {"buffers", model.buffers.size()},
-                                                          {"accessors", model.accessors.size()},
-                                                          {"meshes", model.meshes.size()}};
-    for (const auto &[name, size] : lists) {
-        checkOnce(m_root, name);
-        if (m_root[name].children().size() != size || (m_root[name].exists() && !m_root[name].isArray()))
-            throw GltfError(std::string("\"") + name + "\" has elements that cannot be read");
-    }
-    checkOnce(m_root, "extensionsUsed");
-    checkOnce(m_root, "extensionsRequired");
-    const std::vector<JsonValue> meshes = m_root["meshes"].children();
-    for (std::size_t m = 0; m < meshes.size(); ++m) {
-        checkOnce(meshes[m], "primitives");
-        if (meshes[m]["primitives"].children().size() != model.meshes[m].primitives.size())
-            throw GltfError("mesh " + number(m) + " has primitives that cannot be read");
-    }
-}
-
-void Writer::checkOnce(const JsonValue &object, const char *name) const
-{
-    if (object.count(name) > 1)
-        throw GltfError("the JSON has \"" + std::string(name) + "\" several times in one object");
-}
 
 // glTF 2.0, "GLB-stored Buffer": the first buffer, without a URI, is the chunk, whose end may be padding.
 bool Writer::dataInChunk() const
@@ -223,7 +189,6 @@ std::string Writer::primitiveJson(const BakedPrimitive &primitive, std::size_t r
 // Gives an object the extension, or none where `text` is empty.
 void Writer::setExtension(const JsonValue &object, const std::string &text)
 {
-    checkOnce(object, "extensions");
     const JsonValue extensions = object["extensions"];
     if (!extensions.exists()) {
         if (!text.empty())
@@ -232,7 +197,7 @@ void Writer::setExtension(const JsonValue &object, const std::string &text)
     }
     if (!extensions.isObject())
         throw GltfError("the JSON has \"extensions\" that are not an object");
-    const std::size_t ours = extensions.count(kExtension) + extensions.count(kEarlier);
+    const std::size_t ours = (extensions[kExtension].exists() ? 1u : 0u) + (extensions[kEarlier].exists() ? 1u : 0u);
     if (text.empty() && ours == extensions.members().size()) {
         if (ours != 0) // an object without extensions has no "extensions"
             m_edit.remove(object, "extensions");
@@ -343,22 +308,10 @@ void Writer::placeData(RewrittenFile &result)
     appendAll("buffers", {joined(buffer, "\"byteLength\":", number(length), "}")});
 }
 
-// Nobody gets a file that is broken, whatever was overlooked here.
-void checkEdited(const std::string &json)
-{
-    try {
-        if (JsonTree(json).root().end() == json.size())
-            return;
-    } catch (const GltfError &) {
-    }
-    throw std::logic_error("its JSON cannot be changed");
-}
-
 void Writer::assemble(RewrittenFile &result)
 {
     const std::string json = m_edit.apply();
-    checkEdited(json);
-    const std::string_view original = m_document.json();
+    const std::string_view original = m_document.tree().text();
     std::vector<std::uint8_t> text(json.begin(), json.end());
     if (!m_document.binary()) {
         text.insert(text.end(), original.begin() + static_cast<std::ptrdiff_t>(m_root.end()), original.end());
@@ -401,7 +354,6 @@ void Writer::assemble(RewrittenFile &result)
 RewrittenFile Writer::write()
 {
     RewrittenFile result;
-    checkNumbers();
     m_inChunk = dataInChunk();
     if (m_inChunk) {
         const auto first = firstGlbChunk(m_document.otherChunks());
@@ -425,8 +377,7 @@ RewrittenFile Writer::write()
 
 bool hasMicromaps(const Document &document)
 {
-    const JsonTree tree(document.json());
-    const JsonValue extensions = tree.root()["extensions"];
+    const JsonValue extensions = document.root()["extensions"];
     return extensions[kExtension].exists() || extensions[kEarlier].exists();
 }
 
@@ -434,7 +385,7 @@ RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, 
 {
     return document.named([&] {
         RewrittenFile result;
-        const bool has = std::string_view(document.json()).find("_mesh_opacity_micromap") != std::string_view::npos;
+        const bool has = document.tree().text().find("_mesh_opacity_micromap") != std::string_view::npos;
         if (bake.micromaps.empty() && !has) {
             result.file.add(document.bytes());
             return result;
