@@ -10,7 +10,7 @@ Document::Document(const std::filesystem::path &path) : m_path(path)
     named([&] {
         m_container = std::make_unique<Container>(readContainer(path));
         m_tree = std::make_unique<JsonTree>(m_container->json());
-        m_model = std::make_unique<gltf::Model>(gltf::readModel(*m_container, *m_tree, path.parent_path()));
+        m_model = std::make_unique<gltf_json::Model>(gltf_json::readModel(*m_container, *m_tree, path.parent_path()));
         m_bufferViews = std::make_unique<BufferViews>(*m_model);
     });
 }

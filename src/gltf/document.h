@@ -34,7 +34,7 @@ public:
 
     [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
     // Images are left encoded: in the file that Image::uri names, else in Image::data, else in their buffer view.
-    [[nodiscard]] const gltf::Model &model() const { return *m_model; }
+    [[nodiscard]] const gltf_json::Model &model() const { return *m_model; }
     // No object of it has two members of one name.
     [[nodiscard]] JsonValue root() const { return m_tree->root(); }
     [[nodiscard]] const JsonTree &tree() const { return *m_tree; }
@@ -77,7 +77,7 @@ private:
     // Each refers to those before it.
     std::unique_ptr<Container> m_container;
     std::unique_ptr<JsonTree> m_tree;
-    std::unique_ptr<gltf::Model> m_model;
+    std::unique_ptr<gltf_json::Model> m_model;
     std::unique_ptr<BufferViews> m_bufferViews;
 };
 

@@ -13,7 +13,7 @@ namespace
 {
 
 // KHR_texture_transform: "Overview" gives the matrix, translation * rotation * scale.
-void readTransform(const gltf::Material &source, Material &material)
+void readTransform(const gltf_json::Material &source, Material &material)
 {
     material.uvSet = source.texCoord;
     const JsonValue extension = source.textureExtensions["KHR_texture_transform"];
@@ -33,25 +33,25 @@ void readTransform(const gltf::Material &source, Material &material)
     const double s = rotation == 0 ? 0 : std::sin(rotation);
     material.uvTransform = {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
     // Overrides that of the texture, for those who read the extension.
-    if (const auto texCoord = gltf::indexIn(extension, "texCoord", "KHR_texture_transform"))
+    if (const auto texCoord = gltf_json::indexIn(extension, "texCoord", "KHR_texture_transform"))
         material.uvSet = *texCoord;
 }
 
 Wrap wrapOf(int mode)
 {
     switch (mode) {
-    case gltf::kClampToEdge: return Wrap::Clamp;
-    case gltf::kMirroredRepeat: return Wrap::Mirror;
+    case gltf_json::kClampToEdge: return Wrap::Clamp;
+    case gltf_json::kMirroredRepeat: return Wrap::Mirror;
     default: return Wrap::Repeat;
     }
 }
 
 // The image that a renderer takes which reads what is read here: that of EXT_texture_webp; the texture's own, also in
 // place of what is not read here; else one of the latter, so that the error is about it.
-int imageOf(const gltf::Texture &texture, int index, Material &material)
+int imageOf(const gltf_json::Texture &texture, int index, Material &material)
 {
     const auto sourceOf = [&](const char *extension) {
-        return gltf::indexIn(texture.extensions[extension], "source", extension).value_or(-1);
+        return gltf_json::indexIn(texture.extensions[extension], "source", extension).value_or(-1);
     };
     constexpr std::array kUnread = {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"};
     const int webp = sourceOf("EXT_texture_webp");
@@ -72,12 +72,12 @@ int imageOf(const gltf::Texture &texture, int index, Material &material)
     throw GltfUnsupported("texture " + std::to_string(index) + " has no image that is known here");
 }
 
-void readTexture(const gltf::Model &model, const gltf::Material &source, Material &material)
+void readTexture(const gltf_json::Model &model, const gltf_json::Material &source, Material &material)
 {
     const int index = source.baseColorTexture;
     if (static_cast<std::size_t>(index) >= model.textures.size())
         throw GltfError("texture " + std::to_string(index) + " does not exist");
-    const gltf::Texture &texture = model.textures[static_cast<std::size_t>(index)];
+    const gltf_json::Texture &texture = model.textures[static_cast<std::size_t>(index)];
     material.image = imageOf(texture, index, material);
     if (static_cast<std::size_t>(material.image) >= model.images.size())
         throw GltfError("image " + std::to_string(material.image) + " does not exist");
@@ -86,10 +86,10 @@ void readTexture(const gltf::Model &model, const gltf::Material &source, Materia
         return;
     if (static_cast<std::size_t>(texture.sampler) >= model.samplers.size())
         throw GltfError("sampler " + std::to_string(texture.sampler) + " does not exist");
-    const gltf::Sampler &sampler = model.samplers[static_cast<std::size_t>(texture.sampler)];
+    const gltf_json::Sampler &sampler = model.samplers[static_cast<std::size_t>(texture.sampler)];
     material.wrapU = wrapOf(sampler.wrapS);
     material.wrapV = wrapOf(sampler.wrapT);
-    material.filter = sampler.magFilter == gltf::kNearest ? Filter::Nearest : Filter::Bilinear;
+    material.filter = sampler.magFilter == gltf_json::kNearest ? Filter::Nearest : Filter::Bilinear;
 }
 
 EncodedImage readEncodedFile(const Document &document, const std::string &uri, const std::string &what)
@@ -122,10 +122,10 @@ Material readMaterial(const Document &document, int index)
     if (index < 0)
         return material;
     return document.named([&] {
-        const gltf::Model &model = document.model();
+        const gltf_json::Model &model = document.model();
         if (static_cast<std::size_t>(index) >= model.materials.size())
             throw GltfError("material " + std::to_string(index) + " does not exist");
-        const gltf::Material &source = model.materials[static_cast<std::size_t>(index)];
+        const gltf_json::Material &source = model.materials[static_cast<std::size_t>(index)];
         material.name = source.name.empty() ? std::to_string(index) : printable(source.name);
         if (source.alphaMode == "MASK") {
             material.alphaMode = AlphaMode::Mask;
@@ -145,7 +145,7 @@ EncodedImage readEncodedImage(const Document &document, int index)
 {
     return document.named([&]() -> EncodedImage {
         const std::string what = nameOfImage(document, index);
-        const gltf::Image &image = document.model().images[static_cast<std::size_t>(index)];
+        const gltf_json::Image &image = document.model().images[static_cast<std::size_t>(index)];
         if (!image.uri.empty())
             return readEncodedFile(document, image.uri, what);
         return {{}, image.bufferView >= 0 ? document.bufferViews().bytes(image.bufferView, what) : image.data};

@@ -20,7 +20,7 @@ Matrix compose(const std::array<double, 3> &translation, const std::array<double
                const std::array<double, 3> &scale);
 
 // A node's own.
-Matrix localMatrix(const gltf::Node &node);
+Matrix localMatrix(const gltf_json::Node &node);
 
 std::array<double, 3> transformed(const Matrix &matrix, const std::array<double, 3> &point);
 

@@ -17,8 +17,8 @@ namespace
 // The corners of triangles, three for each, in the order and winding of glTF 2.0, 3.7.2.1 ("Overview" of meshes).
 std::vector<std::uint32_t> unfold(int mode, std::vector<std::uint32_t> corners)
 {
-    const bool strip = mode == gltf::kTriangleStrip;
-    if (!strip && mode != gltf::kTriangleFan)
+    const bool strip = mode == gltf_json::kTriangleStrip;
+    if (!strip && mode != gltf_json::kTriangleFan)
         return corners;
     std::vector<std::uint32_t> indices;
     indices.reserve(corners.size() < 3 ? 0 : 3 * (corners.size() - 2));
@@ -32,17 +32,17 @@ std::vector<std::uint32_t> unfold(int mode, std::vector<std::uint32_t> corners)
 }
 
 // How the accessor of an attribute that Draco has compressed says its values become floats.
-DracoMesh::As dracoTypeOf(const gltf::Model &model, int accessor, const std::string &what)
+DracoMesh::As dracoTypeOf(const gltf_json::Model &model, int accessor, const std::string &what)
 {
     static_cast<void>(accessorCount(model, accessor, what)); // that it exists
-    const gltf::Accessor &source = model.accessors[static_cast<std::size_t>(accessor)];
+    const gltf_json::Accessor &source = model.accessors[static_cast<std::size_t>(accessor)];
     if (!source.normalized)
         return DracoMesh::As::IntegersOrFloats;
     switch (source.componentType) {
-    case gltf::kByte: return DracoMesh::As::Signed8;
-    case gltf::kUnsignedByte: return DracoMesh::As::Unsigned8;
-    case gltf::kShort: return DracoMesh::As::Signed16;
-    case gltf::kUnsignedShort: return DracoMesh::As::Unsigned16;
+    case gltf_json::kByte: return DracoMesh::As::Signed8;
+    case gltf_json::kUnsignedByte: return DracoMesh::As::Unsigned8;
+    case gltf_json::kShort: return DracoMesh::As::Signed16;
+    case gltf_json::kUnsignedShort: return DracoMesh::As::Unsigned16;
     default: return DracoMesh::As::IntegersOrFloats;
     }
 }
@@ -78,7 +78,7 @@ private:
     const Document &m_document;
     const BufferViews &m_views;
     std::string m_what;
-    const gltf::Primitive &m_source;
+    const gltf_json::Primitive &m_source;
     JsonValue m_dracoAttributes; // where it is compressed
     std::optional<DracoMesh> m_draco;
     std::size_t m_vertices = 0;
@@ -92,11 +92,11 @@ void PrimitiveReader::readDraco()
     const JsonValue extension = m_source.extensions["KHR_draco_mesh_compression"];
     if (!extension.exists())
         return;
-    const auto view = gltf::indexIn(extension, "bufferView", m_what + ": KHR_draco_mesh_compression");
+    const auto view = gltf_json::indexIn(extension, "bufferView", m_what + ": KHR_draco_mesh_compression");
     m_dracoAttributes = extension["attributes"];
     if (!view || !m_dracoAttributes.isObject())
         throw GltfError(m_what + ": KHR_draco_mesh_compression has no buffer view, or no attributes");
-    if (m_source.mode != gltf::kTriangles)
+    if (m_source.mode != gltf_json::kTriangles)
         throw GltfUnsupported(m_what + " is a strip or fan compressed by Draco");
     m_draco.emplace(m_views.bytes(*view, m_what), m_what);
 }
@@ -239,7 +239,7 @@ void PrimitiveReader::readColors()
 // Of what decides a micromap: the triangles, their order and corners, and where the texture is read.
 bool PrimitiveReader::differsFromFallback(const Material &material) const
 {
-    const gltf::Model &model = m_document.model();
+    const gltf_json::Model &model = m_document.model();
     const std::string uvName = "TEXCOORD_" + std::to_string(material.uvSet);
     const int uvAccessor = attribute(uvName);
     std::vector<int> accessors{m_source.indices, uvAccessor, attribute("COLOR_0")};
@@ -299,7 +299,7 @@ std::vector<float> PrimitiveReader::readOne(const std::string &name, std::uint32
 bool isMadeOfTriangles(const Document &document, PrimitivePlace place)
 {
     const int mode = document.model().meshes.at(place.mesh).primitives.at(place.primitive).mode;
-    return mode == gltf::kTriangles || mode == gltf::kTriangleStrip || mode == gltf::kTriangleFan;
+    return mode == gltf_json::kTriangles || mode == gltf_json::kTriangleStrip || mode == gltf_json::kTriangleFan;
 }
 
 std::vector<PrimitivePlace> trianglePrimitives(const Document &document)

@@ -47,7 +47,7 @@ private:
     void findNodes(int index, const Matrix &parent, int depth);
     void addNode(int index);
     void addInstance(std::uint32_t mesh, const Matrix &matrix, const std::string &what);
-    [[nodiscard]] std::vector<Matrix> gpuInstances(const gltf::Node &node, const std::string &what) const;
+    [[nodiscard]] std::vector<Matrix> gpuInstances(const gltf_json::Node &node, const std::string &what) const;
     // Nothing for a mesh without triangles.
     std::optional<std::uint32_t> useMesh(const MeshKey &key);
     void addPrimitive(PrimitivePlace place, const MeshKey &key, const std::vector<Matrix> &joints);
@@ -55,7 +55,7 @@ private:
     int useImage(const Material &material);
 
     const Document &m_document;
-    const gltf::Model &m_model;
+    const gltf_json::Model &m_model;
     SceneUse m_use;
     Scene m_scene;
     std::vector<Matrix> m_world; // by node
@@ -178,13 +178,13 @@ void Reader::addInstance(std::uint32_t mesh, const Matrix &matrix, const std::st
 }
 
 // EXT_mesh_gpu_instancing: one instance for each element of its accessors, which all have the same number of them.
-std::vector<Matrix> Reader::gpuInstances(const gltf::Node &node, const std::string &what) const
+std::vector<Matrix> Reader::gpuInstances(const gltf_json::Node &node, const std::string &what) const
 {
     const JsonValue attributes = node.extensions["EXT_mesh_gpu_instancing"]["attributes"];
     std::optional<std::size_t> count;
     const auto read = [&](const char *name, std::uint32_t components) {
         const std::string where = what + " EXT_mesh_gpu_instancing " + name;
-        const auto accessor = gltf::indexIn(attributes, name, what + " EXT_mesh_gpu_instancing");
+        const auto accessor = gltf_json::indexIn(attributes, name, what + " EXT_mesh_gpu_instancing");
         if (!accessor)
             return std::vector<float>();
         const std::size_t elements = accessorCount(m_model, *accessor, where);
@@ -221,7 +221,7 @@ std::vector<Matrix> Reader::gpuInstances(const gltf::Node &node, const std::stri
 
 void Reader::addNode(int index)
 {
-    const gltf::Node &node = m_model.nodes[static_cast<std::size_t>(index)];
+    const gltf_json::Node &node = m_model.nodes[static_cast<std::size_t>(index)];
     const std::string what = "node " + std::to_string(index);
     const bool exists = static_cast<std::size_t>(node.mesh) < m_model.meshes.size();
     const bool skinned = node.skin >= 0;
@@ -248,7 +248,7 @@ void Reader::findNodes(int index, const Matrix &parent, int depth)
     m_seen[place] = true;
     if (depth > kDeepest)
         throw GltfError("the nodes are nested too deeply");
-    const gltf::Node &node = m_model.nodes[place];
+    const gltf_json::Node &node = m_model.nodes[place];
     m_world[place] = multiply(parent, localMatrix(node));
     if (node.mesh >= 0)
         m_nodes.push_back(index);
@@ -265,7 +265,7 @@ std::vector<int> Reader::roots() const
         return m_model.scenes[static_cast<std::size_t>(wanted)];
     }
     std::vector<bool> isChild(m_model.nodes.size());
-    for (const gltf::Node &node : m_model.nodes)
+    for (const gltf_json::Node &node : m_model.nodes)
         for (const int child : node.children)
             if (static_cast<std::size_t>(child) < isChild.size())
                 isChild[static_cast<std::size_t>(child)] = true;

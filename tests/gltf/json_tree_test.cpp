@@ -38,6 +38,7 @@ TEST(JsonTree, FindsEscapedNamesAndTheLastOfSeveral)
 {
     const JsonTree tree(R"({"\u0061b": 1, "x": 2, "ab": 3, "\"q\\": "\n\u00e4"})");
     EXPECT_EQ(tree.root()["ab"].integer(), 3);
+    EXPECT_EQ(tree.root().count("ab"), 2u);
     EXPECT_EQ(tree.root()["\"q\\"].string(), "\n\xc3\xa4");
     EXPECT_FALSE(tree.root()["x"].string().has_value());
 }

@@ -99,7 +99,7 @@ private:
     void findLeft();
 
     const Document &m_document;
-    const gltf::Model &m_model;
+    const gltf_json::Model &m_model;
     std::vector<bool> m_masked;                    // by material
     std::set<PrimitivePlace> m_micromapPrimitives; // those that have one
     FileReport m_report;

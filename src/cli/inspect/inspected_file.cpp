@@ -17,14 +17,15 @@ namespace
 // writer of micromaps would make.
 std::uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const StoredMicromaps &stored)
 {
-    const gltf::Model &model = document.model();
+    const gltf_json::Model &model = document.model();
     const PrimitiveMicromap &primitive = stored.primitives.at(place);
     const std::size_t count = primitive.indices.size();
     if (stored.extension.empty())
         return count * (stored.micromaps.at(primitive.micromap).triangles.size() <= 0xfffc ? 2 : 4);
     const JsonValue extension = model.meshes.at(place.mesh).primitives.at(place.primitive).extensions[stored.extension];
     const auto accessor = extension["micromapIndices"].integer();
-    return accessor ? count * gltf::bytesOf(model.accessors.at(static_cast<std::size_t>(*accessor)).componentType) : 0;
+    return accessor ? count * gltf_json::bytesOf(model.accessors.at(static_cast<std::size_t>(*accessor)).componentType)
+                    : 0;
 }
 
 class Inspector

@@ -23,7 +23,7 @@ T load(const std::uint8_t *bytes)
     return value;
 }
 
-const gltf::Accessor &accessorAt(const gltf::Model &model, int index, const std::string &what)
+const gltf_json::Accessor &accessorAt(const gltf_json::Model &model, int index, const std::string &what)
 {
     if (index < 0 || static_cast<std::size_t>(index) >= model.accessors.size())
         throw GltfError(what + ": accessor " + std::to_string(index) + " does not exist");
@@ -33,9 +33,9 @@ const gltf::Accessor &accessorAt(const gltf::Model &model, int index, const std:
 // glTF 2.0, 3.6.2.2 ("Accessor Data Types").
 std::size_t componentBytes(int type, const std::string &what)
 {
-    if (type == gltf::kInt || gltf::bytesOf(type) == 0)
+    if (type == gltf_json::kInt || gltf_json::bytesOf(type) == 0)
         throw GltfError(what + ": component type " + std::to_string(type) + " is none of glTF's");
-    return gltf::bytesOf(type);
+    return gltf_json::bytesOf(type);
 }
 
 // Elements one after another, `stride` bytes apart.
@@ -67,7 +67,7 @@ public:
     AccessorReader(const BufferViews &views, int index, std::uint32_t components, const std::string &what);
 
     [[nodiscard]] std::size_t count() const { return m_elements.count; }
-    [[nodiscard]] bool isInteger() const { return m_source.componentType != gltf::kFloat; }
+    [[nodiscard]] bool isInteger() const { return m_source.componentType != gltf_json::kFloat; }
     [[nodiscard]] bool normalized() const { return m_source.normalized; }
 
     // Component `c` of every element, or all of them where it is `kAll`.
@@ -83,8 +83,8 @@ private:
     template <typename T>
     std::vector<float> integersConverted(std::uint32_t c) const;
 
-    const gltf::Model &m_model;
-    const gltf::Accessor &m_source;
+    const gltf_json::Model &m_model;
+    const gltf_json::Accessor &m_source;
     std::string m_what;
     std::string m_name; // "... accessor 3"
     std::uint32_t m_components;
@@ -123,7 +123,7 @@ std::size_t AccessorReader::strideOf(int view, std::size_t packed) const
 // glTF 2.0, 3.6.2.3 ("Sparse Accessors").
 void AccessorReader::readSparse(const BufferViews &views, std::size_t packed)
 {
-    const gltf::Accessor::Sparse &sparse = *m_source.sparse;
+    const gltf_json::Accessor::Sparse &sparse = *m_source.sparse;
     const std::string name = m_name + " (sparse)";
     if (sparse.count > count())
         throw GltfError(name + " replaces " + std::to_string(sparse.count) + " of " + std::to_string(count()) +
@@ -143,9 +143,9 @@ void AccessorReader::readSparse(const BufferViews &views, std::size_t packed)
     for (std::size_t i = 0; i < sparse.count; ++i) {
         std::size_t place = 0;
         switch (sparse.indicesType) {
-        case gltf::kUnsignedByte: place = *places[i]; break;
-        case gltf::kUnsignedShort: place = load<std::uint16_t>(places[i]); break;
-        case gltf::kUnsignedInt: place = load<std::uint32_t>(places[i]); break;
+        case gltf_json::kUnsignedByte: place = *places[i]; break;
+        case gltf_json::kUnsignedShort: place = load<std::uint16_t>(places[i]); break;
+        case gltf_json::kUnsignedInt: place = load<std::uint32_t>(places[i]); break;
         default: throw GltfError(name + ": indices are not unsigned integers");
         }
         if (place >= count())
@@ -184,11 +184,11 @@ std::vector<float> AccessorReader::integersConverted(std::uint32_t c) const
 std::vector<float> AccessorReader::floats(std::uint32_t c) const
 {
     switch (m_source.componentType) {
-    case gltf::kByte: return integersConverted<std::int8_t>(c);
-    case gltf::kUnsignedByte: return integersConverted<std::uint8_t>(c);
-    case gltf::kShort: return integersConverted<std::int16_t>(c);
-    case gltf::kUnsignedShort: return integersConverted<std::uint16_t>(c);
-    case gltf::kFloat: return converted<float>(c, [](float value) { return value; });
+    case gltf_json::kByte: return integersConverted<std::int8_t>(c);
+    case gltf_json::kUnsignedByte: return integersConverted<std::uint8_t>(c);
+    case gltf_json::kShort: return integersConverted<std::int16_t>(c);
+    case gltf_json::kUnsignedShort: return integersConverted<std::uint16_t>(c);
+    case gltf_json::kFloat: return converted<float>(c, [](float value) { return value; });
     default: throw GltfError(m_name + ": 32-bit integers are for indices only");
     }
 }
@@ -200,9 +200,9 @@ std::vector<std::uint32_t> AccessorReader::indices() const
     for (std::size_t i = 0; i < count(); ++i) {
         const std::uint8_t *element = m_elements[i];
         switch (m_source.componentType) {
-        case gltf::kUnsignedByte: values.push_back(*element); break;
-        case gltf::kUnsignedShort: values.push_back(load<std::uint16_t>(element)); break;
-        case gltf::kUnsignedInt: values.push_back(load<std::uint32_t>(element)); break;
+        case gltf_json::kUnsignedByte: values.push_back(*element); break;
+        case gltf_json::kUnsignedShort: values.push_back(load<std::uint16_t>(element)); break;
+        case gltf_json::kUnsignedInt: values.push_back(load<std::uint32_t>(element)); break;
         default: throw GltfError(m_what + ": indices are not unsigned integers");
         }
     }
@@ -237,7 +237,7 @@ std::size_t countElements(const BufferViews &views, int accessor, const std::str
     return AccessorReader(views, accessor, 0, what).count();
 }
 
-std::size_t accessorCount(const gltf::Model &model, int accessor, const std::string &what)
+std::size_t accessorCount(const gltf_json::Model &model, int accessor, const std::string &what)
 {
     return accessorAt(model, accessor, what).count;
 }

@@ -32,7 +32,7 @@ void BufferViews::account(std::size_t bytes) const
 {
     if (!m_allowance) {
         m_allowance = kAlwaysAllowed;
-        for (const gltf::Buffer &buffer : m_model.buffers)
+        for (const gltf_json::Buffer &buffer : m_model.buffers)
             *m_allowance += kMostExpansion * buffer.data.size();
     }
     if (bytes > *m_allowance)
@@ -45,7 +45,7 @@ std::span<const std::uint8_t> BufferViews::decompressed(int index, const std::st
     const std::lock_guard lock(m_mutex);
     if (const auto known = m_decompressed.find(index); known != m_decompressed.end())
         return known->second;
-    const gltf::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(index)];
+    const gltf_json::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(index)];
     try {
         const CompressedView view = readCompressedView(parent);
         const auto encoded = stored(view.buffer, view.byteOffset, view.byteLength, "has a compression that");
@@ -66,7 +66,7 @@ bool BufferViews::differsFromFallback(int view, const std::string &what) const
 {
     if (view < 0 || static_cast<std::size_t>(view) >= m_model.bufferViews.size())
         return false;
-    const gltf::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(view)];
+    const gltf_json::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(view)];
     if (!isCompressed(parent) || parent.buffer < 0 ||
         static_cast<std::size_t>(parent.buffer) >= m_model.buffers.size() ||
         m_model.buffers[static_cast<std::size_t>(parent.buffer)].data.empty())
@@ -84,7 +84,7 @@ std::span<const std::uint8_t> BufferViews::bytes(int view, const std::string &wh
     const std::string name = what + ": buffer view " + std::to_string(view);
     if (view < 0 || static_cast<std::size_t>(view) >= m_model.bufferViews.size())
         throw GltfError(name + " does not exist");
-    const gltf::BufferView &range = m_model.bufferViews[static_cast<std::size_t>(view)];
+    const gltf_json::BufferView &range = m_model.bufferViews[static_cast<std::size_t>(view)];
     if (isCompressed(range))
         return decompressed(view, name);
     return stored(range.buffer, range.byteOffset, range.byteLength, name);

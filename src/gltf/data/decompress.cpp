@@ -11,7 +11,7 @@ namespace
 
 constexpr const char *kSpellings[] = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
 
-JsonValue extensionOf(const gltf::BufferView &view)
+JsonValue extensionOf(const gltf_json::BufferView &view)
 {
     for (const char *spelling : kSpellings)
         if (const JsonValue extension = view.extensions[spelling]; extension.exists())
@@ -28,7 +28,7 @@ std::size_t sizeOf(const JsonValue &extension, const char *name, std::int64_t ot
 }
 
 // "For the extension object to be valid, the following must hold".
-void check(const CompressedView &view, const gltf::BufferView &parent)
+void check(const CompressedView &view, const gltf_json::BufferView &parent)
 {
     const bool attributes = view.mode == "ATTRIBUTES";
     const std::string stride = "a stride of " + std::to_string(view.byteStride);
@@ -61,16 +61,16 @@ bool isNewer(const CompressedView &view, std::span<const std::uint8_t> encoded)
 
 } // namespace
 
-bool isCompressed(const gltf::BufferView &view)
+bool isCompressed(const gltf_json::BufferView &view)
 {
     return extensionOf(view).exists();
 }
 
-CompressedView readCompressedView(const gltf::BufferView &parent)
+CompressedView readCompressedView(const gltf_json::BufferView &parent)
 {
     const JsonValue extension = extensionOf(parent);
     CompressedView view;
-    view.buffer = gltf::indexIn(extension, "buffer", "has a compression").value_or(-1);
+    view.buffer = gltf_json::indexIn(extension, "buffer", "has a compression").value_or(-1);
     if (view.buffer < 0)
         throw GltfError("has a compression without \"buffer\"");
     view.byteOffset = sizeOf(extension, "byteOffset", 0);

@@ -13,9 +13,6 @@
 namespace vellum
 {
 
-// A text in quotes, for JSON.
-std::string quotedJson(std::string_view text);
-
 class JsonEdit
 {
 public:
@@ -24,7 +21,8 @@ public:
     void replace(const JsonValue &value, std::string text);
     // A new last element of an array.
     void append(const JsonValue &array, std::string text);
-    // A member of an object: its value is replaced, or it becomes the last one.
+    // A member of an object: its value is replaced, or it becomes the last one. Throws GltfError where there are
+    // several of that name.
     void set(const JsonValue &object, std::string_view name, const std::string &text);
     // Elements of an array that are this string, or the members of an object that have this name.
     void remove(const JsonValue &container, std::string_view name);

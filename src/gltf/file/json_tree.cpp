@@ -111,6 +111,14 @@ JsonValue JsonValue::operator[](std::string_view name) const
     return found;
 }
 
+std::size_t JsonValue::count(std::string_view name) const
+{
+    std::size_t count = 0;
+    for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
+        count += JsonValue(*m_tree, i).is(name) ? 1u : 0u;
+    return count;
+}
+
 // Without a copy of the text where it has no escapes.
 bool JsonValue::is(std::string_view name) const
 {

@@ -60,6 +60,8 @@ public:
 
     // A member of an object; the last one where there are several of that name.
     [[nodiscard]] JsonValue operator[](std::string_view name) const;
+    // How many members an object has by that name.
+    [[nodiscard]] std::size_t count(std::string_view name) const;
     // The elements of an array, or the values of an object's members; empty for anything else.
     [[nodiscard]] std::vector<JsonValue> children() const;
 

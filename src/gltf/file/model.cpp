@@ -7,7 +7,7 @@
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/outside_file.h"
 
-namespace vellum::gltf
+namespace vellum::gltf_json
 {
 namespace
 {
@@ -446,4 +446,4 @@ Model readModel(const Container &container, const JsonTree &tree, const std::fil
     return ModelReader(container, tree, folder).read();
 }
 
-} // namespace vellum::gltf
+} // namespace vellum::gltf_json

@@ -13,7 +13,7 @@
 #include "gltf/file/container.h"
 #include "gltf/file/json_tree.h"
 
-namespace vellum::gltf
+namespace vellum::gltf_json
 {
 
 // Indices are those of the file, whether there is such an element or not; -1 where the file has none.
@@ -176,4 +176,4 @@ Model readModel(const Container &container, const JsonTree &tree, const std::fil
 // GltfError, which begins with `place`, for anything else.
 std::optional<int> indexIn(const JsonValue &object, std::string_view name, const std::string &place);
 
-} // namespace vellum::gltf
+} // namespace vellum::gltf_json

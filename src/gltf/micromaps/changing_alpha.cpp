@@ -42,7 +42,7 @@ ChangingAlpha::ChangingAlpha(const Document &document) : m_document(document)
 
 std::optional<std::string> ChangingAlpha::reason(PrimitivePlace place) const
 {
-    const gltf::Primitive &primitive = m_document.model().meshes.at(place.mesh).primitives.at(place.primitive);
+    const gltf_json::Primitive &primitive = m_document.model().meshes.at(place.mesh).primitives.at(place.primitive);
     if (const auto found = m_materials.find(primitive.material); found != m_materials.end())
         return found->second;
     for (const JsonValue &mapping : primitive.extensions["KHR_materials_variants"]["mappings"].children())

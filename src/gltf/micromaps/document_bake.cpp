@@ -141,9 +141,9 @@ void DocumentBaker::addTriangles(Source &source, const Primitive &primitive)
 
 void DocumentBaker::addPrimitive(PrimitivePlace place)
 {
-    const gltf::Model &model = m_document.model();
-    const gltf::Mesh &mesh = model.meshes[place.mesh];
-    const gltf::Primitive &source = mesh.primitives[place.primitive];
+    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Mesh &mesh = model.meshes[place.mesh];
+    const gltf_json::Primitive &source = mesh.primitives[place.primitive];
     // Nothing else about an opaque material matters here, whether it can be read or not.
     if (source.material >= 0 && static_cast<std::size_t>(source.material) < model.materials.size()) {
         const std::string &mode = model.materials[static_cast<std::size_t>(source.material)].alphaMode;
@@ -161,7 +161,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return leave(place, material.name, "as asked for");
     if (const auto reason = m_changing.reason(place))
         return leave(place, material.name, *reason);
-    const bool list = source.mode == gltf::kTriangles;
+    const bool list = source.mode == gltf_json::kTriangles;
     const bool draco = source.extensions["KHR_draco_mesh_compression"].exists();
     if (!list && draco)
         return leave(place, material.name, "it is a strip with KHR_draco_mesh_compression");

@@ -53,19 +53,19 @@ struct LookupType {
 std::optional<LookupType> lookupType(int componentType)
 {
     switch (componentType) {
-    case gltf::kUnsignedByte: return LookupType{1, lookupValue<std::uint8_t>};
-    case gltf::kUnsignedShort: return LookupType{2, lookupValue<std::uint16_t>};
-    case gltf::kUnsignedInt: return LookupType{4, lookupValue<std::uint32_t>};
-    case gltf::kShort: return LookupType{2, lookupValue<std::int16_t>};
-    case gltf::kInt: return LookupType{4, lookupValue<std::int32_t>};
+    case gltf_json::kUnsignedByte: return LookupType{1, lookupValue<std::uint8_t>};
+    case gltf_json::kUnsignedShort: return LookupType{2, lookupValue<std::uint16_t>};
+    case gltf_json::kUnsignedInt: return LookupType{4, lookupValue<std::uint32_t>};
+    case gltf_json::kShort: return LookupType{2, lookupValue<std::int16_t>};
+    case gltf_json::kInt: return LookupType{4, lookupValue<std::int32_t>};
     default: return std::nullopt;
     }
 }
 
-std::uint64_t bufferBytes(const gltf::Model &model)
+std::uint64_t bufferBytes(const gltf_json::Model &model)
 {
     std::uint64_t bytes = 0;
-    for (const gltf::Buffer &buffer : model.buffers)
+    for (const gltf_json::Buffer &buffer : model.buffers)
         bytes += buffer.data.size();
     return bytes;
 }
@@ -159,7 +159,7 @@ std::vector<std::int64_t> ExtensionReader::requiredList(const JsonValue &object,
 
 std::span<const std::uint8_t> ExtensionReader::view(std::int64_t index, const char *name)
 {
-    const gltf::Model &model = m_document.model();
+    const gltf_json::Model &model = m_document.model();
     if (index >= static_cast<std::int64_t>(model.bufferViews.size()))
         fail(std::string("\"") + name + "\": buffer view " + std::to_string(index) + " does not exist");
     return m_document.bufferViews().bytes(static_cast<int>(index), std::string("\"") + name + "\"");
@@ -389,7 +389,7 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
     if (base > std::numeric_limits<std::uint32_t>::max())
         fail("micromapBaseTriangle " + std::to_string(base) + " is too large");
     const int mode = m_document.model().meshes[place.mesh].primitives[place.primitive].mode;
-    if (mode != gltf::kTriangles)
+    if (mode != gltf_json::kTriangles)
         fail("its mode is " + std::to_string(mode) + ", not 4 (TRIANGLES)");
     if (!m_whole[micromap])
         return; // said there
@@ -414,8 +414,8 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
 
 std::uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
 {
-    const gltf::Model &model = m_document.model();
-    const gltf::Primitive &primitive = model.meshes[place.mesh].primitives[place.primitive];
+    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Primitive &primitive = model.meshes[place.mesh].primitives[place.primitive];
     if (primitive.indices >= 0)
         return accessorCount(model, primitive.indices, "indices") / 3;
     if (primitive.attribute("POSITION") < 0)
@@ -425,11 +425,11 @@ std::uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
 
 std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::uint64_t triangles)
 {
-    const gltf::Model &model = m_document.model();
+    const gltf_json::Model &model = m_document.model();
     const std::string what = "micromapIndices: accessor " + std::to_string(index);
     if (index >= static_cast<std::int64_t>(model.accessors.size()))
         fail(what + " does not exist");
-    const gltf::Accessor &accessor = model.accessors[static_cast<std::size_t>(index)];
+    const gltf_json::Accessor &accessor = model.accessors[static_cast<std::size_t>(index)];
     const auto type = lookupType(accessor.componentType);
     if (accessor.components != 1 || !type || accessor.normalized)
         fail(what + " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
@@ -438,7 +438,7 @@ std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::
     if (accessor.sparse || accessor.bufferView < 0)
         fail(what + " has no buffer view of its own or is sparse, which is not supported");
     const auto bytes = m_document.bufferViews().bytes(accessor.bufferView, what);
-    const gltf::BufferView &range = model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
+    const gltf_json::BufferView &range = model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
     const std::size_t stride = range.byteStride == 0 ? type->bytes : range.byteStride;
     if ((range.byteOffset + accessor.byteOffset) % type->bytes != 0 || stride % type->bytes != 0)
         fail(what + " is not aligned to its component type");
