@@ -13,6 +13,7 @@
 #include "cli/inspect/drawing/uv_picture.h"
 #include "cli/inspect/page.h"
 #include "cli/inspect/tally.h"
+#include "cli/surface_report.h"
 
 namespace vellum::cli
 {
@@ -96,7 +97,7 @@ void printFile(const InspectedFile &file)
     fmt::print("levels      {}\n", levels.empty() ? "none" : levels);
     printShares(tally);
     if (file.surface)
-        fmt::print("surface     {}\n", surfaceKnown(file.surface->known()));
+        fmt::print("surface     {}\n", describe(*file.surface));
     fmt::print("bytes       {} of states, {} of triangles, {} of indices\n", grouped(tally.dataBytes),
                grouped(tally.recordsUsed * sizeof(MicromapTriangle)), grouped(tally.indexBytes));
     for (const InspectedFile::Left &left : file.left)
