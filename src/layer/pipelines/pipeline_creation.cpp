@@ -456,9 +456,9 @@ private:
             // told so.
             return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
         }
-        const auto [known, isNew] = rewritten_.try_emplace(
-            {stage.module, stage.stage, decides, hidden, std::string(stage.pName)}, VK_NULL_HANDLE);
-        if (isNew) {
+        VkShaderModule &module =
+            rewritten_[{stage.module, stage.stage, decides, hidden, std::string(stage.pName)}]; // null until it is made
+        if (!module) {
             const uint32_t *code = original->data();
             size_t bytes = original->size() * 4;
             std::vector<uint32_t> storage;
@@ -466,13 +466,15 @@ private:
                 return VK_ERROR_UNKNOWN;
             const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
             modules_.reserve(modules_.size() + 1);
+            VkShaderModule made = VK_NULL_HANDLE;
             const VkResult result =
-                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
+                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &made);
             if (result != VK_SUCCESS)
                 return result;
-            modules_.push_back(known->second);
+            module = made;
+            modules_.push_back(module);
         }
-        stage.module = known->second;
+        stage.module = module;
         return VK_SUCCESS;
     }
 
