@@ -98,16 +98,7 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
     std::deque<Chain> chains;
     const auto useOwn = [&](auto &own) {
         const newer::PipelineCreateInfo driverInfo{info.sType, &own};
-        VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
-        for (uint32_t way = 0; way < identifiers.ways() &&
-                               (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
-             ++way) {
-            identifiers.choose(way);
-            result = use(driverInfo, {});
-            if (result == VK_SUCCESS || result == VK_INCOMPLETE)
-                identifiers.remember(way);
-        }
-        return result;
+        return identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
     };
     if (structure && structure->sType == VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO) {
         auto own = *reinterpret_cast<const VkComputePipelineCreateInfo *>(structure);
@@ -251,11 +242,14 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
                                 const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo *binaries)
 {
     const bool emulated = device.driver.emulated;
-    const uint32_t room = binaries->pPipelineBinaries ? binaries->pipelineBinaryCount : 0;
+    const uint32_t count = binaries->pipelineBinaryCount; // of the array, which the driver may be given again
+    const uint32_t room = binaries->pPipelineBinaries ? count : 0;
     std::fill_n(binaries->pPipelineBinaries, room, nullptr);
     if (emulated && info->pKeysAndDataInfo && binaries->pPipelineBinaries)
         return createFromData(device, handle, *info, allocator, *binaries);
+    binaries->pipelineBinaryCount = 0; // unless the driver is asked
     const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
+        binaries->pipelineBinaryCount = count;
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
         for (uint32_t i = 0; emulated && i < room; ++i) {
             if (binaries->pPipelineBinaries[i]) // also where others failed

@@ -16,6 +16,7 @@
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
+#include "layer/pipelines/shaders.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::layer
@@ -120,7 +121,8 @@ public:
         // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
         changed_ = changed_ || own.flags != info.flags;
-        own.pNext = driverChain(own.pNext, chains_);
+        if (!hideMicromapFlags(device_.driver, own.pNext, chains_, "vkCreateRayTracingPipelinesKHR"))
+            return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
             return VK_ERROR_UNKNOWN;
         return takeIdentifiers(own);
@@ -434,22 +436,24 @@ private:
             // told so.
             return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
         }
-        const auto [known, isNew] = rewritten_.try_emplace(
-            {stage.module, stage.stage, decides, hidden, std::string(stage.pName)}, VK_NULL_HANDLE);
-        if (isNew) {
+        VkShaderModule &module =
+            rewritten_[{stage.module, stage.stage, decides, hidden, std::string(stage.pName)}]; // null until it is made
+        if (!module) {
             const uint32_t *code = original->data();
             size_t bytes = original->size() * 4;
             std::vector<uint32_t> storage;
             if (!rewriteShader(device_, code, bytes, storage, target))
                 return VK_ERROR_UNKNOWN;
             const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
+            VkShaderModule made = VK_NULL_HANDLE;
             const VkResult result =
-                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
+                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &made);
             if (result != VK_SUCCESS)
                 return result;
-            modules_.push_back(known->second);
+            module = made;
+            modules_.push_back(module);
         }
-        stage.module = known->second;
+        stage.module = module;
         return VK_SUCCESS;
     }
 
@@ -511,32 +515,6 @@ private:
     std::vector<VkShaderModule> modules_;
 };
 
-// Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
-VkResult createOneByOne(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
-                        const VkRayTracingPipelineCreateInfoKHR *infos, const VkAllocationCallbacks *allocator,
-                        VkPipeline *pipelines)
-{
-    VkResult worst = VK_SUCCESS;
-    for (uint32_t i = 0; i < count; ++i) {
-        VkRayTracingPipelineCreateInfoKHR info = infos[i];
-        const bool derived = (flagsOf(info) & VK_PIPELINE_CREATE_DERIVATIVE_BIT) != 0 && info.basePipelineIndex >= 0 &&
-                             static_cast<uint32_t>(info.basePipelineIndex) < i;
-        VkResult result = worst;
-        if (derived) {
-            info.basePipelineHandle = pipelines[info.basePipelineIndex];
-            info.basePipelineIndex = -1;
-        }
-        if (!derived || info.basePipelineHandle)
-            result =
-                createRayTracingPipelines(device, handle, VK_NULL_HANDLE, cache, 1, &info, allocator, &pipelines[i]);
-        if (result < 0 || worst == VK_SUCCESS)
-            worst = result;
-        if (result != VK_SUCCESS && (flagsOf(info) & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
-            break;
-    }
-    return worst;
-}
-
 } // namespace
 
 VkResult
@@ -555,9 +533,17 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
 {
     std::fill_n(pipelines, count, VK_NULL_HANDLE);
     auto creation = std::make_unique<Creation>(device, pipelines);
-    for (uint32_t i = 0; i < count; ++i) {
-        if (const VkResult result = creation->add(infos[i]); result != VK_SUCCESS)
-            return count == 1 ? result : createOneByOne(device, handle, cache, count, infos, allocator, pipelines);
+    const std::vector<VkResult> prepared =
+        prepareEach(std::span(infos, count), [&](const auto &info) { return creation->add(info); });
+    if (!allSucceeded(prepared)) {
+        const VkResult result =
+            createPrepared(std::span(creation->infos()), prepared, pipelines,
+                           [&](uint32_t one, const VkRayTracingPipelineCreateInfoKHR *info, VkPipeline *pipeline) {
+                               return device.driver.next.CreateRayTracingPipelinesKHR(handle, VK_NULL_HANDLE, cache,
+                                                                                      one, info, allocator, pipeline);
+                           });
+        creation->finish();
+        return result;
     }
     if (!creation->changed())
         return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,

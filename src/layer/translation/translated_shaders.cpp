@@ -4,8 +4,10 @@
 #include <vector>
 
 #include "layer/pipelines/pipeline_flags.h"
+#include "layer/pipelines/shaders.h"
 #include "layer/translation/device_translation.h"
 #include "layer/translation/translation.h"
+#include "spirv/rewrite.h"
 #include "spirv/translation/translate.h"
 
 namespace vellum::layer
@@ -164,12 +166,6 @@ VkResult withDriverInfo(DeviceTranslation &device, const newer::PipelineCreateIn
     }
 }
 
-VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
-{
-    std::fill_n(pipelines, count, VK_NULL_HANDLE);
-    return result;
-}
-
 // Pipelines without groups: compute and graphics, by the driver's command for them.
 template <typename Info, typename Create>
 VkResult createPipelines(DeviceTranslation &device, uint32_t count, const Info *infos, VkPipeline *pipelines,
@@ -177,13 +173,12 @@ VkResult createPipelines(DeviceTranslation &device, uint32_t count, const Info *
 {
     DriverInfos own(device);
     std::vector<Info> driverInfos(infos, infos + count);
-    for (Info &info : driverInfos) {
+    const std::vector<VkResult> prepared = prepareEach(std::span(driverInfos), [&](Info &info) {
         if (!mayHaveFlags(device.driver, info.pNext, info.flags, id, command))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        if (!own.translate(info))
-            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
-    }
-    return create(driverInfos.data());
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        return own.translate(info) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
+    });
+    return createPrepared(std::span(driverInfos), prepared, pipelines, create);
 }
 
 } // namespace
@@ -202,9 +197,10 @@ VkResult createTranslatedComputePipelines(DeviceTranslation &device, VkDevice ha
                                           const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     return createPipelines(device, count, infos, pipelines, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
-                           "vkCreateComputePipelines", [&](const VkComputePipelineCreateInfo *driverInfos) {
-                               return device.driver.next.CreateComputePipelines(handle, cache, count, driverInfos,
-                                                                                allocator, pipelines);
+                           "vkCreateComputePipelines",
+                           [&](uint32_t some, const VkComputePipelineCreateInfo *driverInfos, VkPipeline *made) {
+                               return device.driver.next.CreateComputePipelines(handle, cache, some, driverInfos,
+                                                                                allocator, made);
                            });
 }
 
@@ -213,9 +209,10 @@ VkResult createTranslatedGraphicsPipelines(DeviceTranslation &device, VkDevice h
                                            const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     return createPipelines(device, count, infos, pipelines, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
-                           "vkCreateGraphicsPipelines", [&](const VkGraphicsPipelineCreateInfo *driverInfos) {
-                               return device.driver.next.CreateGraphicsPipelines(handle, cache, count, driverInfos,
-                                                                                 allocator, pipelines);
+                           "vkCreateGraphicsPipelines",
+                           [&](uint32_t some, const VkGraphicsPipelineCreateInfo *driverInfos, VkPipeline *made) {
+                               return device.driver.next.CreateGraphicsPipelines(handle, cache, some, driverInfos,
+                                                                                 allocator, made);
                            });
 }
 
@@ -226,19 +223,26 @@ VkResult createTranslatedRayTracingPipelines(DeviceTranslation &device, VkDevice
 {
     auto own = std::make_unique<DriverInfos>(device);
     own->rayTracing.assign(infos, infos + count);
-    for (VkRayTracingPipelineCreateInfoKHR &info : own->rayTracing) {
-        if (!mayHaveRayTracingFlags(device, info))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        if (!own->translate(info))
-            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
-    }
+    const std::vector<VkResult> prepared =
+        prepareEach(std::span(own->rayTracing), [&](VkRayTracingPipelineCreateInfoKHR &info) {
+            if (!mayHaveRayTracingFlags(device, info))
+                return VK_ERROR_VALIDATION_FAILED_EXT;
+            return own->translate(info) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
+        });
+    const auto create = [&](VkDeferredOperationKHR deferral, uint32_t some,
+                            const VkRayTracingPipelineCreateInfoKHR *driverInfos, VkPipeline *made) {
+        return device.driver.next.CreateRayTracingPipelinesKHR(handle, deferral, cache, some, driverInfos, allocator,
+                                                               made);
+    };
+    if (!allSucceeded(prepared))
+        return createPrepared(std::span(own->rayTracing), prepared, pipelines,
+                              [&](auto... arguments) { return create(VK_NULL_HANDLE, arguments...); });
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();
         device.commands.deferredOperations.set(operation, deferred);
     }
-    const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
-        handle, operation, cache, count, own->rayTracing.data(), allocator, pipelines);
+    const VkResult result = create(operation, count, own->rayTracing.data(), pipelines);
     if (result == VK_OPERATION_DEFERRED_KHR && deferred)
         deferred->work = std::move(own);
     return result;
@@ -250,18 +254,19 @@ VkResult createTranslatedShaders(DeviceTranslation &device, VkDevice handle, uin
 {
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
-    for (newer::ShaderCreateInfo &info : own) {
-        if (!takeMixedSpecialIndex(device.driver, info)) {
-            std::fill_n(shaders, count, nullptr);
+    const auto prepare = [&](newer::ShaderCreateInfo &info) {
+        if (!takeMixedSpecialIndex(device.driver, info))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        }
         if (info.codeType != newer::kShaderCodeTypeSpirv)
-            continue;
+            return VK_SUCCESS;
         const auto *code = static_cast<const uint32_t *>(info.pCode);
         translateShader(device, code, info.codeSize, storage.emplace_back());
         info.pCode = code;
-    }
-    return device.driver.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
+        return VK_SUCCESS;
+    };
+    return createShadersBeforeFailure(own, shaders, prepare, [&](uint32_t prepared) {
+        return device.driver.next.CreateShadersEXT(handle, prepared, own.data(), allocator, shaders);
+    });
 }
 
 void getTranslatedInfoIdentifier(DeviceTranslation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
@@ -288,8 +293,11 @@ VkResult createTranslatedBinaries(DeviceTranslation &device, VkDevice handle,
             asked = true;
             return create(handle, &driverInfo, allocator, binaries);
         });
-    if (!asked && binaries->pPipelineBinaries)
-        std::fill_n(binaries->pPipelineBinaries, binaries->pipelineBinaryCount, nullptr);
+    if (!asked) {
+        std::fill_n(binaries->pPipelineBinaries, binaries->pPipelineBinaries ? binaries->pipelineBinaryCount : 0,
+                    nullptr);
+        binaries->pipelineBinaryCount = 0;
+    }
     return result;
 }
 
