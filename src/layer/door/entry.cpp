@@ -279,6 +279,7 @@ const Row kRows[] = {
     row<cmdWriteTranslatedProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Translated),
     row<writeTranslatedProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Translated),
     row<createTranslatedModule>("vkCreateShaderModule", Scope::Translated),
+    row<destroyTranslatedModule>("vkDestroyShaderModule", Scope::Translated),
     row<createTranslatedComputePipelines>("vkCreateComputePipelines", Scope::Translated),
     row<createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Translated),
     row<createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Translated),

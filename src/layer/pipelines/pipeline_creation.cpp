@@ -111,13 +111,9 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
-        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one. Not of mere keys.
-        if (pipelines_ && available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
-            device_.driver.report().warning(
-                "VELLUM-pipeline-without-micromaps",
-                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
-                    " was created without RAY_TRACING_OPACITY_MICROMAP: where it meets micromaps, every hit on their "
-                    "geometry is non-opaque. The setting assume_micromaps creates all pipelines with it");
+        // Not for queries of pipeline keys; and code beside binaries is ignored.
+        if (pipelines_ && available && !binariesOf(info.pNext))
+            warnOfTracing(info);
         // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
         changed_ = changed_ || own.flags != info.flags;
@@ -180,6 +176,26 @@ private:
                                                              std::to_string(infos_.size() - 1) + " " + text);
         refuse(id, text);
         return false;
+    }
+
+    // Of a pipeline without the micromap bit, which is harmless where it meets no micromaps. Applications forget it all
+    // the same, NVRHI for one.
+    void warnOfTracing(const VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
+        bool isFirst = false;
+        for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
+            const std::span<const uint32_t> code = codeOf(stage);
+            isFirst =
+                (spirv::tracedFlags(code).traces && device_.shaderWarnings.isFirst(kId, codeHash(code))) || isFirst;
+        }
+        if (isFirst)
+            device_.driver.report().warning(
+                kId,
+                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
+                    " traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: where they meet micromaps, "
+                    "every hit on their geometry is non-opaque. The setting assume_micromaps creates all pipelines "
+                    "with it");
     }
 
     // What a driver's stage is made from: the application's stage, what it decides, and the type of the payload that it

@@ -20,6 +20,7 @@ struct DeviceTranslation {
     DevicePipelines &pipelines;
     MicromapLimits limits{}; // the driver's
     SerializedPlaces serialized{};
+    HandleMap<VkShaderModule, uint64_t> tracingModules{}; // codeHash of those that trace rays by pipelines
 };
 
 } // namespace vellum::layer

@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shaders.h"
 #include "layer/translation/device_translation.h"
@@ -19,13 +20,15 @@ constexpr VkFlags64 kUsesMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICR
 
 // SPIR-V as a driver takes it that knows SPV_EXT_opacity_micromap only. `code` and `bytes` are replaced where something
 // changes; `storage` then holds the words.
-void translateShader(const DeviceTranslation &device, const uint32_t *&code, size_t &bytes,
-                     std::vector<uint32_t> &storage)
+void translateShader(DeviceTranslation &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage)
 {
-    spirv::TranslateResult result = spirv::translateToExt({code, bytes / 4});
-    if (result.queriesForget && device.driver.asked.khrFeature && !device.driver.asked.ext)
+    constexpr const char *kForgetful = "VELLUM-queries-without-micromaps";
+    const std::span<const uint32_t> words(code, bytes / 4);
+    spirv::TranslateResult result = spirv::translateToExt(words);
+    if (result.queriesForget && device.driver.asked.khrFeature && !device.driver.asked.ext &&
+        device.pipelines.shaderWarnings.isFirst(kForgetful, codeHash(words)))
         device.driver.report().warning(
-            "VELLUM-queries-without-micromaps",
+            kForgetful,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
             "VK_EXT_opacity_micromap, they use micromaps all the same; on others, every hit on geometry with micromaps "
             "is non-opaque");
@@ -119,7 +122,33 @@ private:
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
 };
 
-bool mayHaveRayTracingFlags(const DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
+// codeHash of a stage's code, if that traces rays; else 0.
+uint64_t tracingCode(const DeviceTranslation &device, const VkPipelineShaderStageCreateInfo &stage)
+{
+    const auto *inlined =
+        findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    if (stage.module || !inlined)
+        return device.tracingModules.get(stage.module);
+    const std::span<const uint32_t> words(inlined->pCode, inlined->codeSize / 4);
+    return spirv::tracedFlags(words).traces ? codeHash(words) : 0;
+}
+
+void warnOfTracing(DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
+    bool isFirst = false;
+    for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
+        const uint64_t code = tracingCode(device, stage);
+        isFirst = (code != 0 && device.pipelines.shaderWarnings.isFirst(kId, code)) || isFirst;
+    }
+    if (isFirst)
+        device.driver.report().warning(
+            kId, "vkCreateRayTracingPipelinesKHR: a pipeline traces rays and was created without "
+                 "RAY_TRACING_OPACITY_MICROMAP: they must meet no micromaps. The setting assume_micromaps creates all "
+                 "pipelines with it");
+}
+
+bool mayHaveRayTracingFlags(DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
 {
     const Driver &driver = device.driver;
     const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
@@ -135,11 +164,8 @@ bool mayHaveRayTracingFlags(const DeviceTranslation &device, const VkRayTracingP
         !toleratesMixedSpecialIndex(driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
                                     "vkCreateRayTracingPipelinesKHR"))
         return false;
-    if (!uses && available && !driver.settings->assumeMicromaps && (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
-        driver.report().warning(
-            "VELLUM-pipeline-without-micromaps",
-            "vkCreateRayTracingPipelinesKHR: a pipeline was created without RAY_TRACING_OPACITY_MICROMAP: it must meet "
-            "no micromaps. The setting assume_micromaps creates all pipelines with it");
+    if (!uses && available && !driver.settings->assumeMicromaps && !binariesOf(info.pNext))
+        warnOfTracing(device, info);
     return true;
 }
 
@@ -189,7 +215,18 @@ VkResult createTranslatedModule(DeviceTranslation &device, VkDevice handle, cons
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
     translateShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
-    return device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
+    const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
+    const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
+    if (result == VK_SUCCESS && spirv::tracedFlags(words).traces)
+        device.tracingModules.set(*module, codeHash(words));
+    return result;
+}
+
+void destroyTranslatedModule(DeviceTranslation &device, VkDevice handle, VkShaderModule module,
+                             const VkAllocationCallbacks *allocator)
+{
+    device.tracingModules.take(module);
+    device.driver.next.DestroyShaderModule(handle, module, allocator);
 }
 
 VkResult createTranslatedComputePipelines(DeviceTranslation &device, VkDevice handle, VkPipelineCache cache,

@@ -59,6 +59,7 @@ VkResult writeTranslatedProperties(DeviceTranslation &, VkDevice, uint32_t, cons
 // translated_shaders.cpp
 VkResult createTranslatedModule(DeviceTranslation &, VkDevice, const VkShaderModuleCreateInfo *,
                                 const VkAllocationCallbacks *, VkShaderModule *);
+void destroyTranslatedModule(DeviceTranslation &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
 VkResult createTranslatedComputePipelines(DeviceTranslation &, VkDevice, VkPipelineCache, uint32_t,
                                           const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *,
                                           VkPipeline *);
