@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 
+#include "commands/compute_pipeline.h"
 #include "commands/shader_objects.h"
 #include "harness/pipeline_builder.h"
 
@@ -16,6 +17,7 @@ namespace
 using namespace vt;
 
 constexpr std::uint32_t kCount = 3, kBad = 1;
+constexpr auto kUnknownType = static_cast<VkStructureType>(0x7ffffff0); // a structure of the future
 constexpr VkPipelineCreateFlags kEarly = VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT;
 
 // A stage's chain with its code; where that is bad, it traces rays and lies behind a structure of the future, where the
@@ -37,8 +39,7 @@ public:
 private:
     std::vector<std::uint32_t> code_;
     VkShaderModuleCreateInfo info_{};
-    VkBaseInStructure unknown_{static_cast<VkStructureType>(0x7ffffff0),
-                               reinterpret_cast<const VkBaseInStructure *>(&info_)};
+    VkBaseInStructure unknown_{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&info_)};
     const void *chain_ = nullptr;
 };
 
@@ -124,6 +125,34 @@ TEST_F(MultipleCreation, DerivativesOfOneThatFails)
     EXPECT_FALSE(pipelines[0]);
     EXPECT_FALSE(pipelines[1]);
     expectOneMessage("VELLUM-shader-rewrite");
+}
+
+// Flags that the driver does not know, where the layer cannot take them out.
+TEST_F(MultipleCreation, FlagsBehindAnUnknownStructure)
+{
+    const Tracer tracer(gpu());
+    const InlineModule module(gpu(), empty, false);
+    const PipelineFlags2 flags{.flags = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR};
+    const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&flags)};
+    std::array<VkComputePipelineCreateInfo, 2> infos{};
+    for (VkComputePipelineCreateInfo &info : infos) {
+        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+        info.stage = stageOf(VK_SHADER_STAGE_COMPUTE_BIT, module);
+        info.layout = tracer.layout();
+    }
+    infos[0].pNext = &unknown;
+    std::array<VkPipeline, 2> pipelines{};
+    EXPECT_LT(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 2, infos.data(), nullptr, pipelines.data()),
+              VK_SUCCESS);
+    EXPECT_FALSE(pipelines[0]);
+    EXPECT_TRUE(pipelines[1]);
+    vkDestroyPipeline(gpu().device(), pipelines[1], nullptr);
+    std::vector<Message> messages = gpu().takeUnexpectedMessages();
+    std::erase_if(messages, [](const Message &message) {
+        return message.id == "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593"; // the feature of the flag
+    });
+    ASSERT_EQ(messages.size(), 1u);
+    EXPECT_EQ(messages[0].id, "VELLUM-pipeline-flags") << messages[0].text;
 }
 
 // Libraries of fragment shaders, which have least to be filled in.
