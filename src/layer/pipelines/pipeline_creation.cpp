@@ -111,7 +111,7 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
-        // Not for queries of pipeline keys; and code beside binaries is ignored.
+        // Not for queries of pipeline keys. The code of a pipeline of binaries is ignored.
         if (pipelines_ && available && !binariesOf(info.pNext))
             warnOfTracing(info);
         // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.

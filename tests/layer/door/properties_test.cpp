@@ -271,8 +271,8 @@ TEST_F(Properties, AddressesBehindAnUnknownStructure)
                   enabled ? VK_SUCCESS : VK_ERROR_FEATURE_NOT_PRESENT);
         vkDestroyDevice(device, nullptr);
         const std::vector<vt::Message> messages = gpu().takeUnexpectedMessages();
-        const auto told = std::ranges::count(messages, std::string("VELLUM-device-features"), &vt::Message::id);
-        EXPECT_EQ(told, enabled ? 0 : 1);
+        const auto errors = std::ranges::count(messages, std::string("VELLUM-device-features"), &vt::Message::id);
+        EXPECT_EQ(errors, enabled ? 0 : 1);
     }
 }
 

@@ -71,7 +71,7 @@ struct Losing<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
 #command, DRIVER_FUNCTION((Losing <PFN_##command>::call <Name(#command)>))                                     \
     }
 
-// All bindings are attempted, and each with a VkBindMemoryStatus tells what became of it (VK_KHR_maintenance6).
+// All bindings are attempted, and VkBindMemoryStatus holds the result of each (VK_KHR_maintenance6).
 VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, std::uint32_t count,
                                                  const VkBindBufferMemoryInfo *infos)
 {
