@@ -1,5 +1,5 @@
 // Buffers and memory on their way to the driver: usage that the layer adds, and what it knows of bindings. The spy
-// below the layer tells of usage that a buffer may not have.
+// below the layer reports usage that a buffer may not have.
 #include <array>
 
 #include "harness/scene.h"
