@@ -24,7 +24,6 @@
 #include "shaders/micromap_sums.h"
 #include "shaders/micromap_triangles.h"
 #include "shaders/query_value.h"
-#include "shaders/ray_flag_probe.h"
 #include "shaders/structure_copy.h"
 #include "shaders/structure_restore.h"
 #include "shaders/structure_save.h"
@@ -67,7 +66,6 @@ Code codeOf(InjectedShader shader)
     case InjectedShader::WideIndices: return {wide_indices, sizeof wide_indices};
     case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
     case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};
-    case InjectedShader::RayFlagProbe: return {ray_flag_probe, sizeof ray_flag_probe};
     case InjectedShader::StructureCopy: return {structure_copy, sizeof structure_copy};
     case InjectedShader::StructureSave: return {structure_save, sizeof structure_save};
     case InjectedShader::StructureRestore: return {structure_restore, sizeof structure_restore};

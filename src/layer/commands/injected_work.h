@@ -20,7 +20,6 @@ enum class InjectedShader {
     BlasRecords,
     TlasInstances,
     HitRecords,
-    RayFlagProbe,
     StructureCopy,
     StructureSave,
     StructureRestore,
@@ -109,10 +108,6 @@ struct HitRecordsPush {
     VkDeviceAddress source, target, command, commandCopy;
     uint32_t size, stride;
     uint32_t handle[8];
-};
-struct RayFlagProbePush {
-    VkDeviceAddress scene, result;
-    uint32_t rayFlags, padding;
 };
 struct MicromapTrianglesPush {
     VkDeviceAddress source, target;

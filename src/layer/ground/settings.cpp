@@ -48,8 +48,6 @@ void apply(Settings &settings, const std::string &key, const std::string &value)
         settings.validate = isTrue(value);
     else if (key == "assume_micromaps")
         settings.assumeMicromaps = isTrue(value);
-    else if (key == "carried_ray_flags")
-        settings.carriedRayFlags = isTrue(value);
     else if (key == "constant_ray_flags")
         settings.constantRayFlags = isTrue(value);
     else if (key == "strict")
@@ -124,7 +122,6 @@ Settings readSettings(const void *instanceChain)
         {"VALIDATE", "validate"},
         {"ASSUME_MICROMAPS", "assume_micromaps"},
         {"STRICT", "strict"},
-        {"CARRIED_RAY_FLAGS", "carried_ray_flags"},
         {"CONSTANT_RAY_FLAGS", "constant_ray_flags"},
         {"DUMP_SHADERS", "dump_shaders"},
         {"CACHE_FOLDER", "cache_folder"},

@@ -31,8 +31,6 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
             .queriesConsume = device.driver.asked.everyQueryUsesMicromaps() || device.driver.settings->assumeMicromaps
                                   ? spirv::QueriesConsume::Always
                                   : spirv::QueriesConsume::WhereDeclared,
-            .queriesCarryFlagBits = [&device] { return device.rayFlagBits.inQueries(); },
-            .pipelinesCarryFlagBits = [&device] { return device.rayFlagBits.inPipelines(); },
             .constantQueryFlags = device.driver.settings->constantRayFlags,
             .pipelineStage = pipelineStage};
 }
@@ -64,7 +62,7 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
         device.driver.report().warning(
             "VELLUM-intersection-ray-flags",
             "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
-            "ForceOpacityMicromap2State, which travel in ray payloads, since the driver drops unused ray flag bits");
+            "ForceOpacityMicromap2State, which travel in ray payloads where not all rays have them alike");
     if (result.status == spirv::RewriteResult::Status::Unchanged)
         return true;
     storage = std::move(result.words);

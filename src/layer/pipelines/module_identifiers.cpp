@@ -70,7 +70,7 @@ uint64_t rewriteSettings(const DevicePipelines &device)
 {
     const Settings &settings = *device.driver.settings;
     const bool assumes = settings.assumeMicromaps && device.driver.asked.anyFeature();
-    return uint64_t{settings.carriedRayFlags} | uint64_t{settings.constantRayFlags} << 1 | uint64_t{assumes} << 2;
+    return uint64_t{settings.constantRayFlags} | uint64_t{assumes} << 1;
 }
 
 Mask deviceMask(DevicePipelines &device)

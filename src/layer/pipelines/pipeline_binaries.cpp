@@ -24,7 +24,7 @@ namespace
 struct BinaryFacts {
     ShaderBinaryHeader device;
     uint64_t settings;
-    uint32_t hiddenWay, hiddenConstant; // spirv::HiddenFlags
+    uint32_t hiddenFixed, hiddenConstant; // spirv::HiddenFlags
     bool operator==(const BinaryFacts &) const = default;
 };
 static_assert(sizeof(BinaryFacts) == 48);
@@ -38,7 +38,7 @@ static_assert(sizeof(BinaryHeader) == 64); // keeps an alignment of 16 bytes
 
 BinaryFacts factsOf(DevicePipelines &device, const HiddenInBinary &hidden)
 {
-    return {shaderBinaryHeader(device), rewriteSettings(device), static_cast<uint32_t>(hidden.way), hidden.constant};
+    return {shaderBinaryHeader(device), rewriteSettings(device), hidden.fixed, hidden.constant};
 }
 
 // FNV-1a, of words of 8 bytes and the rest.
@@ -62,14 +62,13 @@ std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
 // Of whole data whose header fits the device; otherwise not known.
 HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinaryData &data)
 {
-    using Way = spirv::HiddenFlags::Way;
     BinaryHeader header{};
     if (data.dataSize <= sizeof header)
         return {};
     std::memcpy(&header, data.pData, sizeof header);
-    const HiddenInBinary hidden{true, static_cast<Way>(header.facts.hiddenWay), header.facts.hiddenConstant};
-    const bool fits = header.facts == factsOf(device, hidden) && hidden.way <= Way::InPayload &&
-                      (hidden.constant & ~shared::kHiddenRayFlags) == 0;
+    const HiddenInBinary hidden{true, header.facts.hiddenFixed, header.facts.hiddenConstant};
+    const bool fits = header.facts == factsOf(device, hidden) && (hidden.fixed & ~shared::kHiddenRayFlags) == 0 &&
+                      (hidden.constant & ~hidden.fixed) == 0;
     const std::span<const std::byte> driversData = driversPart(data);
     if (!fits || header.size != driversData.size() || header.checksum != checksumOf(driversData))
         return {};
