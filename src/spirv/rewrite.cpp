@@ -1,5 +1,6 @@
 #include "spirv/rewrite.h"
 
+#include "core/hash.h"
 #include "spirv/built_ins.h"
 #include "spirv/consumption.h"
 #include "spirv/entry_wrapper.h"
@@ -112,10 +113,7 @@ RewriteResult failed(std::string error)
 
 std::uint64_t linkedCodeHash()
 {
-    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
-    for (const std::uint32_t word : lookup)
-        hash = (hash ^ word) * 0x100000001b3u;
-    return hash;
+    return Hash::of(lookup);
 }
 
 bool hasRayTracingStages(std::span<const std::uint32_t> words)

@@ -5,6 +5,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "core/hash.h"
 #include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_edit.h"
@@ -66,12 +67,10 @@ std::string dataUri(std::span<const std::uint8_t> bytes)
     return text;
 }
 
-// 64 bits of FNV-1a in hexadecimal digits: the same bytes have the same name.
+// In hexadecimal digits: the same bytes have the same name.
 std::string digest(std::span<const std::uint8_t> bytes)
 {
-    std::uint64_t hash = 0xcbf29ce484222325;
-    for (const std::uint8_t byte : bytes)
-        hash = (hash ^ byte) * 0x100000001b3;
+    const std::uint64_t hash = Hash::of(bytes);
     std::string text;
     for (int shift = 60; shift >= 0; shift -= 4)
         text += "0123456789abcdef"[hash >> shift & 15];

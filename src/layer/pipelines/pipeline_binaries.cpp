@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/hash.h"
 #include "core/ray_flags.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
@@ -41,17 +42,16 @@ BinaryFacts factsOf(DevicePipelines &device, const HiddenInBinary &hidden)
     return {shaderBinaryHeader(device), rewriteSettings(device), hidden.fixed, hidden.constant};
 }
 
-// FNV-1a, of words of 8 bytes and the rest.
+// Of words of 8 bytes and the rest.
 uint64_t checksumOf(std::span<const std::byte> data)
 {
-    uint64_t sum = 0xcbf29ce484222325u;
-    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof sum))) {
+    Hash sum;
+    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof(uint64_t)))) {
         uint64_t word = 0;
         std::memcpy(&word, data.data(), std::min(data.size(), sizeof word));
-        sum = (sum ^ word) * 0x100000001b3u;
-        sum ^= sum >> 32;
+        sum.add(word);
     }
-    return sum;
+    return sum.value();
 }
 
 std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
