@@ -13,6 +13,9 @@
 namespace vellum::test
 {
 
+// spirv::HiddenFlags::fixed: all rays have the hidden flags alike, or they lie in the payload.
+inline constexpr std::uint32_t kAllFixed = spirv::HiddenFlags{}.fixed, kNoneFixed = 0;
+
 // A shader of shaders/ as CMakeLists.txt compiled it: "while_loop.comp", "v15".
 Module loadShader(const std::string &name, const std::string &variant);
 
@@ -26,8 +29,8 @@ std::string disassemble(const Module &words);
 // enables on every device.
 void expectNoMoreNeeds(const Module &words, const Module &rewritten);
 
-// Rewrites, and fails the test unless the result is a valid Rewritten module. The same for drivers that give no ray
-// flag bits back, and with constant flags that travel; these modules are not returned.
+// Rewrites, and fails the test unless the result is a valid Rewritten module. The same where constant ray flags are kept
+// like others; that module is not returned.
 Module rewriteValid(const Module &words);
 
 std::size_t count(const std::string &text, const std::string &part);

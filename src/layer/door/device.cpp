@@ -272,12 +272,6 @@ std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, V
     return families;
 }
 
-DriverHabits &habitsOf(Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    std::lock_guard lock(instance.habitsMutex);
-    return instance.habits[physicalDevice];
-}
-
 const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
 {
     const auto *link = static_cast<const VkLayerDeviceCreateInfo *>(info.pNext);
@@ -430,7 +424,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.instance = &instance.next;
     device->driver.settings = &instance.settings;
     device->driver.reporter = &instance.report;
-    device->driver.habits = &habitsOf(instance, physicalDevice);
     if (device->driver.emulated || device->driver.translated) {
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->buffers.gpu.device = *handle;

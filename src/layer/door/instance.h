@@ -31,8 +31,6 @@ struct Instance : Registered<Instance> {
     bool isVulkan11 = false; // or later, by the application's version
     Settings settings;
     Reporter report;
-    std::mutex habitsMutex;
-    std::map<VkPhysicalDevice, DriverHabits> habits;
 };
 
 // The state of the instance that a VkInstance or VkPhysicalDevice belongs to.

@@ -34,13 +34,6 @@ struct Asked {
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
-// What was found out about a physical device by trying, for all devices of an instance.
-enum class TriedOut : uint8_t { No, Works, Fails };
-struct DriverHabits {
-    std::atomic<TriedOut> queriesCarryFlagBits = TriedOut::No; // pipelines/ray_flag_probe.h
-    std::atomic<TriedOut> pipelinesCarryFlagBits = TriedOut::No;
-};
-
 // A device as the next layer or the driver made it.
 struct Driver {
     VkDevice handle = VK_NULL_HANDLE;
@@ -49,7 +42,6 @@ struct Driver {
     const InstanceTable *instance = nullptr;
     const Settings *settings = nullptr;
     Reporter *reporter = nullptr;
-    DriverHabits *habits = nullptr;
     DeviceTable next;
 
     // At most one of them. Of none, every call but vkDestroyDevice goes straight through.

@@ -34,7 +34,7 @@ struct Switch {
 };
 constexpr Switch kSwitches[] = {
     {"force_emulation", &Settings::forceEmulation},      {"validate", &Settings::validate},
-    {"assume_micromaps", &Settings::assumeMicromaps},    {"carried_ray_flags", &Settings::carriedRayFlags},
+    {"assume_micromaps", &Settings::assumeMicromaps},
     {"constant_ray_flags", &Settings::constantRayFlags}, {"strict", &Settings::strict}};
 
 struct Text {
@@ -161,7 +161,6 @@ Settings readSettings(const void *instanceChain)
         {"VALIDATE", "validate"},
         {"ASSUME_MICROMAPS", "assume_micromaps"},
         {"STRICT", "strict"},
-        {"CARRIED_RAY_FLAGS", "carried_ray_flags"},
         {"CONSTANT_RAY_FLAGS", "constant_ray_flags"},
         {"DUMP_SHADERS", "dump_shaders"},
         {"CACHE_FOLDER", "cache_folder"},

@@ -1,5 +1,5 @@
 // The room of pipelines: shader modules and stages on their way to the driver, ray tracing pipelines and their hit
-// records, and whether the driver carries ray flag bits.
+// records.
 #pragma once
 
 #include <atomic>
@@ -17,7 +17,6 @@
 #include "layer/ground/vulkan_newer.h"
 #include "layer/pipelines/any_hit_modules.h"
 #include "layer/pipelines/module_identifiers.h"
-#include "layer/pipelines/ray_flag_probe.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
 
 namespace vellum::layer
@@ -49,7 +48,6 @@ struct DevicePipelines {
     DeviceBuffers &buffers;
     DeviceObjects &objects;
     DeviceCommands &commands;
-    RayFlagBits rayFlagBits{*this};
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps

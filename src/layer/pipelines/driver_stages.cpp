@@ -31,8 +31,6 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
             .queriesConsume = device.driver.asked.everyQueryUsesMicromaps() || device.driver.settings->assumeMicromaps
                                   ? spirv::QueriesConsume::Always
                                   : spirv::QueriesConsume::WhereDeclared,
-            .queriesCarryFlagBits = [&device] { return device.rayFlagBits.inQueries(); },
-            .pipelinesCarryFlagBits = [&device] { return device.rayFlagBits.inPipelines(); },
             .constantQueryFlags = device.driver.settings->constantRayFlags,
             .pipelineStage = pipelineStage};
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/hash.h"
 #include "core/ray_flags.h"
 #include "layer/ground/undo.h"
 #include "layer/pipelines/device_pipelines.h"
@@ -25,7 +26,7 @@ namespace
 struct BinaryFacts {
     ShaderBinaryHeader device;
     uint64_t settings;
-    uint32_t hiddenWay, hiddenConstant; // spirv::HiddenFlags
+    uint32_t hiddenFixed, hiddenConstant; // spirv::HiddenFlags
     bool operator==(const BinaryFacts &) const = default;
 };
 static_assert(sizeof(BinaryFacts) == 48);
@@ -39,20 +40,19 @@ static_assert(sizeof(BinaryHeader) == 64); // keeps an alignment of 16 bytes
 
 BinaryFacts factsOf(DevicePipelines &device, const HiddenInBinary &hidden)
 {
-    return {shaderBinaryHeader(device), rewriteSettings(device), static_cast<uint32_t>(hidden.way), hidden.constant};
+    return {shaderBinaryHeader(device), rewriteSettings(device), hidden.fixed, hidden.constant};
 }
 
-// FNV-1a, of words of 8 bytes and the rest.
+// Of words of 8 bytes and the rest.
 uint64_t checksumOf(std::span<const std::byte> data)
 {
-    uint64_t sum = 0xcbf29ce484222325u;
-    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof sum))) {
+    Hash sum;
+    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof(uint64_t)))) {
         uint64_t word = 0;
         std::memcpy(&word, data.data(), std::min(data.size(), sizeof word));
-        sum = (sum ^ word) * 0x100000001b3u;
-        sum ^= sum >> 32;
+        sum.add(word);
     }
-    return sum;
+    return sum.value();
 }
 
 std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
@@ -63,14 +63,13 @@ std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
 // Of whole data whose header fits the device; otherwise not known.
 HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinaryData &data)
 {
-    using Way = spirv::HiddenFlags::Way;
     BinaryHeader header{};
     if (data.dataSize <= sizeof header)
         return {};
     std::memcpy(&header, data.pData, sizeof header);
-    const HiddenInBinary hidden{true, static_cast<Way>(header.facts.hiddenWay), header.facts.hiddenConstant};
-    const bool fits = header.facts == factsOf(device, hidden) && hidden.way <= Way::InPayload &&
-                      (hidden.constant & ~shared::kHiddenRayFlags) == 0;
+    const HiddenInBinary hidden{true, header.facts.hiddenFixed, header.facts.hiddenConstant};
+    const bool fits = header.facts == factsOf(device, hidden) && (hidden.fixed & ~shared::kHiddenRayFlags) == 0 &&
+                      (hidden.constant & ~hidden.fixed) == 0;
     const std::span<const std::byte> driversData = driversPart(data);
     if (!fits || header.size != driversData.size() || header.checksum != checksumOf(driversData))
         return {};

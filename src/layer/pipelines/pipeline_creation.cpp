@@ -245,16 +245,16 @@ private:
         const newer::PipelineBinaryInfo *const binaries = binariesOf(info.pNext);
         // Binaries that came from elsewhere are those of a pipeline without micromaps.
         const HiddenInBinary kept = binaries ? hiddenFlagsIn(device_, *binaries) : HiddenInBinary{};
-        stages.hidden = kept.known ? spirv::HiddenFlags{kept.way, kept.constant} : hiddenFlags(info);
+        stages.hidden = kept.known ? spirv::HiddenFlags{kept.fixed, kept.constant} : hiddenFlags(info);
         stages.needCode = !binaries;
-        if (stages.hidden.way == spirv::HiddenFlags::Way::InPayload) {
+        if (stages.hidden.inPayload()) {
             record.payloads = payloadTypes(info, stages.payloads);
             // The rays that reach a library's groups may be others' with other payloads.
             if ((flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
                 stages.hidden.payload = record.payloads.common();
         }
-        record.hidden = {true, stages.hidden.way, stages.hidden.constant};
-        if (!flagsTravelAlike(device_, info, stages.hidden.way))
+        record.hidden = {true, stages.hidden.fixed, stages.hidden.constant};
+        if (!flagsTravelAlike(device_, info, stages.hidden))
             return VK_ERROR_UNKNOWN;
         widenInterface(info, stages.hidden);
         if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
@@ -329,21 +329,15 @@ private:
     // agree on the hidden ones. What libraries trace that a pipeline will be made of or linked with, nobody knows here.
     spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
     {
-        using Way = spirv::HiddenFlags::Way;
         const bool complete = device_.driver.settings->constantRayFlags &&
                               (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
                               (!info.pLibraryInfo || info.pLibraryInfo->libraryCount == 0);
-        std::set<std::optional<uint32_t>> hidden;
-        for (uint32_t i = 0; complete && i < info.stageCount; ++i) {
-            if (const spirv::TracedFlags traced = spirv::tracedFlags(stageCode(device_, info.pStages[i]));
-                traced.traces)
-                hidden.insert(traced.hidden);
-        }
-        if (complete && hidden.empty())
-            return {Way::Constant, 0};
-        if (hidden.size() == 1 && *hidden.begin())
-            return {Way::Constant, **hidden.begin()};
-        return {device_.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload, 0};
+        if (!complete)
+            return {.fixed = 0};
+        spirv::TracedFlags traced;
+        for (uint32_t i = 0; i < info.stageCount; ++i)
+            traced.add(spirv::tracedFlags(stageCode(device_, info.pStages[i])));
+        return {traced.fixed, traced.constant};
     }
 
     // Of all shaders, as far as they are known here: what a library will be linked with is not. `incoming`: those that
@@ -375,7 +369,7 @@ private:
             return;
         VkRayTracingPipelineInterfaceCreateInfoKHR &own = interfaces_.emplace_back(*info.pLibraryInterface);
         own.maxPipelineRayHitAttributeSize = std::max(own.maxPipelineRayHitAttributeSize, kBarycentricsBytes);
-        if (hidden.way == spirv::HiddenFlags::Way::InPayload)
+        if (hidden.inPayload())
             own.maxPipelineRayPayloadSize += std::min(kPrefixBytes, UINT32_MAX - own.maxPipelineRayPayloadSize);
         info.pLibraryInterface = &own;
     }
@@ -441,7 +435,7 @@ private:
 
     static spirv::HiddenFlags hiddenFor(const StageKey &key, const Stages &stages)
     {
-        return {stages.hidden.way, stages.hidden.constant, std::get<spirv::TypeWords>(key)};
+        return {stages.hidden.fixed, stages.hidden.constant, std::get<spirv::TypeWords>(key)};
     }
 
     VkResult rewriteStage(VkPipelineShaderStageCreateInfo &stage, Decides decides, const spirv::HiddenFlags &hidden)

@@ -7,7 +7,6 @@
 
 #include "curve.h"
 #include "opacity.h"
-#include "ray_flags.h"
 #include "records.h"
 
 layout(local_size_x = 1) in;
@@ -144,21 +143,6 @@ uint vellumIndexOf(const in uvec4 instance)
 uint vellumCustomIndex(const in uint slot)
 {
     return InstanceWords(vellumRecord(slot)).w[0] & kCustomIndexMask;
-}
-
-uint vellumDriverFlags(const in uint f)
-{
-    return driverRayFlags(f);
-}
-
-uint vellumIdleFlags(const in uint f)
-{
-    return idleRayFlags(f);
-}
-
-uint vellumApplicationFlags(const in uint f)
-{
-    return applicationRayFlags(f);
 }
 
 // True if a box is to be culled by the CullNoOpaque flag, the one of those hidden from the driver that culls boxes.

@@ -9,7 +9,6 @@
 
 #include "harness/pipeline_tracer.h"
 #include "harness/scene.h"
-#include "shaders/tracer_comp.h"
 
 using namespace vt;
 
@@ -41,21 +40,6 @@ protected:
             thread.join();
     }
 };
-
-// Its ray flags are read from a buffer, so what becomes of it depends on the driver.
-TEST_F(Trials, OfRayFlagsRunBesideTheApplicationsSubmissions)
-{
-    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
-    std::vector<VkShaderModule> modules(4);
-    besideSubmissions([&](std::size_t thread) {
-        VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
-        info.codeSize = code.size() * 4;
-        info.pCode = code.data();
-        EXPECT_EQ(vkCreateShaderModule(gpu().device(), &info, nullptr, &modules[thread]), VK_SUCCESS);
-    });
-    for (const VkShaderModule module : modules)
-        vkDestroyShaderModule(gpu().device(), module, nullptr);
-}
 
 // Recorded first of all, so that the driver's way to serialize is not known yet.
 TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)

@@ -328,7 +328,6 @@ TEST_P(BinariesOfSettings, AreNotThoseOfOthers)
 
 INSTANTIATE_TEST_SUITE_P(All, BinariesOfSettings,
                          testing::Values(std::array{"VELLUM_ASSUME_MICROMAPS", "1"},
-                                         std::array{"VELLUM_CARRIED_RAY_FLAGS", "off"},
                                          std::array{"VELLUM_CONSTANT_RAY_FLAGS", "off"}));
 
 } // namespace
