@@ -18,12 +18,12 @@ struct Regions {
     VkStridedDeviceAddressRegionKHR raygen, miss, hit, callable;
 };
 
-struct Habit {
+struct Case {
     const char *name;
     std::function<void(Regions &)> change;
 };
 
-const Habit kHabits[]{
+const Case kCases[]{
     {"no miss region", [](Regions &r) { r.miss = {}; }},
     {"a miss region of no size", [](Regions &r) { r.miss.size = 0; }},
     {"no miss region but a stride",
@@ -79,12 +79,12 @@ TEST_F(UnusedRegions, AreNotRead)
         vkGetDeviceProcAddr(gpu().device(), "vkCmdTraceRaysIndirectKHR"));
     const std::array size{static_cast<std::uint32_t>(rays.size()), 1u, 1u};
     const Buffer arguments = gpu().upload(std::span<const std::uint32_t>(size), VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
-    for (const Habit &habit : kHabits) {
+    for (const Case &test : kCases) {
         for (const bool fromBuffer : {false, true}) {
-            SCOPED_TRACE(std::string(habit.name) + (fromBuffer ? ", indirect" : ""));
+            SCOPED_TRACE(std::string(test.name) + (fromBuffer ? ", indirect" : ""));
             const BindingTable &table = tracer.table();
             Regions regions{table.raygen, table.miss, table.hit, table.callable};
-            habit.change(regions);
+            test.change(regions);
             tracer.prepare(tlas, rays);
             gpu().submit([&](VkCommandBuffer commands) {
                 barrier(commands);
