@@ -72,14 +72,14 @@ TEST_F(SettingsTest, StrictInAllThreePlaces)
 TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
 {
     for (const char *value : {"yes", "2", "ture", "o f f"}) {
-        write(("vellum_opacity_micromap.carried_ray_flags = " + std::string(value)).c_str());
+        write(("vellum_opacity_micromap.constant_ray_flags = " + std::string(value)).c_str());
         setenv("VELLUM_STRICT", value, 1);
         testing::internal::CaptureStderr();
         const Settings settings = readSettings(nullptr);
         const std::string said = testing::internal::GetCapturedStderr();
         EXPECT_TRUE(settings.constantRayFlags) << value;
         EXPECT_FALSE(settings.strict) << value;
-        EXPECT_NE(said.find("VELLUM-setting: carried_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
+        EXPECT_NE(said.find("VELLUM-setting: constant_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
             << said;
         EXPECT_NE(said.find("VELLUM-setting: strict is"), std::string::npos) << said;
     }

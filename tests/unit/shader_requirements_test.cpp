@@ -48,8 +48,7 @@ TEST(LayerShaders, NeedOnlyWhatEmulationNeeds)
         const Needs needs = needsOf(shader.words);
         const bool pipelines = needs.capabilities.contains(spv::CapabilityRayTracingKHR);
         const bool queries = needs.capabilities.contains(spv::CapabilityRayQueryKHR);
-        const bool mayTrace =
-            std::strcmp(shader.name, "any_hit") == 0;
+        const bool mayTrace = std::strcmp(shader.name, "any_hit") == 0;
         EXPECT_TRUE(mayTrace || (!pipelines && !queries));
         EXPECT_LE(needs.version, mayTrace ? 0x00010400u : 0x00010300u);
         for (const std::uint32_t capability : needs.capabilities)

@@ -135,7 +135,6 @@ TEST_F(Environments, WrongValuesOfSettings)
                                {"VELLUM_STRICT", value},
                                {"VELLUM_ASSUME_MICROMAPS", value},
                                {"VELLUM_CONSTANT_RAY_FLAGS", value},
-                               {"VELLUM_CONSTANT_RAY_FLAGS", value},
                                {"VELLUM_FORCE_EMULATION", value}})
                         .empty());
     }
