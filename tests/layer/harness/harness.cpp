@@ -35,8 +35,7 @@ constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     {"VELLUM-pipeline-without-micromaps", ""},
 }};
 
-// With ThreadSanitizer the validation layer, which is not built with it, would be all that it has to say.
-#if defined(__SANITIZE_THREAD__)
+#if defined(__SANITIZE_THREAD__) // with which the validation layer is not built
 constexpr bool kHasValidation = false;
 #else
 constexpr bool kHasValidation = true;
