@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "harness/pipeline_tracer.h"
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 #include "harness/tracer.h"
 
@@ -16,6 +17,8 @@ using namespace vt;
 
 namespace
 {
+
+const vt::Labels kLabels{{"Destruction.*", "forcing"}};
 
 // Memory, buffer and structure, each to be destroyed when the test says so.
 class Pieces

@@ -8,12 +8,15 @@
 #include <gtest/gtest.h>
 
 #include "harness/pipeline_tracer.h"
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 
 using namespace vt;
 
 namespace
 {
+
+const vt::Labels kLabels{{"Trials.*", "forcing"}};
 
 // On a fresh device: nothing was tried yet. The validation layer below judges who uses the queue at the same time.
 class Trials : public GpuTest

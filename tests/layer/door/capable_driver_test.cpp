@@ -1,9 +1,12 @@
 // What the layer has where the driver has more than lavapipe: indirect builds, and capture and replay of addresses. The
 // driver is lavapipe with the trait "capable".
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"CapableDriverExt.*", "one_api strict_ext"}};
 
 using namespace vt;
 

@@ -3,9 +3,12 @@
 #include <array>
 
 #include "harness/harness.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Properties.*", "one_api"}, {"PropertiesNewer.*", "one_api"}, {"WithoutLayer.*", "one_api"}};
 
 using vt::Gpu;
 

@@ -2,11 +2,14 @@
 // below the layer reports usage that a buffer may not have.
 #include <array>
 
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 #include "harness/test_driver.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"BindingsExt.*", "one_api"}};
 
 using namespace vt;
 

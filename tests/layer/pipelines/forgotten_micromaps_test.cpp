@@ -5,12 +5,15 @@
 #include "commands/state_scene.h"
 #include "harness/pipeline_tracer.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_constant_080.h"
 #include "shaders/query_raygen.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Assumed/ForgottenMicromaps.*", "one_api"}, {"*ForgottenMicromaps.Pipelines*", "translated"}};
 
 using namespace vt;
 

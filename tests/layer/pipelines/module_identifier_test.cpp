@@ -5,11 +5,16 @@
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/empty.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"ModuleIdentifiers.AreThoseOfTheCode", "translated"},
+                         {"ModuleIdentifiers.NameAQuery", "translated"},
+                         {"ModuleIdentifiers.NameShadersThatTraceNoRays", "translated"}};
 
 using namespace vt;
 

@@ -5,6 +5,7 @@
 #include "commands/compute_pipeline.h"
 #include "commands/shader_objects.h"
 #include "harness/pipeline_builder.h"
+#include "harness/program/labels.h"
 
 #include "shaders/address_draws_fragment.h"
 #include "shaders/empty.h"
@@ -13,6 +14,8 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"MultipleCreation.*", "translated"}};
 
 using namespace vt;
 

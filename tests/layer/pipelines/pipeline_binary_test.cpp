@@ -5,12 +5,18 @@
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/empty.h"
 #include "shaders/pipeline_constant_080.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineBinaries.*", "slow"},
+                         {"PipelineBinaries.KeysAreThoseOfTheCode", "translated"},
+                         {"PipelineBinaries.OfAPipelineThatCannotBeMade", "translated"},
+                         {"PipelineBinaries.OfAQuery", "translated"}};
 
 using namespace vt;
 Options cachingDriver()

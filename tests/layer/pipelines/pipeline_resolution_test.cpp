@@ -5,6 +5,7 @@
 #include "harness/copies.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_by_address.h"
 #include "shaders/pipeline_constant_000.h"
 #include "shaders/pipeline_constant_001.h"
@@ -23,6 +24,11 @@
 
 namespace
 {
+
+const vt::Labels kLabels{
+    {"PipelineResolution.*", "slow forcing"}, {"PipelineResolution.Constant*", "constants"},
+    {"PipelineResolution.CopiesOfBoxes", "constants"},  {"PipelineResolutionMaintenance5.*", "slow forcing"},
+    {"PipelineResolutionNotEnabled.*", "slow"},         {"PipelineResolutionWithoutLayer.*", "slow one_api"}};
 
 using namespace vt;
 

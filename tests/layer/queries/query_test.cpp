@@ -4,9 +4,15 @@
 
 #include "commands/inherited_condition.h"
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Queries.*", "traits stacked packed"},
+                         {"Queries.AMicromapThatWasNeverBuilt", "unpacked"},
+                         {"Queries.AccelerationStructuresWithMicromaps", "serialized"},
+                         {"Queries.Wrong*", "strict"}};
 
 using namespace vt;
 

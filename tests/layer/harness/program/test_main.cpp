@@ -3,7 +3,9 @@
 // only once, and does not optimize.
 #include <array>
 #include <barrier>
+#include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <string>
 #include <thread>
 
@@ -12,6 +14,8 @@
 #include <unistd.h>
 
 #include <gtest/gtest.h>
+
+#include "harness/program/labels.h"
 
 #if defined(__SANITIZE_ADDRESS__)
 // Blocks that libraries which are not ours leave behind. Lavapipe 25 leaks one for each vkCmdBindVertexBuffers2 with a
@@ -69,6 +73,11 @@ namespace
 
 int main(int argc, char **argv)
 {
+    if (argc == 2 && std::strcmp(argv[1], "--labels") == 0) {
+        for (const vt::Labelled &row : vt::Labels::all())
+            std::printf("%s %s\n", row.cases.c_str(), row.labels.c_str());
+        return 0;
+    }
 #if defined(__SANITIZE_THREAD__)
     keepLibrariesLoaded();
 #elif !defined(__SANITIZE_ADDRESS__)
