@@ -124,16 +124,19 @@ VELLUM_API VellumResult vellumCheckGltf(const char *path, size_t most, VellumGlt
 // ------------------------------------------------------------------------------------------------------------ baking
 
 typedef enum VellumGltfBakeFlagBits {
-    // Materials with the alphaMode BLEND are baked, too, as masks with the cutoff blendCutoff.
+    // Materials with the alphaMode BLEND are baked, too: opaque only where alpha is 1, transparent only where it is 0.
     VELLUM_GLTF_BAKE_BLEND_BIT = 1,
     // The micromaps of a .gltf go into the file itself, in a data URI, instead of into a file beside it.
-    VELLUM_GLTF_BAKE_EMBED_BIT = 2
+    VELLUM_GLTF_BAKE_EMBED_BIT = 2,
+    // With VELLUM_GLTF_BAKE_BLEND_BIT: as masks with the cutoff blendCutoff, which is wrong for renderers that blend or
+    // dither.
+    VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4
 } VellumGltfBakeFlagBits;
 
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
     uint32_t flags;    // VellumGltfBakeFlagBits; default 0
-    float blendCutoff; // any number but NaN; default 0.5
+    float blendCutoff; // any number but NaN; default 0.5; used with VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT
     // Materials and meshes whose names match one of these are left as they are. Patterns of a shell: * ? [...].
     const char *const *leaveMaterials;
     size_t leaveMaterialCount;

@@ -16,21 +16,6 @@ namespace
 
 constexpr const char *kStateNames[] = {"transparent", "opaque", "unknownTransparent", "unknownOpaque"};
 
-// Shares of the states in each triangle of a micromap.
-std::vector<std::array<double, 4>> sharesOf(const StoredMicromap &micromap)
-{
-    std::vector<std::array<double, 4>> shares;
-    for (const MicromapTriangle &triangle : micromap.triangles) {
-        std::array<double, 4> &share = shares.emplace_back();
-        const std::uint32_t count = microTriangleCount(triangle.subdivisionLevel);
-        for (std::uint32_t i = 0; i < count; ++i) {
-            const State state = readState(micromap.data.data() + triangle.dataOffset, i, triangle.format);
-            share[static_cast<std::size_t>(state)] += 1.0 / count;
-        }
-    }
-    return shares;
-}
-
 PrimitiveReport reportOf(const BakedPrimitive &primitive, const StoredMicromap &micromap,
                          const std::vector<std::array<double, 4>> &shares)
 {
@@ -39,6 +24,7 @@ PrimitiveReport reportOf(const BakedPrimitive &primitive, const StoredMicromap &
     report.triangles = primitive.micromap.indices.size();
     report.varying = primitive.varying;
     report.micromap = primitive.micromap.micromap;
+    report.caution = primitive.caution;
     for (const std::int32_t index : primitive.micromap.indices) {
         if (const auto special = specialState(index)) {
             ++report.special[static_cast<std::size_t>(*special)];
@@ -91,19 +77,23 @@ std::string summary(const FileReport &file)
     std::size_t triangles = 0;
     for (const PrimitiveReport &primitive : file.primitives)
         triangles += primitive.triangles;
-    std::string text =
-        file.primitives.empty()
-            ? "nothing to bake"
-            : fmt::format("{} primitive{}, {} triangles, {} known, {} bytes of micromaps", file.primitives.size(),
-                          file.primitives.size() == 1 ? "" : "s", grouped(triangles),
-                          percent(knownShare(file.primitives)), grouped(micromapBytes(file)));
+    std::string text = file.primitives.empty()
+                           ? "nothing to bake"
+                           : fmt::format("{}, {}, {} of triangles known, {} of micromaps",
+                                         counted(file.primitives.size(), "primitive"), counted(triangles, "triangle"),
+                                         percent(knownShare(file.primitives)), counted(micromapBytes(file), "byte"));
     if (!file.left.empty())
-        text +=
-            fmt::format("; {} alpha-tested primitive{} left out", file.left.size(), file.left.size() == 1 ? "" : "s");
+        text += fmt::format("; {} left out", counted(file.left.size(), "alpha-tested primitive"));
     const auto lost =
         std::count_if(file.left.begin(), file.left.end(), [](const LeftReport &l) { return l.hadMicromap; });
     if (lost != 0)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
+    if (file.surface)
+        text += "; " + surfaceKnown(file.surface->known());
+    const auto cautions = std::count_if(file.primitives.begin(), file.primitives.end(),
+                                        [](const PrimitiveReport &p) { return !p.caution.empty(); });
+    if (cautions != 0)
+        text += fmt::format("; {}, see --report", counted(static_cast<std::size_t>(cautions), "caution"));
     return text;
 }
 
@@ -147,6 +137,8 @@ void putPrimitive(JsonOut &out, const PrimitiveReport &primitive)
     putNumber(out, "triangles", primitive.triangles);
     putNumber(out, "micromap", primitive.micromap);
     putNumber(out, "varyingAlpha", primitive.varying);
+    if (!primitive.caution.empty())
+        putString(out, "caution", primitive.caution);
     out.Key("special");
     out.StartObject();
     for (std::size_t s = 0; s < 4; ++s)
@@ -168,6 +160,24 @@ void putPrimitive(JsonOut &out, const PrimitiveReport &primitive)
     out.EndObject();
 }
 
+void putSurface(JsonOut &out, const std::optional<SurfaceShares> &surface)
+{
+    if (!surface) {
+        out.Null();
+        return;
+    }
+    out.StartObject();
+    out.Key("known");
+    out.Double(surface->known());
+    for (std::size_t s = 0; s < 4; ++s) {
+        out.Key(kStateNames[s]);
+        out.Double(surface->states[s]);
+    }
+    out.Key("withoutMicromap");
+    out.Double(surface->withoutMicromap);
+    out.EndObject();
+}
+
 void putFile(JsonOut &out, const FileReport &file)
 {
     out.StartObject();
@@ -180,8 +190,14 @@ void putFile(JsonOut &out, const FileReport &file)
     putString(out, "output", file.job.output.string());
     putNumber(out, "inputBytes", file.inputBytes);
     putNumber(out, "outputBytes", file.outputBytes);
+    if (!file.failure.empty())
+        putString(out, "failure", file.failure);
     out.Key("replaced");
     out.Bool(file.replaced);
+    if (!file.replacedLoss.empty())
+        putString(out, "replacedLoss", file.replacedLoss);
+    out.Key("surface");
+    putSurface(out, file.surface);
     out.Key("micromaps");
     out.StartArray();
     for (const MicromapReport &micromap : file.micromaps) {
@@ -211,14 +227,38 @@ void putFile(JsonOut &out, const FileReport &file)
     out.EndObject();
 }
 
+// Where everything that was to be baked is something that is not supported.
+std::string failureOf(const BakeJob &job, const FileBake &result)
+{
+    const std::vector<LeftPrimitive> &left = result.bake.left;
+    const auto first = std::find_if(left.begin(), left.end(), [](const LeftPrimitive &l) { return l.unreadable; });
+    if (!result.bake.primitives.empty() || first == left.end())
+        return "";
+    return fmt::format("{}: none of its alpha-tested primitives could be baked: {}: {}", job.input.string(),
+                       result.leftNames[static_cast<std::size_t>(first - left.begin())], first->reason);
+}
+
+// What is said of a file in every form for people.
+void printNotes(const FileReport &file)
+{
+    if (!file.replacedLoss.empty())
+        fmt::print("  replaced: {}\n", file.replacedLoss);
+}
+
 } // namespace
 
 FileReport reportOf(const BakeJob &job, const FileBake &result)
 {
-    FileReport report{job, "", result.replaced, result.inputBytes, result.outputBytes, {}, {}, {}};
+    FileReport report;
+    report.job = job;
+    report.replaced = result.replaced;
+    report.replacedLoss = result.replacedLoss;
+    report.inputBytes = result.inputBytes;
+    report.outputBytes = result.outputBytes;
+    report.surface = result.surface;
     std::vector<std::vector<std::array<double, 4>>> shares;
     for (const StoredMicromap &micromap : result.bake.micromaps) {
-        shares.push_back(sharesOf(micromap));
+        shares.push_back(stateShares(micromap.triangles, micromap.data));
         report.micromaps.push_back(
             {micromap.triangles.size(), micromap.data.size() + sizeof(MicromapTriangle) * micromap.triangles.size()});
     }
@@ -231,14 +271,17 @@ FileReport reportOf(const BakeJob &job, const FileBake &result)
     for (std::size_t i = 0; i < result.bake.left.size(); ++i)
         report.left.push_back({result.leftNames[i], result.bake.left[i].material, result.bake.left[i].reason,
                                result.bake.left[i].hadMicromap});
+    report.failure = failureOf(job, result);
     return report;
 }
 
 void printLines(const std::vector<FileReport> &files)
 {
     for (const FileReport &file : files)
-        if (file.error.empty())
+        if (file.error.empty()) {
             fmt::print("{}: {}\n", file.job.output.string(), summary(file));
+            printNotes(file);
+        }
 }
 
 void printTable(const std::vector<FileReport> &files)
@@ -249,6 +292,7 @@ void printTable(const std::vector<FileReport> &files)
         fmt::print("{} -> {}: {}\n", file.job.input.string(), file.job.output.string(), summary(file));
         fmt::print("  {} bytes became {}{}\n", grouped(file.inputBytes), grouped(file.outputBytes),
                    file.replaced ? ", its micromaps were replaced" : "");
+        printNotes(file);
         std::vector<Row> rows = {{"primitive", "material", "triangles", "with data", "levels", "transparent", "opaque",
                                   "unknown", "micromap"}};
         for (const PrimitiveReport &p : file.primitives)
@@ -256,15 +300,21 @@ void printTable(const std::vector<FileReport> &files)
                             grouped(std::accumulate(p.levels.begin(), p.levels.end(), std::size_t{0})), levelsText(p),
                             percent(p.states[0]), percent(p.states[1]), percent(p.states[2] + p.states[3]),
                             std::to_string(p.micromap)});
-        if (rows.size() > 1)
+        if (rows.size() > 1) {
             printRows(rows);
+            fmt::print("  shares are of triangles, each counted alike\n");
+        }
         for (std::size_t i = 0; i < file.micromaps.size(); ++i)
-            fmt::print("  micromap {}: {} triangles, {} bytes\n", i, grouped(file.micromaps[i].triangles),
-                       grouped(file.micromaps[i].bytes));
+            fmt::print("  micromap {}: {}, {}\n", i, counted(file.micromaps[i].triangles, "triangle"),
+                       counted(file.micromaps[i].bytes, "byte"));
         for (const PrimitiveReport &p : file.primitives)
             if (p.varying != 0)
-                fmt::print("  {}: {} triangles are unknown, the alphas of their vertices (COLOR_0) differ\n", p.name,
-                           grouped(p.varying));
+                fmt::print("  {}: {} unknown, the alphas of {} vertices (COLOR_0) differ\n", p.name,
+                           counted(p.varying, "triangle is", "triangles are"), p.varying == 1 ? "its" : "their");
+        for (const PrimitiveReport &p : file.primitives)
+            if (!p.caution.empty())
+                fmt::print("  caution: {}{}: {}\n", p.name, p.material.empty() ? "" : fmt::format(" ({})", p.material),
+                           p.caution);
         for (const LeftReport &left : file.left)
             fmt::print("  left out: {}{}: {}{}\n", left.name,
                        left.material.empty() ? "" : fmt::format(" ({})", left.material), left.reason,

@@ -54,8 +54,8 @@ void print(const PrimitiveReport &primitive, const Finding &f)
     const char *what = f.kind == Kind::Wrong            ? "wrong"
                        : f.kind == Kind::OutsideMargins ? "outside the margins"
                                                         : "needlessly unknown";
-    fmt::print("  {}: {}, {}: {}, {}, cutoff {:.9g}\n", what, primitive.name, placeOf(f), nameOf(f.state), value,
-               primitive.cutoff);
+    const std::string test = primitive.cutoff ? fmt::format("cutoff {:.9g}", *primitive.cutoff) : "alphaMode BLEND";
+    fmt::print("  {}: {}, {}: {}, {}, {}\n", what, primitive.name, placeOf(f), nameOf(f.state), value, test);
 }
 
 // As wide as it is printed, as far as that can be told.
@@ -80,15 +80,15 @@ void printTable(const std::vector<Row> &rows)
     std::size_t width = 9;
     for (const Row &row : rows)
         width = std::max(width, codePoints(row.name));
-    fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", "primitive", width, "triangles",
-               "micro-triangles", "opaque", "transparent", "unknown", "wrong", "outside", "needlessly");
-    fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", "", width, "", "", "", "", "",
+    fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", "primitive", width, "triangles",
+               "micro-triangles", "transparent", "opaque", "unknown", "wrong", "outside", "needlessly");
+    fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", "", width, "", "", "", "", "",
                "claims", "margins", "unknown");
     for (const Row &row : rows) {
         const Counts &c = row.counts;
         const std::uint64_t all = c.opaque + c.transparent + c.unknown;
-        fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", row.name, width,
-                   grouped(row.triangles), grouped(c.microTriangles()), share(c.opaque, all), share(c.transparent, all),
+        fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", row.name, width,
+                   grouped(row.triangles), grouped(c.microTriangles()), share(c.transparent, all), share(c.opaque, all),
                    share(c.unknown, all), grouped(c.of(Kind::Wrong)), grouped(c.of(Kind::OutsideMargins)),
                    grouped(c.of(Kind::Needless)));
     }
@@ -111,8 +111,10 @@ void printPrimitives(const verify::FileReport &report)
         rows.push_back(
             {report.primitives.size() == rows.size() ? "all" : fmt::format("all {}", report.primitives.size()),
              triangles, report.counts()});
-    if (!rows.empty())
-        printTable(rows);
+    if (rows.empty())
+        return;
+    printTable(rows);
+    fmt::print("  shares are of micro-triangles\n");
 }
 
 void printTwoState(const Counts &c)
@@ -196,6 +198,7 @@ private:
     }
     void level(const char *text, int value);
     void counts(const Counts &c);
+    void surface(const std::optional<SurfaceShares> &shares);
     void finding(const Finding &f);
     void primitive(const PrimitiveReport &p);
     void file(const VerifiedFile &file, bool strict);
@@ -213,8 +216,8 @@ void JsonReport::level(const char *text, int value)
 void JsonReport::counts(const Counts &c)
 {
     member("microTriangles", c.microTriangles());
-    member("opaque", c.opaque);
     member("transparent", c.transparent);
+    member("opaque", c.opaque);
     member("unknown", c.unknown);
     for (std::size_t kind = 0; kind < verify::kKinds; ++kind)
         member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
@@ -224,6 +227,19 @@ void JsonReport::counts(const Counts &c)
     member("true", c.twoStateTrue);
     member("mixed", c.twoStateMixed);
     member("reversed", c.twoStateReversed);
+    m_writer.EndObject();
+}
+
+void JsonReport::surface(const std::optional<SurfaceShares> &shares)
+{
+    name("surface");
+    if (!shares) {
+        m_writer.Null();
+        return;
+    }
+    m_writer.StartObject();
+    member("known", shares->known());
+    member("withoutMicromap", shares->withoutMicromap);
     m_writer.EndObject();
 }
 
@@ -251,7 +267,8 @@ void JsonReport::primitive(const PrimitiveReport &p)
     member("material", p.material);
     if (!p.caution.empty())
         member("caution", p.caution);
-    member("cutoff", p.cutoff);
+    name("cutoff");
+    p.cutoff ? add(*p.cutoff) : static_cast<void>(m_writer.Null());
     member("triangles", std::uint64_t{p.triangles});
     member("specialIndices", std::uint64_t{p.special});
     counts(p.result.counts);
@@ -281,6 +298,7 @@ void JsonReport::file(const VerifiedFile &file, bool strict)
         member("reason", u.reason);
     });
     counts(r.counts());
+    surface(file.surface);
     list("primitives", r.primitives, [this](const PrimitiveReport &p) { primitive(p); });
 }
 
@@ -335,10 +353,11 @@ void printVerified(const VerifiedFile &file)
         fmt::print("{}: no micromaps\n", file.path);
         return;
     }
-    fmt::print("{}: {}, {} micromap{}, structure all right\n", file.path, report.extension, report.micromaps,
-               report.micromaps == 1 ? "" : "s");
+    fmt::print("{}: {}, {}, structure all right\n", file.path, report.extension, counted(report.micromaps, "micromap"));
     printDevice(report);
     printPrimitives(report);
+    if (file.surface)
+        fmt::print("  {}\n", surfaceKnown(file.surface->known()));
     const Counts sum = report.counts();
     printTwoState(sum);
     for (const PrimitiveReport &p : report.primitives)

@@ -43,6 +43,26 @@ std::string Document::nameOf(PrimitivePlace place) const
     return name + " primitive " + std::to_string(place.primitive);
 }
 
+std::string Document::reasonOf(const GltfError &error) const
+{
+    const std::string text = error.what();
+    const std::string prefix = m_path.string() + ": ";
+    return text.starts_with(prefix) ? text.substr(prefix.size()) : text;
+}
+
+std::string Document::reasonOf(PrimitivePlace place, const GltfError &error) const
+{
+    std::string text = reasonOf(error);
+    const std::string name = nameOf(place);
+    if (!text.starts_with(name))
+        return text;
+    text.erase(0, name.size());
+    if (text.starts_with(": "))
+        return text.substr(2);
+    return text.starts_with(" is ") || text.starts_with(" has ") ? "it" + text
+                                                                 : text.substr(text.find_first_not_of(' '));
+}
+
 // The path once: functions that read call each other. In one line of a length that a person reads, whatever the names
 // are that the file has.
 std::string Document::withPath(std::string message) const

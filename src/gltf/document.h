@@ -52,6 +52,11 @@ public:
     // `mesh 2 "leaves" primitive 0`; without the name where there is none.
     [[nodiscard]] std::string nameOf(PrimitivePlace place) const;
 
+    // What an error says, without the path of the file.
+    [[nodiscard]] std::string reasonOf(const GltfError &error) const;
+    // The same without the name of the primitive that it is about: "it has no positions".
+    [[nodiscard]] std::string reasonOf(PrimitivePlace place, const GltfError &error) const;
+
     // Returns what `read` returns, and puts the file's name in front of what it throws.
     template <typename Read>
     auto named(Read &&read) const

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "gltf/data/image.h"
 #include "gltf/file/outside_file.h"
@@ -99,17 +101,26 @@ void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info
     material.filter = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? Filter::Nearest : Filter::Bilinear;
 }
 
-Image readImageFile(const Document &document, const std::string &uri, const std::string &what)
+EncodedImage readEncodedFile(const Document &document, const std::string &uri, const std::string &what)
 {
-    std::vector<std::uint8_t> encoded;
     try {
-        encoded = readWholeFile(fileOfUri(document.path().parent_path(), uri));
+        return {readWholeFile(fileOfUri(document.path().parent_path(), uri)), {}};
     } catch (const GltfUnsupported &error) {
         throw GltfUnsupported(what + ": " + error.what());
     } catch (const GltfError &error) {
         throw GltfError(what + ": " + error.what());
     }
-    return decodeImage(encoded, what);
+}
+
+// For messages: `image 3 (leaf.png)`.
+std::string nameOfImage(const Document &document, int index)
+{
+    const auto &images = document.model().images;
+    const std::string what = "image " + std::to_string(index);
+    if (index < 0 || static_cast<std::size_t>(index) >= images.size())
+        throw GltfError(what + " does not exist");
+    const std::string &uri = images[static_cast<std::size_t>(index)].uri;
+    return uri.empty() ? what : what + " (" + uri + ")";
 }
 
 } // namespace
@@ -140,34 +151,53 @@ Material readMaterial(const Document &document, int index)
     });
 }
 
+EncodedImage readEncodedImage(const Document &document, int index)
+{
+    return document.named([&]() -> EncodedImage {
+        const std::string what = nameOfImage(document, index);
+        const tinygltf::Image &image = document.model().images[static_cast<std::size_t>(index)];
+        if (!image.uri.empty())
+            return readEncodedFile(document, image.uri, what);
+        return {{}, image.bufferView >= 0 ? document.bufferViews().bytes(image.bufferView, what) : image.image};
+    });
+}
+
 Image readImage(const Document &document, int index)
 {
-    return document.named([&] {
-        const tinygltf::Model &model = document.model();
-        const std::string what = "image " + std::to_string(index);
-        if (index < 0 || static_cast<std::size_t>(index) >= model.images.size())
-            throw GltfError(what + " does not exist");
-        const tinygltf::Image &image = model.images[static_cast<std::size_t>(index)];
-        if (!image.uri.empty())
-            return readImageFile(document, image.uri, what + " (" + image.uri + ")");
-        std::span<const std::uint8_t> encoded(image.image);
-        if (image.bufferView >= 0)
-            encoded = document.bufferViews().bytes(image.bufferView, what);
-        return decodeImage(encoded, what);
-    });
+    const EncodedImage encoded = readEncodedImage(document, index);
+    return document.named([&] { return decodeImage(encoded.bytes(), nameOfImage(document, index)); });
 }
 
 AlphaTexture alphaTexture(const Material &material, const Image &image)
 {
     const std::uint8_t full = 255;
-    AlphaTexture texture =
-        material.image < 0
-            ? AlphaTexture::fromUnorm8(1, 1, &full, 1, material.baseColor[3])
-            : AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4, material.baseColor[3]);
+    const float factor = material.baseColor[3];
+    AlphaTexture texture = material.image < 0 ? AlphaTexture::fromUnorm8(1, 1, &full, 1, factor)
+                           : image.alpha16.empty()
+                               ? AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4, factor)
+                               : AlphaTexture::fromUnorm16(image.width, image.height, image.alpha16.data(), 1, factor);
     texture.wrapU = material.wrapU;
     texture.wrapV = material.wrapV;
     texture.filter = material.filter;
     return texture;
+}
+
+std::string blendCaution(double cutoff, const std::string &done)
+{
+    std::array<char, 32> digits{};
+    std::snprintf(digits.data(), digits.size(), "%.9g", cutoff);
+    return "its alphaMode is BLEND, and was " + done + " as a mask with the cutoff " + digits.data() +
+           ", which is wrong for renderers that blend or dither";
+}
+
+std::optional<State> onlyOutcome(const Material &material, double cutoff)
+{
+    const double factor = material.baseColor[3];
+    if (std::min(0.0, factor) >= cutoff)
+        return State::Opaque;
+    if (std::max(0.0, factor) < cutoff)
+        return State::Transparent;
+    return std::nullopt;
 }
 
 } // namespace vellum

@@ -36,7 +36,7 @@ Transform toTransform(const Matrix &matrix, const std::string &what)
 class Reader
 {
 public:
-    explicit Reader(const Document &document) : m_document(document), m_model(document.model()) {}
+    Reader(const Document &document, SceneUse use) : m_document(document), m_model(document.model()), m_use(use) {}
 
     Scene read();
 
@@ -57,6 +57,7 @@ private:
 
     const Document &m_document;
     const tinygltf::Model &m_model;
+    SceneUse m_use;
     Scene m_scene;
     std::vector<Matrix> m_world; // by node
     std::vector<bool> m_seen;    // by node
@@ -92,7 +93,7 @@ std::uint32_t Reader::useMaterial(int index)
     if (const auto known = m_materials.find(index); known != m_materials.end())
         return known->second;
     Material material = readMaterial(m_document, index);
-    if (material.image >= 0 || material.masked())
+    if (m_use == SceneUse::Drawing && (material.image >= 0 || material.masked()))
         material.image = useImage(material);
     const auto place = static_cast<std::uint32_t>(m_scene.materials.size());
     m_scene.materials.push_back(std::move(material));
@@ -107,7 +108,8 @@ void Reader::addPrimitive(PrimitivePlace place, const MeshKey &key, const std::v
         return;
     const std::uint32_t use = useMaterial(primitive.material);
     const Material &material = m_scene.materials[use];
-    if (primitive.uvs.empty() && material.masked() && readMaterial(m_document, primitive.material).image >= 0)
+    if (m_use == SceneUse::Drawing && primitive.uvs.empty() && material.masked() &&
+        readMaterial(m_document, primitive.material).image >= 0)
         throw GltfError(what + " has the masked material \"" + material.name + "\" but no texture coordinates (" +
                         "TEXCOORD_" + std::to_string(material.uvSet) + ")");
     m_vertices += primitive.positions.size();
@@ -324,9 +326,9 @@ void Scene::makeOneMesh()
     instances = {{0, kInPlace}};
 }
 
-Scene readScene(const Document &document)
+Scene readScene(const Document &document, SceneUse use)
 {
-    return document.named([&] { return Reader(document).read(); });
+    return document.named([&] { return Reader(document, use).read(); });
 }
 
 Scene readGltf(const std::filesystem::path &path)

@@ -62,8 +62,10 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
     out.put(spv::OpBitcast, {type, result, out.value(spv::OpFunctionCall, uint, {function, asUint})});
 }
 
-BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, const RewriteOptions &options)
-    : module_(module), types_(types), linker_(linker), prefix_(prefix), options_(options), stage_(options.pipelineStage)
+BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, SideVariables &hitObjects,
+                   const RewriteOptions &options)
+    : module_(module), types_(types), linker_(linker), prefix_(prefix), hitObjects_(hitObjects), options_(options),
+      stage_(options.pipelineStage)
 {
     for (const Instruction in : module.section(Section::Decorations)) {
         if (in.opcode != spv::OpDecorate || module.word(in, 2) != spv::DecorationBuiltIn)
@@ -142,9 +144,23 @@ bool BuiltIns::restore(Instruction in, Restored what, Code &out)
         bits = out.value(spv::OpLoad, types_.uint32(), {prefix_.keptFlags()});
     else
         bits = types_.uintConstant(hidden.constant);
+    addBits(in, bits, out);
+    return true;
+}
+
+void BuiltIns::addBits(Instruction in, Id bits, Code &out)
+{
     const Id driver = module_.newId();
     out.out.push_back(module_.with(in, 2, driver));
     out.put(spv::OpBitwiseOr, {module_.word(in, 1), module_.word(in, 2), driver, bits}); // of either signedness
+}
+
+bool BuiltIns::restoreHitObjectFlags(Instruction in, Code &out)
+{
+    const Id kept = hitObjects_.pointer(module_.word(in, 3), out);
+    if (kept == 0)
+        return false; // TraceRays fails, unless no ray is traced for it
+    addBits(in, out.value(spv::OpLoad, types_.uint32(), {kept}), out);
     return true;
 }
 
@@ -158,7 +174,11 @@ bool BuiltIns::replace(Instruction in, Code &out)
         return what != Restored::Nothing && copy(in, what, out);
     case kOpHitObjectGetInstanceCustomIndexNV:
     case kOpHitObjectGetInstanceCustomIndexEXT: what = Restored::CustomIndex; break;
-    case kOpHitObjectGetRayFlagsEXT: what = Restored::RayFlags; break;
+    case kOpHitObjectGetRayFlagsEXT:
+        if (hitObjects_.inUse())
+            return restoreHitObjectFlags(in, out);
+        what = Restored::RayFlags;
+        break;
     default: break;
     }
     return what != Restored::Nothing && restore(in, what, out);

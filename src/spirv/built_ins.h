@@ -8,6 +8,7 @@
 #include "spirv/module/link.h"
 #include "spirv/payload_prefix.h"
 #include "spirv/rewrite.h"
+#include "spirv/side_variables.h"
 
 namespace vellum::spirv
 {
@@ -26,7 +27,8 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
 class BuiltIns
 {
 public:
-    BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, const RewriteOptions &options);
+    BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, SideVariables &hitObjects,
+             const RewriteOptions &options);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
     // An intersection shader reads ray flags, and their hidden bits are where it cannot see them. After its entry point
@@ -45,11 +47,15 @@ private:
     bool restore(Instruction in, Restored what, Code &out);
     void readKnownIndex(Instruction in, Code &out);
     bool copy(Instruction in, Restored what, Code &out);
+    bool restoreHitObjectFlags(Instruction in, Code &out);
+    // The flags with the hidden ones, which are a uint.
+    void addBits(Instruction in, Id bits, Code &out);
 
     Module &module_;
     Types &types_;
     Linker &linker_;
     PayloadPrefix &prefix_;
+    SideVariables &hitObjects_;
     const RewriteOptions &options_;
     const std::optional<PipelineStage> &stage_;
     Id knownIndex_ = 0;

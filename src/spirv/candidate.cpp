@@ -29,7 +29,7 @@ std::optional<QueryAccess> CandidateFunctions::access(Id query) const
     QueryAccess a;
     a.pointerType = module_.resultType(module_.definition(query));
     const Id base = module_.result(path->base);
-    const QueryFlags::Beside flags = queryFlags_.beside(base);
+    const SideVariables::Variable flags = queryFlags_.beside(base);
     if (queryFlags_.inUse() && flags.id == 0)
         return {};
     if (module_.isGlobal(base)) {
@@ -92,7 +92,7 @@ CandidateFunctions::Reached CandidateFunctions::reach(const QueryAccess &access,
 {
     std::size_t next = 0;
     const Id base = access.base != 0 ? access.base : parameters[next++];
-    QueryFlags::Beside flags = access.flags;
+    SideVariables::Variable flags = access.flags;
     if (access.base == 0 && queryFlags_.inUse())
         flags.id = parameters[next++];
     Id index = access.index.id;

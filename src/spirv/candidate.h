@@ -8,7 +8,7 @@
 #include "spirv/consumption.h"
 #include "spirv/module/code.h"
 #include "spirv/module/link.h"
-#include "spirv/query_flags.h"
+#include "spirv/side_variables.h"
 
 namespace vellum::spirv
 {
@@ -17,7 +17,7 @@ namespace vellum::spirv
 struct RayFlagMode {
     // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have;
     // nothing if they differ or are computed. Then they travel in the driver's ray flags, or in a variable beside each
-    // query (query_flags.h).
+    // query (side_variables.h).
     std::optional<std::uint32_t> hidden;
     // All bits that matter to opacity, if all queries have the same.
     std::optional<std::uint32_t> all;
@@ -30,18 +30,18 @@ struct QueryAccess {
     std::vector<std::uint32_t> shape; // equal shapes share their functions
     std::vector<Id> arguments;        // what the function is called with
     std::vector<Id> parameterTypes;
-    Id base = 0;                    // module-scope variable, or 0: the first argument
-    QueryFlags::Beside flags;       // what lies beside the variable or argument; an argument's is the next one
-    CandidateIndices::Beside index; // where the candidate's custom index is kept, likewise; of no id: nowhere
-    std::vector<Id> indices;        // ids that are valid everywhere, or 0: the next argument
-    Id pointerType = 0;             // type of the pointer to the query
+    Id base = 0;                   // module-scope variable, or 0: the first argument
+    SideVariables::Variable flags; // what lies beside the variable or argument; an argument's is the next one
+    SideVariables::Variable index; // where the candidate's custom index is kept, likewise; of no id: nowhere
+    std::vector<Id> indices;       // ids that are valid everywhere, or 0: the next argument
+    Id pointerType = 0;            // type of the pointer to the query
 };
 
 class CandidateFunctions
 {
 public:
-    CandidateFunctions(Module &module, Types &types, Linker &linker, Consumption &consumption, QueryFlags &queryFlags,
-                       const CandidateIndices &indices, RayFlagMode mode)
+    CandidateFunctions(Module &module, Types &types, Linker &linker, Consumption &consumption,
+                       SideVariables &queryFlags, const CandidateIndices &indices, RayFlagMode mode)
         : module_(module), types_(types), linker_(linker), consumption_(consumption), queryFlags_(queryFlags),
           indices_(indices), mode_(mode)
     {
@@ -79,7 +79,7 @@ private:
     Types &types_;
     Linker &linker_;
     Consumption &consumption_;
-    QueryFlags &queryFlags_;
+    SideVariables &queryFlags_;
     const CandidateIndices &indices_;
     RayFlagMode mode_;
     std::map<std::vector<std::uint32_t>, Id> candidates_;

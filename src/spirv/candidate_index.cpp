@@ -81,50 +81,10 @@ std::set<Id> CandidateIndices::find() const
     return found;
 }
 
-CandidateIndices::Beside CandidateIndices::make(Instruction variable)
-{
-    const Id type = types_.get(spv::OpTypePointer, {module_.word(variable, 3), types_.uint32()});
-    return beside_[module_.result(variable)] = {module_.newId(), type};
-}
-
 bool CandidateIndices::declare()
 {
     const std::set<Id> found = find();
-    if (found.empty())
-        return true;
-    const auto isOne = [&](Instruction in) {
-        return in.opcode == spv::OpVariable && found.contains(module_.result(in));
-    };
-    std::vector<Id> globals;
-    const std::vector<Instruction> declarations = module_.section(Section::Globals);
-    for (const Instruction in : declarations) {
-        if (!isOne(in))
-            continue;
-        const Beside made = make(in);
-        module_.append(Section::Globals, spv::OpVariable, {made.type, made.id, module_.word(in, 3)});
-        globals.push_back(made.id);
-    }
-    if (!module_.addToInterfaces(globals)) {
-        error_ = kTooLongInterface;
-        return false;
-    }
-    Code code(module_);
-    const std::vector<Instruction> functions = module_.section(Section::Functions);
-    for (const Instruction in : functions) {
-        code.out.push_back(in);
-        if (!isOne(in))
-            continue;
-        const Beside made = make(in);
-        code.put(spv::OpVariable, {made.type, made.id, module_.word(in, 3)});
-    }
-    module_.section(Section::Functions) = std::move(code.out);
-    return true;
-}
-
-CandidateIndices::Beside CandidateIndices::beside(Id variable) const
-{
-    const auto found = beside_.find(variable);
-    return found == beside_.end() ? Beside{} : found->second;
+    return found.empty() || beside_.declare(found);
 }
 
 Id CandidateIndices::of(Instruction in) const

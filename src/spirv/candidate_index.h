@@ -3,13 +3,13 @@
 // index reads the record again.
 #pragma once
 
-#include <map>
 #include <set>
 #include <string>
 
 #include "spirv/consumption.h"
 #include "spirv/module/code.h"
 #include "spirv/module/types.h"
+#include "spirv/side_variables.h"
 
 namespace vellum::spirv
 {
@@ -18,7 +18,7 @@ class CandidateIndices
 {
 public:
     CandidateIndices(Module &module, Types &types, const Consumption &consumption)
-        : module_(module), types_(types), consumption_(consumption)
+        : module_(module), types_(types), consumption_(consumption), beside_(module, types, Beside::RayQueries)
     {
     }
 
@@ -26,28 +26,21 @@ public:
     // candidates are decided by our code: it is a variable of its own that no function is passed and that is used in
     // functions only that always consume micromaps. False with error() set on failure.
     bool declare();
-    [[nodiscard]] const std::string &error() const { return error_; }
+    [[nodiscard]] const std::string &error() const { return beside_.error(); }
 
-    struct Beside {
-        Id id = 0; // 0: there is none
-        Id type = 0;
-    };
-    // The variable beside a variable, and the type of pointers to it.
-    [[nodiscard]] Beside beside(Id variable) const;
+    [[nodiscard]] SideVariables::Variable beside(Id variable) const { return beside_.beside(variable); }
     // The variable that has what the instruction, an OpRayQueryGetIntersectionInstanceCustomIndexKHR, gets; 0: none
     // has.
     [[nodiscard]] Id of(Instruction in) const;
 
 private:
     std::set<Id> find() const;
-    Beside make(Instruction variable);
     [[nodiscard]] bool getsCandidate(Instruction in) const;
 
     Module &module_;
     Types &types_;
     const Consumption &consumption_;
-    std::map<Id, Beside> beside_; // by the ray query's variable
-    std::string error_;
+    SideVariables beside_;
 };
 
 } // namespace vellum::spirv

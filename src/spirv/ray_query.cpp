@@ -19,19 +19,19 @@ constexpr std::uint32_t kOpacityFlags = kHiddenRayFlags | shared::kRayNoOpaque |
 
 // Most modules pass literal flags, the same everywhere. Then nothing has to travel in the driver's flags, and the
 // resolution of a hit shrinks to what those flags leave of it.
-RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const Consumption &consumption)
+RayFlagMode RayQueries::findMode() const
 {
     RayFlagMode mode;
     bool first = true;
     bool consumes = false;
     bool makesHitObjects = false;
-    for (const Instruction in : module.section(Section::Functions)) {
+    for (const Instruction in : module_.section(Section::Functions)) {
         if (in.opcode == spv::OpFunction)
-            consumes = consumption.in(module.result(in)).when != Consumes::When::Never;
+            consumes = consumption_.in(module_.result(in)).when != Consumes::When::Never;
         makesHitObjects = makesHitObjects || in.opcode == kOpHitObjectRecordFromQueryEXT;
         if (in.opcode != spv::OpRayQueryInitializeKHR || !consumes)
             continue;
-        const auto flags = types.valueOf(module.word(in, 3));
+        const auto flags = types_.valueOf(module_.word(in, 3));
         if (!flags)
             return {};
         if (first)
@@ -42,16 +42,17 @@ RayFlagMode RayQueries::findMode(const Module &module, const Types &types, const
             mode.all.reset();
         first = false;
     }
-    // A hit object gets the flags that the driver knows of the query.
-    if (makesHitObjects && mode.hidden.value_or(0) != 0)
+    // A hit object gets the flags that the driver knows of the query, unless they are kept beside it.
+    if (makesHitObjects && !hitObjects_.inUse() && mode.hidden.value_or(0) != 0)
         return {};
     return mode;
 }
 
-RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options)
-    : module_(module), types_(types), linker_(linker), reached_(options.reached),
-      mode_(options.constantFlags ? findMode(module, types, consumption) : RayFlagMode{}), consumption_(consumption),
-      options_(options), queryFlags_(module, types), indices_(module, types, consumption),
+RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption,
+                       SideVariables &hitObjects, RayQueryOptions options)
+    : module_(module), types_(types), linker_(linker), reached_(options.reached), consumption_(consumption),
+      hitObjects_(hitObjects), options_(options), mode_(options.constantFlags ? findMode() : RayFlagMode{}),
+      queryFlags_(module, types, Beside::RayQueries), indices_(module, types, consumption),
       candidates_(module, types, linker, consumption, queryFlags_, indices_, mode_)
 {
 }
@@ -76,7 +77,7 @@ bool RayQueries::travel() const
 
 bool RayQueries::rewrite()
 {
-    if (travel() && !options_.carriesFlagBits() && !queryFlags_.declare()) {
+    if (travel() && (hitObjects_.inUse() || !options_.carriesFlagBits()) && !queryFlags_.declare()) {
         error_ = queryFlags_.error();
         return false;
     }
@@ -160,10 +161,7 @@ bool RayQueries::replace(Instruction in, Code &out)
     case spv::OpRayQueryProceedKHR: return proceed(in, out);
     case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
-    case kOpHitObjectRecordFromQueryEXT:
-        if (queryFlags_.inUse() && reached_.contains(function_))
-            error_ = "it makes a hit object from a ray query, and the driver does not carry unused ray flag bits";
-        return false;
+    case kOpHitObjectRecordFromQueryEXT: keepInHitObject(in, out); return false;
     case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: getCustomIndex(in, out); return true;
     default: return false;
     }
@@ -213,6 +211,28 @@ bool RayQueries::keepFlags(Instruction in, Code &out)
     const bool isUint = module_.resultType(module_.definition(flags)) == uint;
     out.put(spv::OpStore, {pointer, isUint ? flags : out.value(spv::OpBitcast, uint, {flags})});
     return true;
+}
+
+// Beside the hit object, the flags that the driver does not know of the query. Of those that it knows some more do no
+// harm.
+void RayQueries::keepInHitObject(Instruction in, Code &out)
+{
+    if (!hitObjects_.inUse()) {
+        if (queryFlags_.inUse() && reached_.contains(function_))
+            error_ = "it makes a hit object from a ray query, whose flags lie beside it, and hit objects carry theirs";
+        return;
+    }
+    const Id object = hitObjects_.pointer(module_.word(in, 1), out);
+    Id hidden = types_.uintConstant(mode_.hidden.value_or(0));
+    if (queryFlags_.inUse()) {
+        const Id flags = queryFlags_.pointer(module_.word(in, 2), out);
+        hidden = flags == 0 ? 0 : hiddenBits(types_, out.value(spv::OpLoad, types_.uint32(), {flags}), out);
+    }
+    if (object != 0 && hidden != 0)
+        out.put(spv::OpStore, {object, hidden});
+    else if (reached_.contains(function_))
+        error_ =
+            "it makes a hit object from a ray query, and one of them is not reached through a variable or parameter";
 }
 
 bool RayQueries::initialize(Instruction in, Code &out)

@@ -21,14 +21,16 @@ struct RayQueryOptions {
 class RayQueries
 {
 public:
-    RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, RayQueryOptions options);
+    // `hitObjects`: their hidden flags, if they are kept.
+    RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, SideVariables &hitObjects,
+               RayQueryOptions options);
 
     // Rewrites all functions of the module. Returns whether anything changed; false with error() set on failure.
     bool rewrite();
     const std::string &error() const { return error_; }
 
 private:
-    static RayFlagMode findMode(const Module &module, const Types &types, const Consumption &consumption);
+    [[nodiscard]] RayFlagMode findMode() const;
     bool rewriteFunction(std::span<const Instruction> code, std::vector<Instruction> &out);
     bool decideInLoop(Function &function, std::size_t block, std::size_t call);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
@@ -36,6 +38,7 @@ private:
     bool initialize(Instruction in, Code &out);
     // Where flags lie beside the queries: stores and loads the application's.
     bool keepFlags(Instruction in, Code &out);
+    void keepInHitObject(Instruction in, Code &out);
     bool getKeptFlags(Instruction in, Code &out);
     bool proceed(Instruction in, Code &out);
     bool getRayFlags(Instruction in, Code &out);
@@ -56,10 +59,11 @@ private:
     Types &types_;
     Linker &linker_;
     const std::set<Id> &reached_;
-    RayFlagMode mode_;
     Consumption &consumption_;
+    SideVariables &hitObjects_;
     RayQueryOptions options_;
-    QueryFlags queryFlags_;
+    RayFlagMode mode_;
+    SideVariables queryFlags_;
     CandidateIndices indices_;
     Id function_ = 0;   // that is being rewritten
     Consumes consumes_; // of the function that is being rewritten

@@ -9,6 +9,8 @@
 #include "spirv/ray_query.h"
 #include "spirv/trace_ray.h"
 
+#include <algorithm>
+
 #include "shaders/lookup.h"
 
 namespace vellum::spirv
@@ -39,13 +41,13 @@ bool removeDeclarations(Module &module)
 
 // What the driver returns to a module is restored, and ray flags of pipelines are hidden from it.
 // Returns whether anything changed.
-bool replaceInstructions(Module &module, BuiltIns &builtIns, TraceRays *traces)
+bool replaceInstructions(Module &module, BuiltIns &builtIns, TraceRays &traces)
 {
     bool changed = false;
     Code code(module);
     const std::vector<Instruction> functions = module.section(Section::Functions);
     for (const Instruction in : functions) {
-        if (builtIns.replace(in, code) || (traces && traces->replace(in, code)))
+        if (builtIns.replace(in, code) || traces.replace(in, code))
             changed = true;
         else
             code.out.push_back(in);
@@ -81,6 +83,21 @@ std::set<Id> stageFunctions(const Module &module, const std::optional<PipelineSt
         if (!stage || isEntryPoint(module, in, *stage))
             functions.push_back(module.word(in, 2));
     return reachedFrom(module, std::move(functions));
+}
+
+// Whether hidden flags of hit objects lie beside these: those of rays that pipelines with micromaps trace, and those of
+// ray queries in other pipelines.
+bool keepsHitObjectFlags(const Module &module, const RewriteOptions &options)
+{
+    const bool inPayload = options.pipelineStage && options.pipelineStage->hidden.way == HiddenFlags::Way::InPayload;
+    const auto isHitObject = [](Instruction in) {
+        return in.opcode == kOpTypeHitObjectNV || in.opcode == kOpTypeHitObjectEXT;
+    };
+    const auto isFromQuery = [](Instruction in) { return in.opcode == kOpHitObjectRecordFromQueryEXT; };
+    return std::ranges::any_of(module.section(Section::Globals), isHitObject) &&
+           (inPayload ||
+            (!options.pipelineStage && std::ranges::any_of(module.section(Section::Functions), isFromQuery) &&
+             !options.queriesCarryFlagBits()));
 }
 
 RewriteResult failed(std::string error)
@@ -149,7 +166,15 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
                    {2, static_cast<std::uint32_t>(options.firstSlots)},
                    {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
     const std::set<Id> reached = stageFunctions(*module, options.pipelineStage);
-    RayQueries queries(*module, types, linker, consumption,
+    const bool inPipeline = options.pipelineStage.has_value();
+    const HiddenFlags hidden = inPipeline ? options.pipelineStage->hidden : HiddenFlags{};
+    SideVariables hitObjects(*module, types, Beside::HitObjects);
+    if (keepsHitObjectFlags(*module, options)) {
+        if (!hitObjects.declare())
+            return failed(hitObjects.error());
+        changed = true;
+    }
+    RayQueries queries(*module, types, linker, consumption, hitObjects,
                        {.carriesFlagBits = options.queriesCarryFlagBits,
                         .reached = reached,
                         .constantFlags = options.constantQueryFlags,
@@ -161,16 +186,14 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     if (!consumption.finish())
         return failed(consumption.error());
 
-    const bool inPipeline = options.pipelineStage.has_value();
-    const HiddenFlags hidden = inPipeline ? options.pipelineStage->hidden : HiddenFlags{};
     PayloadPrefix prefix(*module, types, reached);
     if (hidden.way == HiddenFlags::Way::InPayload && !prefix.widen())
         return failed(prefix.error());
-    BuiltIns builtIns(*module, types, linker, prefix, options);
+    BuiltIns builtIns(*module, types, linker, prefix, hitObjects, options);
     // Of a pipeline without micromaps only the ray flag that the driver does not know is hidden. It needs the
     // capability.
-    TraceRays traces(*module, types, linker, prefix, options, reached);
-    changed = replaceInstructions(*module, builtIns, inPipeline || force2State ? &traces : nullptr) || changed;
+    TraceRays traces(*module, types, linker, prefix, hitObjects, options, reached, force2State);
+    changed = replaceInstructions(*module, builtIns, traces) || changed;
     if (!traces.error().empty())
         return failed(traces.error());
     if (inPipeline) {

@@ -73,7 +73,7 @@ struct RewriteOptions {
     std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
     // Whether the driver gives ray flag bits 11..13 back. Without them, flags that are not constant lie in variables
-    // beside the ray queries (query_flags.h). Asked only where the answer matters.
+    // beside the ray queries (side_variables.h). Asked only where the answer matters.
     std::function<bool()> queriesCarryFlagBits = [] { return true; };
     // The same of traceRay, in pipelines that do not use micromaps.
     std::function<bool()> pipelinesCarryFlagBits = [] { return true; };
@@ -99,10 +99,11 @@ struct RewriteResult {
     bool lacksHiddenFlags = false;
 };
 
-// What is known of the hidden flags of all rays that a module traces in pipelines.
+// What is known of all rays that a module traces in pipelines.
 struct TracedFlags {
     bool traces = false;
-    std::optional<std::uint32_t> hidden; // nothing if they differ or are computed
+    std::optional<std::uint32_t> hidden; // flags; nothing if they differ or are computed
+    std::uint32_t mostStride = 15;       // the greatest SBT stride; where one is computed, the greatest there may be
 };
 
 // Nothing is known of what is no SPIR-V.

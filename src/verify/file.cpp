@@ -90,9 +90,7 @@ void FileVerifier::describe()
 
 void FileVerifier::leave(PrimitivePlace place, const std::string &reason)
 {
-    const std::string prefix = m_document.path().string() + ": ";
-    m_report.unverified.push_back(
-        {place, m_document.nameOf(place), reason.starts_with(prefix) ? reason.substr(prefix.size()) : reason});
+    m_report.unverified.push_back({place, m_document.nameOf(place), reason});
 }
 
 std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &primitive, const Material &material) const
@@ -103,6 +101,8 @@ std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &prim
         add("a morph target changes its texture coordinates or alpha");
     if (const auto reason = m_changing.reason(place))
         add(*reason);
+    if (material.alphaMode == AlphaMode::Blend && m_options.blendCutoff)
+        add(blendCaution(*m_options.blendCutoff, "verified"));
     if (primitive.twofold)
         add("its uncompressed data has other triangles than its compressed data");
     if (material.masked() && !material.unreadImage.empty())
@@ -147,9 +147,16 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     const PrimitiveReport *twin = twinOf(place, triangles, material);
     Options options = m_options;
     // Without an alpha test everything is opaque.
-    options.cutoff = material.alphaMode == AlphaMode::Mask    ? double{material.alphaCutoff}
-                     : material.alphaMode == AlphaMode::Blend ? m_options.blendCutoff
-                                                              : 0.5;
+    const std::optional<double> cutoff = material.alphaMode == AlphaMode::Mask    ? double{material.alphaCutoff}
+                                         : material.alphaMode == AlphaMode::Blend ? m_options.blendCutoff
+                                                                                  : 0.5;
+    options.cutoff = cutoff.value_or(kBlendCutoff);
+    options.band = cutoff ? 0 : kBlendBand;
+    // A filter makes no value that is above the largest texel or below the smallest, however it rounds.
+    const bool inRange = std::all_of(primitive.alphas.begin(), primitive.alphas.end(),
+                                     [](float alpha) { return alpha >= 0 && alpha <= 1; });
+    if (material.masked() && (!cutoff || (inRange && onlyOutcome(material, *cutoff))))
+        options.tolerances.value = 0;
     if (m_options.progress)
         options.progress = [&](std::size_t done, std::size_t total) {
             m_options.progress(m_done + stored.indices.size() * done / std::max<std::size_t>(total, 1), m_total);
@@ -158,7 +165,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     report.place = place;
     report.name = m_document.nameOf(place);
     report.material = material.name;
-    report.cutoff = options.cutoff;
+    report.cutoff = cutoff;
     report.triangles = stored.indices.size();
     report.caution = cautionFor(place, primitive, material);
     report.special = static_cast<std::size_t>(
@@ -182,7 +189,7 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
     Material material;
     AlphaTexture texture;
     std::optional<Texels> texels;
-    std::string reason;
+    std::optional<GltfError> unreadable;
     try {
         material = readMaterial(m_document, number);
         if (material.masked()) {
@@ -193,7 +200,7 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
         }
         texels.emplace(texture);
     } catch (const GltfError &error) {
-        reason = error.what();
+        unreadable = error;
     }
     m_verified.clear();
     for (const PrimitivePlace place : places) {
@@ -201,9 +208,9 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
             if (texels)
                 verifyPrimitive(place, material, *texels);
             else
-                leave(place, reason);
+                leave(place, m_document.reasonOf(place, *unreadable));
         } catch (const GltfError &error) {
-            leave(place, error.what());
+            leave(place, m_document.reasonOf(place, error));
         }
         m_done += m_stored.primitives.at(place).indices.size();
     }

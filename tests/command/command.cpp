@@ -122,4 +122,13 @@ Outcome runVellumToFullDevice(const std::vector<std::string> &arguments)
         arguments, {}, [] {}, [](pid_t) {}, "/dev/full");
 }
 
+std::string lineOf(const Outcome &outcome, const std::string &beginning)
+{
+    const std::string lines = "\n" + outcome.output;
+    const std::size_t at = lines.find("\n" + beginning);
+    if (at == std::string::npos)
+        return {};
+    return lines.substr(at + 1, lines.find('\n', at + 1) - at - 1);
+}
+
 } // namespace vellum::test

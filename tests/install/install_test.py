@@ -253,6 +253,25 @@ class Installation(unittest.TestCase):
                     r"share/doc/vellum/examples/(c|cpp|gltf|python)/[\w.]+")
         self.assertEqual([path for path in sorted(there) if not any(re.fullmatch(p, path) for p in patterns)], [])
 
+    def test_what_is_not_built_is_not_installed(self):
+        """A build by `scripts/build run` has the command, the layer and libvellum, and nothing else."""
+        folder = options.scratch / "run"
+        run(options.cmake, "-S", options.source, "-B", folder, "-G", options.generator, "-DVELLUM_TESTS=OFF",
+            "-DVELLUM_EXAMPLES=OFF", "-DVELLUM_BENCH=OFF", f"-DCMAKE_C_COMPILER={options.cc}",
+            f"-DCMAKE_CXX_COMPILER={options.cxx}")
+        for built in ("bin/vellum", "lib/libVkLayer_vellum_opacity_micromap.so",
+                      *(f"lib/{path.name}" for path in (options.build / "lib").glob("libvellum.so*"))):
+            (folder / built).parent.mkdir(exist_ok=True)
+            shutil.copy(options.build / built, folder / built, follow_symlinks=False)
+        prefix = options.scratch / "run-installed"
+        run(options.cmake, "--install", folder, "--prefix", prefix)
+        self.assertIn("render", run(prefix / "bin/vellum", "--help"))
+        self.assertTrue((prefix / options.libdir / "libvellum.so").exists())
+        self.assertTrue((prefix / options.libdir / "cmake/Vellum/VellumTargets.cmake").exists())
+        self.assertFalse((prefix / options.libdir / "cmake/Vellum/VellumGltfTargets.cmake").exists())
+        self.assertFalse((prefix / "include/vellum/gltf.h").exists())
+        self.assertFalse((prefix / "share/man/man1/vellum.1").exists())
+
     def test_the_library_alone_needs_nothing(self):
         """Configuring succeeds where none of the project's other dependencies is to be found."""
         folder = options.scratch / "library-only"

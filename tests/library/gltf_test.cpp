@@ -212,10 +212,13 @@ TEST(LibraryGltf, BlendIsLeftUnlessAskedFor)
     card.more.flags = VELLUM_GLTF_BAKE_BLEND_BIT;
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_TRUE(card.notes.empty());
-    const Bytes half = readFile(card.folder / "card.omm.glb");
+    const Bytes without = readFile(card.folder / "card.omm.glb");
     card.more.blendCutoff = 2; // which no alpha reaches
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
-    EXPECT_NE(readFile(card.folder / "card.omm.glb"), half);
+    EXPECT_EQ(readFile(card.folder / "card.omm.glb"), without) << "a cutoff that was not asked for";
+    card.more.flags |= VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT;
+    ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
+    EXPECT_NE(readFile(card.folder / "card.omm.glb"), without);
     ASSERT_EQ(card.read("card.omm.glb"), VELLUM_SUCCESS);
     EXPECT_EQ(card.primitive(0).usageCount, 0u);
     EXPECT_EQ(card.primitive(0).indices[0], VELLUM_SPECIAL_INDEX_FULLY_TRANSPARENT);
@@ -338,7 +341,7 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
          [](Card &c) { c.options.compareOp = VELLUM_COMPARE_OP_GREATER; }},
         {"flags of VellumBakeOptions is 1",
          [](Card &c) { c.options.flags = VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT; }},
-        {"flags is 4", [](Card &c) { c.more.flags = 4; }},
+        {"flags is 8", [](Card &c) { c.more.flags = 8; }},
         {"blendCutoff is not a number", [](Card &c) { c.more.blendCutoff = std::numeric_limits<float>::quiet_NaN(); }},
         {"leaveMaterials is null, but 2 patterns", [](Card &c) { c.more.leaveMaterialCount = 2; }},
         {"leaveMeshes[0] is null",

@@ -1,6 +1,7 @@
 #include "machine.h"
 
 #include "spirv/module/opcodes.h"
+#include "spirv/module/ray_instructions.h"
 
 #include <stdexcept>
 
@@ -137,8 +138,12 @@ std::uint32_t Machine::call(Id function, const std::vector<std::uint32_t> &argum
         case spv::OpReturnValue: return value(module_.word(in, 1));
         case spv::OpFunctionCall: {
             std::vector<std::uint32_t> values;
-            for (std::uint32_t i = 4; i < in.count; ++i)
+            for (std::uint32_t i = 4; i < in.count; ++i) {
                 values.push_back(value(module_.word(in, i)));
+                const Instruction parameter = code[functions_.at(module_.word(in, 3)) + i - 3];
+                if (module_.definition(module_.word(parameter, 1)).opcode == spv::OpTypePointer)
+                    arguments_[module_.word(parameter, 2)] = variable(module_.word(in, i));
+            }
             const std::size_t back = at_ + 1;
             const Id block = block_;
             values_[module_.word(in, 2)] = call(module_.word(in, 3), values);
@@ -177,9 +182,9 @@ std::uint32_t Machine::evaluate(Instruction in)
     case spv::OpCopyObject:
     case spv::OpBitcast: return a;
     case spv::OpSelect: return a != 0 ? b : c;
-    case spv::OpLoad: return variables_[module_.word(in, 3)];
+    case spv::OpLoad: return variables_[variable(module_.word(in, 3))];
     case spv::OpStore:
-        variables_[module_.word(in, 1)] = value(module_.word(in, 2));
+        variables_[variable(module_.word(in, 1))] = value(module_.word(in, 2));
         if (module_.definition(module_.word(in, 1)).opcode == spv::OpAccessChain)
             seen_.push_back(value(module_.word(in, 2)));
         return 0;
@@ -200,8 +205,34 @@ std::uint32_t Machine::evaluate(Instruction in)
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return 0;
     case spv::OpRayQueryInitializeKHR: rayFlags_ = value(module_.word(in, 3)); return 0;
     case spv::OpRayQueryGetRayFlagsKHR: return rayFlags_;
-    default: throw std::runtime_error("opcode " + std::to_string(in.opcode));
+    case spirv::kOpHitObjectGetRayFlagsEXT: return hitObjectFlags_[variable(module_.word(in, 3))];
+    default: return evaluateRay(in);
     }
+}
+
+Id Machine::variable(Id pointer) const
+{
+    const auto argument = arguments_.find(pointer);
+    return argument == arguments_.end() ? pointer : argument->second;
+}
+
+std::uint32_t Machine::evaluateRay(Instruction in)
+{
+    const auto ray = spirv::rayInstruction(in.opcode);
+    if (!ray)
+        throw std::runtime_error("opcode " + std::to_string(in.opcode));
+    if (ray->onlyExecutes()) {
+        seen_.push_back(kExecuted | hitObjectFlags_[variable(module_.word(in, ray->hitObject))]);
+        return 0;
+    }
+    std::uint32_t flags = ray->query != 0 ? rayFlags_ : 0;
+    if (ray->flags != 0) {
+        flags = value(module_.word(in, ray->flags));
+        seen_.push_back(kTraced | flags);
+    }
+    if (ray->hitObject != 0)
+        hitObjectFlags_[variable(module_.word(in, ray->hitObject))] = flags;
+    return 0;
 }
 
 } // namespace vellum::test

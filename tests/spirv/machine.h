@@ -1,5 +1,5 @@
 // Runs the assembly of the tests, to compare a module with its rewritten self: enough of SPIR-V for loops around one
-// ray query. The ray meets the candidates of a script.
+// ray query, and for rays that ray generation shaders trace. The query's ray meets the candidates of a script.
 #pragma once
 
 #include "spirv/module/module.h"
@@ -23,8 +23,11 @@ public:
     Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script,
             const std::map<std::uint32_t, std::uint32_t> &specialization = {});
 
-    // Runs an entry point. What the application does that can be seen from outside: values stored to memory, and
-    // candidates confirmed. Ends with ~0 if the steps run out.
+    // Added to the ray flags in what run() returns of an instruction that traces a ray, and of one that executes the
+    // shaders of a hit object.
+    static constexpr std::uint32_t kTraced = 0x10000, kExecuted = 0x20000;
+    // Runs an entry point. What the application does that can be seen from outside: values stored to memory,
+    // candidates confirmed, and the driver's flags of rays and hit objects. Ends with ~0 if the steps run out.
     std::vector<std::uint32_t> run(const std::string &entryPoint = "main");
     // Ray flags that the query was last initialized with.
     [[nodiscard]] std::uint32_t rayFlags() const { return rayFlags_; }
@@ -33,6 +36,9 @@ private:
     std::uint32_t call(spirv::Id function, const std::vector<std::uint32_t> &arguments);
     void branch(spirv::Id to);
     std::uint32_t evaluate(spirv::Instruction in);
+    std::uint32_t evaluateRay(spirv::Instruction in);
+    // The variable that a pointer, which may be a parameter, points to.
+    spirv::Id variable(spirv::Id pointer) const;
     std::uint32_t value(spirv::Id id) const;
     std::uint32_t constant(spirv::Instruction in) const;
 
@@ -49,6 +55,8 @@ private:
     std::vector<std::uint32_t> seen_;
     std::map<spirv::Id, std::uint32_t> specialized_;
     std::uint32_t rayFlags_ = 0;
+    std::map<spirv::Id, spirv::Id> arguments_;          // by pointer parameter
+    std::map<spirv::Id, std::uint32_t> hitObjectFlags_; // that the driver knows, by variable
 };
 
 } // namespace vellum::test

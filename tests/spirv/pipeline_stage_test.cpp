@@ -197,6 +197,22 @@ TEST(PipelineStages, IntersectionShadersSeeNoPayload)
     EXPECT_EQ(count(disassemble(constant.words), "OpFunctionCall %bool %vellumCullsBox"), 1u);
 }
 
+// How far apart the hit records of an instance's geometries are.
+TEST(PipelineStages, TheGreatestStrideOfRaysIsKnown)
+{
+    std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
+    EXPECT_EQ(spirv::tracedFlags(words).mostStride, 0u);
+    EXPECT_EQ(spirv::tracedFlags(loadShader("hit.rchit", "v15")).mostStride, 0u);
+    EXPECT_EQ(spirv::tracedFlags({}).mostStride, 15u);
+    std::size_t ray = 5;
+    while ((words[ray] & 0xffff) != spv::OpTraceRayKHR)
+        ray += words[ray] >> 16;
+    words[ray + 5] = words[ray + 2]; // its flags, 0x85
+    EXPECT_EQ(spirv::tracedFlags(words).mostStride, 5u);
+    words[ray + 5] = words[ray + 1]; // no constant
+    EXPECT_EQ(spirv::tracedFlags(words).mostStride, 15u);
+}
+
 TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
 {
     const auto traced = spirv::tracedFlags(loadShader("trace.rgen", "v15"));

@@ -1,34 +1,19 @@
 #include "support.h"
 
+#include "module_file.h"
+
 #include <gtest/gtest.h>
 #include <spirv-tools/optimizer.hpp>
 
 #include <algorithm>
 #include <cstdlib>
-#include <cstring>
 #include <fstream>
-#include <iterator>
 
 namespace vellum::test
 {
-namespace
-{
-
-spv_target_env environmentOf(const Module &words)
-{
-    return words.size() > 1 && words[1] >= 0x10600 ? SPV_ENV_VULKAN_1_3 : SPV_ENV_VULKAN_1_2;
-}
-
-} // namespace
-
 Module loadShader(const std::string &name, const std::string &variant)
 {
-    std::ifstream file(std::string(SHADER_DIRECTORY) + "/" + name + "." + variant + ".spv", std::ios::binary);
-    EXPECT_TRUE(file) << name << " " << variant;
-    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-    Module words(bytes.size() / 4);
-    std::memcpy(words.data(), bytes.data(), words.size() * 4);
-    return words;
+    return readModule(std::string(SHADER_DIRECTORY) + "/" + name + "." + variant + ".spv");
 }
 
 Module optimize(const Module &words)
@@ -59,20 +44,6 @@ std::string disassemble(const Module &words)
     std::string text;
     spvtools::SpirvTools(SPV_ENV_VULKAN_1_3).Disassemble(words, &text);
     return text;
-}
-
-std::string validate(const Module &words)
-{
-    spvtools::SpirvTools tools(environmentOf(words));
-    std::string messages;
-    tools.SetMessageConsumer([&](spv_message_level_t, const char *, const spv_position_t &, const char *message) {
-        messages += std::string(message) + "\n";
-    });
-    spvtools::ValidatorOptions options;
-    options.SetScalarBlockLayout(true);
-    if (tools.Validate(words.data(), words.size(), options))
-        return "";
-    return messages.empty() ? "invalid" : messages;
 }
 
 namespace

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "spirv/rewrite.h"
+#include "validate.h"
 
 #include <spirv-tools/libspirv.hpp>
 
@@ -12,8 +13,6 @@
 namespace vellum::test
 {
 
-using Module = std::vector<std::uint32_t>;
-
 // A shader of shaders/ as CMakeLists.txt compiled it: "while_loop.comp", "v15".
 Module loadShader(const std::string &name, const std::string &variant);
 
@@ -22,9 +21,6 @@ Module optimize(const Module &words);
 
 Module assemble(const std::string &text);
 std::string disassemble(const Module &words);
-
-// Empty if valid, else what spirv-val says. Picks the environment by the module's version.
-std::string validate(const Module &words);
 
 // Rewrites, and fails the test unless the result is a valid Rewritten module. The same for drivers that give no ray
 // flag bits back, and with constant flags that travel; these modules are not returned.

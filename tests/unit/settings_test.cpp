@@ -132,13 +132,13 @@ TEST_F(SettingsTest, TheFirstFileThatThereIs)
 
 TEST_F(SettingsTest, AllValues)
 {
-    for (const char *yes : {"1", "true", "TRUE", "True", "on", "yes"}) {
+    for (const char *yes : {"1", "true", "TRUE", "True", "on"}) {
         write((std::string("vellum_opacity_micromap.strict = ") + yes).c_str());
         EXPECT_EQ(printed(), "") << yes;
         EXPECT_TRUE(settings_.strict) << yes;
     }
     set("VELLUM_STRICT", "1");
-    for (const char *no : {"0", "false", "FALSE", "off", "no"}) {
+    for (const char *no : {"0", "false", "FALSE", "off"}) {
         set("VELLUM_STRICT", no);
         EXPECT_EQ(printed(), "") << no;
         EXPECT_FALSE(settings_.strict) << no;
@@ -171,29 +171,28 @@ TEST_F(SettingsTest, WrongNamesAreReportedOnce)
     const newer::LayerSetting settings[]{{kLayerName, "stricter", newer::kLayerSettingBool32, 0, nullptr},
                                          {"VK_LAYER_other", "strictest", newer::kLayerSettingBool32, 0, nullptr}};
     const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
-    const std::string tail = std::string(" is not a setting of ") + kLayerName + "; it is ignored\n";
-    EXPECT_EQ(printed(&chain), "vellum: " + file_.string() + ": vellum_opacity_micromap.strickt" + tail +
-                                   "vellum: VkLayerSettingEXT stricter" + tail + "vellum: VK_VELLUM_STRICKT" + tail +
-                                   "vellum: VELLUM_STRICKT" + tail);
+    const std::string head = "vellum: VELLUM-setting: there is no setting ";
+    EXPECT_EQ(printed(&chain), head + "strickt (" + file_.string() + ")\n" + head + "stricter (VkLayerSettingEXT)\n" +
+                                   head + "VK_VELLUM_STRICKT\n" + head + "VELLUM_STRICKT\n");
     EXPECT_EQ(printed(&chain), "");
     EXPECT_FALSE(settings_.strict);
 }
 
 TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
 {
-    write("vellum_opacity_micromap.strict = 1\nvellum_opacity_micromap.report = loud");
+    write("vellum_opacity_micromap.strict = 1\nvellum_opacity_micromap.report = quiet");
     set("VELLUM_STRICT", "maybe");
     const VkBool32 yes = VK_TRUE;
     const newer::LayerSetting settings[]{{kLayerName, "dump_shaders", newer::kLayerSettingBool32, 1, &yes},
                                          {kLayerName, "validate", 99, 1, &yes}};
     const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
-    EXPECT_EQ(
-        printed(&chain),
-        "vellum: " + file_.string() +
-            ": vellum_opacity_micromap.report is \"loud\", which is not error, warning, info or none; it is ignored\n"
-            "vellum: VkLayerSettingEXT dump_shaders has type 0, which is not STRING; it is ignored\n"
-            "vellum: VkLayerSettingEXT validate has type 99, which is not BOOL32 or STRING; it is ignored\n"
-            "vellum: VELLUM_STRICT is \"maybe\", which is not true or false; it is ignored\n");
+    const std::string head = "vellum: VELLUM-setting: ";
+    const std::string tail = "; the setting is ignored\n";
+    EXPECT_EQ(printed(&chain),
+              head + "report is \"quiet\" (" + file_.string() + ") and must be error, warning, info or none" + tail +
+                  head + "dump_shaders is of type 0 (VkLayerSettingEXT) and must be of type STRING" + tail + head +
+                  "validate is of type 99 (VkLayerSettingEXT) and must be of type BOOL32 or STRING" + tail + head +
+                  "strict is \"maybe\" (VELLUM_STRICT) and must be 1, true, on, 0, false or off" + tail);
     EXPECT_TRUE(settings_.strict);
     EXPECT_EQ(settings_.dumpShaders, "");
     EXPECT_EQ(printed(&chain), "");
@@ -202,8 +201,8 @@ TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
 TEST_F(SettingsTest, AFileThatIsNotThere)
 {
     set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").c_str());
-    EXPECT_EQ(printed(), "vellum: VK_LAYER_SETTINGS_PATH is \"" + (folder_ / "nowhere").string() +
-                             "\", where there are no settings\n");
+    EXPECT_EQ(printed(), "vellum: VELLUM-setting: VK_LAYER_SETTINGS_PATH is \"" + (folder_ / "nowhere").string() +
+                             "\" and must be a file of settings, or a folder with one\n");
     EXPECT_EQ(printed(), "");
 }
 
@@ -217,6 +216,39 @@ TEST_F(SettingsTest, SeveralStructures)
     const newer::LayerSettingsCreateInfo first{newer::kLayerSettingsCreateInfo, &second, 1, &strict};
     EXPECT_TRUE(readSettings(&first).strict);
     EXPECT_TRUE(readSettings(&first).validate);
+}
+
+// A misspelled value is not the setting's opposite: nothing changes, and the user can read why.
+TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
+{
+    for (const char *value : {"yes", "2", "ture", "o f f"}) {
+        write(("vellum_opacity_micromap.carried_ray_flags = " + std::string(value)).c_str());
+        setenv("VELLUM_STRICT", value, 1);
+        testing::internal::CaptureStderr();
+        const Settings settings = readSettings(nullptr);
+        const std::string said = testing::internal::GetCapturedStderr();
+        EXPECT_TRUE(settings.carriedRayFlags) << value;
+        EXPECT_FALSE(settings.strict) << value;
+        EXPECT_NE(said.find("VELLUM-setting: carried_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
+            << said;
+        EXPECT_NE(said.find("VELLUM-setting: strict is"), std::string::npos) << said;
+    }
+    unsetenv("VELLUM_STRICT");
+    write("vellum_opacity_micromap.report = loud\nvellum_opacity_micromap.valdiate = 1");
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(readSettings(nullptr).report, ReportLevel::None);
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_NE(said.find("report is \"loud\""), std::string::npos) << said;
+    EXPECT_NE(said.find("there is no setting valdiate"), std::string::npos) << said;
+}
+
+TEST_F(SettingsTest, CaseDoesNotMatter)
+{
+    write("vellum_opacity_micromap.strict = True\nvellum_opacity_micromap.report = Warning");
+    testing::internal::CaptureStderr();
+    EXPECT_TRUE(readSettings(nullptr).strict);
+    EXPECT_EQ(readSettings(nullptr).report, ReportLevel::Warning);
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 VKAPI_ATTR VkBool32 VKAPI_CALL remember(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,

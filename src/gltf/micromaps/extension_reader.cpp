@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "core/curve.h"
 #include "gltf/data/accessor.h"
@@ -68,6 +69,27 @@ std::uint64_t bufferBytes(const tinygltf::Model &model)
     for (const tinygltf::Buffer &buffer : model.buffers)
         bytes += buffer.data.size();
     return bytes;
+}
+
+// Buffer views that accessors, images and compressed meshes have.
+std::set<std::int64_t> viewsOfOthers(const JsonValue &root)
+{
+    std::set<std::int64_t> views;
+    const auto add = [&](const JsonValue &of) {
+        if (const auto view = of["bufferView"].integer())
+            views.insert(*view);
+    };
+    for (const JsonValue &accessor : root["accessors"].children()) {
+        add(accessor);
+        add(accessor["sparse"]["indices"]);
+        add(accessor["sparse"]["values"]);
+    }
+    for (const JsonValue &image : root["images"].children())
+        add(image);
+    for (const JsonValue &mesh : root["meshes"].children())
+        for (const JsonValue &primitive : mesh["primitives"].children())
+            add(primitive["extensions"]["KHR_draco_mesh_compression"]);
+    return views;
 }
 
 } // namespace
@@ -151,8 +173,44 @@ void ExtensionReader::account(std::size_t bytes)
     m_allowance -= bytes;
 }
 
+std::optional<std::string> ExtensionReader::loss() const
+{
+    const JsonValue root = m_tree.root();
+    const std::size_t views = root["bufferViews"].children().size();
+    const std::set<std::int64_t> others = viewsOfOthers(root);
+    std::string first;
+    for (const char *spelling : kSpellings) {
+        const std::vector<JsonValue> micromaps = root["extensions"][spelling]["micromaps"].children();
+        for (std::size_t i = 0; i < micromaps.size(); ++i)
+            for (const char *name : {"data", "triangles"}) {
+                const auto view = micromaps[i][name].integer();
+                if (!view || *view < 0)
+                    return std::nullopt;
+                const bool missing = static_cast<std::uint64_t>(*view) >= views;
+                if (!missing && !others.contains(*view))
+                    return std::nullopt;
+                if (first.empty())
+                    first = std::string("\"")
+                                .append(name)
+                                .append("\" of micromaps[")
+                                .append(number(i))
+                                .append("] is buffer view ")
+                                .append(number(static_cast<std::uint64_t>(*view)))
+                                .append(missing ? ", which does not exist" : ", which is something else");
+            }
+    }
+    if (first.empty())
+        return std::nullopt;
+    return "the micromaps lost their data (" + first +
+           ") in a program that does not know them, such as gltf-pipeline; vellum bake repairs the file";
+}
+
 StoredMicromaps ExtensionReader::read()
 {
+    if (const auto lost = loss()) {
+        m_offences.push_back({"extensions", *lost});
+        return {};
+    }
     at("extensions", [&] { findExtension(); });
     const JsonValue root = m_tree.root();
     if (!m_stored.extension.empty()) {

@@ -20,6 +20,8 @@ public:
     // Stops at `most` offences.
     ExtensionReader(const Document &document, std::size_t most);
 
+    // As lossOfMicromaps().
+    [[nodiscard]] std::optional<std::string> loss() const;
     // What is whole; the others are left empty.
     StoredMicromaps read();
     [[nodiscard]] std::vector<MicromapOffence> takeOffences() { return std::move(m_offences); }

@@ -83,7 +83,15 @@ FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::pat
         FileBake result;
         result.inputBytes = document.bytes().size();
         result.replaced = hasMicromaps(document);
+        result.replacedLoss = lossOfMicromaps(document).value_or("");
         result.bake = bakeDocument(document, options);
+        if (options.measure) {
+            StoredMicromaps stored;
+            stored.micromaps = result.bake.micromaps;
+            for (const BakedPrimitive &primitive : result.bake.primitives)
+                stored.primitives[primitive.place] = primitive.micromap;
+            result.surface = surfaceShares(document, stored);
+        }
         for (const BakedPrimitive &primitive : result.bake.primitives)
             result.names.push_back(document.nameOf(primitive.place));
         for (const LeftPrimitive &primitive : result.bake.left)

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "gltf/micromaps/document_bake.h"
+#include "gltf/micromaps/known_surface.h"
 
 namespace vellum
 {
@@ -12,6 +13,8 @@ namespace vellum
 struct FileBakeOptions : DocumentBakeOptions {
     // Puts the micromaps of a .gltf into the file itself, in a data URI, instead of into a file beside it.
     bool embed = false;
+    // Measures the surface of the scene, for which its vertices are read once more.
+    bool measure = false;
 };
 
 struct FileBake {
@@ -19,8 +22,10 @@ struct FileBake {
     std::vector<std::string> names;     // of bake.primitives: `mesh 2 "leaves" primitive 0`
     std::vector<std::string> leftNames; // of bake.left
     bool replaced = false;              // the input had micromaps
-    std::uint64_t inputBytes = 0;       // of the file itself
-    std::uint64_t outputBytes = 0;      // and with the file of micromaps beside it
+    std::string replacedLoss;           // that had lost their data: as lossOfMicromaps() says
+    std::optional<SurfaceShares> surface;
+    std::uint64_t inputBytes = 0;  // of the file itself
+    std::uint64_t outputBytes = 0; // and with the file of micromaps beside it
 };
 
 // The files that a document names, as far as they exist.

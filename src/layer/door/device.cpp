@@ -1,4 +1,6 @@
 #include "layer/door/device.h"
+#include "layer/structures/emulated_backend.h"
+#include "layer/translation/ext_backend.h"
 
 #include <algorithm>
 #include <array>
@@ -401,7 +403,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     }
     if (provided.translated) {
         device->buffers.gpu.driversMicromaps = device->driver.asked.ext || device->driver.asked.khr;
-        device->translation.limits = driverLimits(instance, physicalDevice);
+        device->structures.backend =
+            std::make_unique<ExtBackend>(device->translation, driverLimits(instance, physicalDevice));
         const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
         if (!driverInfo.possible) {
             instance.report.error("VELLUM-device-features",
@@ -411,6 +414,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         }
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else if (provided.emulated) {
+        device->structures.backend = std::make_unique<EmulatedBackend>(device->structures);
         if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;

@@ -44,8 +44,8 @@ constexpr Row kRows[] = {
     {"dump_shaders", &Settings::dumpShaders},
 };
 
-// Variables that begin like those of settings: of the project's tests.
-constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "SAMPLE_"};
+// Variables that begin like those of settings: of the project's tests, and of libvellum's module for Python.
+constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY"};
 
 constexpr std::pair<const char *, ReportLevel> kLevels[] = {
     {"none", ReportLevel::None},    {"error", ReportLevel::Error}, {"warning", ReportLevel::Warning},
@@ -54,18 +54,18 @@ constexpr std::pair<const char *, ReportLevel> kLevels[] = {
     {"on", ReportLevel::Info},      {"true", ReportLevel::Info},
 };
 constexpr std::pair<const char *, bool> kBooleans[] = {
-    {"true", true}, {"false", false}, {"1", true},   {"0", false},
-    {"on", true},   {"off", false},   {"yes", true}, {"no", false},
+    {"true", true}, {"false", false}, {"1", true}, {"0", false}, {"on", true}, {"off", false},
 };
 
-// Prints what is wrong with the settings, each thing once in the life of the process.
+// Prints what is wrong with the settings, each thing once in the life of the process: they are read before there is a
+// messenger, and may turn messages off.
 void reportOnce(const std::string &text)
 {
     static std::mutex mutex;
     static auto &printed = *new std::set<std::string>; // never destroyed: instances may be created by exit handlers
     std::lock_guard lock(mutex);
     if (printed.insert(text).second)
-        std::fprintf(stderr, "vellum: %s\n", text.c_str());
+        std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
 }
 
 std::string trimmed(const std::string &text)
@@ -92,8 +92,11 @@ std::optional<Value> named(const std::pair<const char *, Value> (&values)[count]
 
 // A setting as someone gave it.
 struct Given {
-    std::string name; // in full, with its origin
+    std::string key;
+    std::string origin;
     std::string value;
+
+    [[nodiscard]] std::string is(const std::string &found) const { return key + " is " + found + " (" + origin + ")"; }
 };
 
 template <typename Value, std::size_t count>
@@ -103,7 +106,7 @@ void assign(Value &setting, const std::pair<const char *, Value> (&values)[count
     if (const std::optional<Value> value = named(values, given.value))
         setting = *value;
     else
-        reportOnce(given.name + " is \"" + given.value + "\", which is not " + expected + "; it is ignored");
+        reportOnce(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
 }
 
 void apply(Settings &settings, const Row &row, const Given &given)
@@ -115,16 +118,16 @@ void apply(Settings &settings, const Row &row, const Given &given)
     else if (const auto *level = std::get_if<ReportLevel Settings::*>(&row.member))
         assign(settings.**level, kLevels, given, "error, warning, info or none");
     else
-        assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "true or false");
+        assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
 }
 
 // Null, after a report, where there is no such setting.
-const Row *rowOf(const std::string &key, const std::string &name)
+const Row *rowOf(const Given &given)
 {
-    const auto found = std::ranges::find_if(kRows, [&](const Row &row) { return key == row.key; });
+    const auto found = std::ranges::find_if(kRows, [&](const Row &row) { return given.key == row.key; });
     if (found != std::end(kRows))
         return &*found;
-    reportOnce(name + " is not a setting of " + kLayerName + "; it is ignored");
+    reportOnce("there is no setting " + given.key + " (" + given.origin + ")");
     return nullptr;
 }
 
@@ -156,7 +159,8 @@ std::string settingsFile()
             if (isFile(file))
                 return file;
         }
-        reportOnce("VK_LAYER_SETTINGS_PATH is \"" + std::string(path) + "\", where there are no settings");
+        reportOnce("VK_LAYER_SETTINGS_PATH is \"" + std::string(path) +
+                   "\" and must be a file of settings, or a folder with one");
     }
     std::vector<std::string> folders;
     if (const char *data = secure_getenv("XDG_DATA_HOME"); data && *data == '/')
@@ -181,9 +185,9 @@ void readFile(Settings &settings)
         const std::size_t equals = line.find('=');
         if (equals == std::string::npos || line.rfind(kFilePrefix, 0) != 0)
             continue;
-        const std::string key = trimmed(line.substr(0, equals));
-        const Given given{path + ": " + key, trimmed(line.substr(equals + 1))};
-        const Row *row = rowOf(key.substr(std::strlen(kFilePrefix)), given.name);
+        const std::size_t begin = std::strlen(kFilePrefix);
+        const Given given{trimmed(line.substr(begin, equals - begin)), path, trimmed(line.substr(equals + 1))};
+        const Row *row = rowOf(given);
         if (row && !given.value.empty())
             apply(settings, *row, given);
     }
@@ -199,8 +203,8 @@ void readStructures(Settings &settings, const void *chain)
             const newer::LayerSetting &setting = info->pSettings[i];
             if (std::strcmp(setting.pLayerName, kLayerName) != 0)
                 continue;
-            Given given{std::string("VkLayerSettingEXT ") + setting.pSettingName, {}};
-            const Row *row = rowOf(setting.pSettingName, given.name);
+            Given given{setting.pSettingName, "VkLayerSettingEXT", {}};
+            const Row *row = rowOf(given);
             if (!row || setting.valueCount == 0)
                 continue;
             const bool isText = std::holds_alternative<std::string Settings::*>(row->member);
@@ -209,8 +213,8 @@ void readStructures(Settings &settings, const void *chain)
             else if (setting.type == newer::kLayerSettingBool32 && !isText)
                 given.value = *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false";
             else {
-                reportOnce(given.name + " has type " + std::to_string(setting.type) + ", which is not " +
-                           (isText ? "STRING" : "BOOL32 or STRING") + "; it is ignored");
+                reportOnce(given.is("of type " + std::to_string(setting.type)) + " and must be of type " +
+                           (isText ? "STRING" : "BOOL32 or STRING") + "; the setting is ignored");
                 continue;
             }
             apply(settings, *row, given);
@@ -225,7 +229,7 @@ void readVariables(Settings &settings)
         for (const Row &row : kRows) {
             const std::string name = before + inCapitals(row.key);
             if (const char *value = std::getenv(name.c_str()))
-                apply(settings, row, {name, value});
+                apply(settings, row, {row.key, name, value});
         }
         for (char **variable = environ; variable && *variable; ++variable) {
             const std::string name(*variable, std::strcspn(*variable, "="));
@@ -236,7 +240,7 @@ void readVariables(Settings &settings)
                 std::ranges::any_of(kRows, [&](const Row &row) { return key == inCapitals(row.key); });
             if (!isSetting &&
                 std::ranges::none_of(kOtherVariables, [&](const char *other) { return key.starts_with(other); }))
-                reportOnce(name + " is not a setting of " + kLayerName + "; it is ignored");
+                reportOnce("there is no setting " + name);
         }
     }
 }

@@ -85,7 +85,7 @@ VkResult RootTable::create(const GpuContext &context, const std::string &keptAdd
     const VkResult result = createTable(root_, kRoot, true);
     if (result != VK_SUCCESS)
         return result;
-    if (const VkResult made = notices_.create(context, kNoticeCounters * 4); made != VK_SUCCESS)
+    if (const VkResult made = notices_.create(context, (kGreatestRecordOffset + 1) * 4); made != VK_SUCCESS)
         return made;
     store64(root_.words() + kRootNotices, notices_.address());
     freeSlots_ = {{0, kSlots}};
@@ -269,6 +269,11 @@ bool RootTable::addKey(VkDeviceAddress reference, VkDeviceAddress known)
     cells_[reference] = other;
     insertBucket(reference, other.pool->place(other.index).address);
     return true;
+}
+
+uint32_t RootTable::greatestRecordOffset() const
+{
+    return __atomic_load_n(notices_.words() + kGreatestRecordOffset, __ATOMIC_ACQUIRE);
 }
 
 uint32_t RootTable::takeNotices()

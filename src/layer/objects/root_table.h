@@ -74,6 +74,14 @@ public:
     // What shaders had to tell since the last call: bits kNotice*. The host only reads their counters, see CellPool.
     uint32_t takeNotices();
 
+    // The greatest instanceShaderBindingTableRecordOffset of the builds that the device has carried out so far, and
+    // where shaders find that of all builds before them.
+    [[nodiscard]] uint32_t greatestRecordOffset() const;
+    [[nodiscard]] VkDeviceAddress greatestRecordOffsetAddress() const
+    {
+        return notices_.address() + shared::kGreatestRecordOffset * 4;
+    }
+
 private:
     friend class SlotRange;
     struct Cell {

@@ -145,7 +145,7 @@ public:
             if (!records_[i] || !pipelines_[i])
                 continue;
             if (records_[i]->hasNullGroup)
-                readNullHandle(device_, pipelines_[i], *records_[i]);
+                writeStandIn(device_, pipelines_[i], *records_[i]);
             measureStacks(device_, pipelines_[i], groupsOfOurs_[i]);
             device_.rayTracingPipelines.set(pipelines_[i], records_[i]);
         }
@@ -208,6 +208,12 @@ private:
         record.ownGroups = info.groupCount;
         record.hasNullGroup =
             (flags & (VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) == 0;
+        if (pipelines_ && record.hasNullGroup) {
+            record.standIn = PooledMemory(device_.buffers.hitRecords, kGroupHandleBytes);
+            if (!record.standIn.address())
+                return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+        }
+        noteHitRecords(device_, info, record);
         if (!hideFlags(info))
             return VK_ERROR_INITIALIZATION_FAILED;
         Stages stages;
@@ -294,16 +300,6 @@ private:
         return true;
     }
 
-    // The code of a stage; nothing where only the driver has it.
-    std::span<const uint32_t> codeOf(const VkPipelineShaderStageCreateInfo &stage) const
-    {
-        if (const auto original = device_.rayTracingModules.get(stage.module))
-            return *original;
-        const auto *inlined =
-            findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-        return inlined ? std::span(inlined->pCode, inlined->codeSize / 4) : std::span<const uint32_t>();
-    }
-
     // How ray flags that are hidden from the driver reach the shaders of a ray. Most pipelines pass constant flags that
     // agree on the hidden ones. What libraries trace that a pipeline will be made of or linked with, nobody knows here.
     spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
@@ -314,7 +310,8 @@ private:
                               (!info.pLibraryInfo || info.pLibraryInfo->libraryCount == 0);
         std::set<std::optional<uint32_t>> hidden;
         for (uint32_t i = 0; complete && i < info.stageCount; ++i) {
-            if (const spirv::TracedFlags traced = spirv::tracedFlags(codeOf(info.pStages[i])); traced.traces)
+            if (const spirv::TracedFlags traced = spirv::tracedFlags(stageCode(device_, info.pStages[i]));
+                traced.traces)
                 hidden.insert(traced.hidden);
         }
         if (complete && hidden.empty())
@@ -331,8 +328,8 @@ private:
     {
         spirv::PayloadTypes types;
         for (uint32_t i = 0; i < info.stageCount; ++i)
-            incoming.push_back(
-                types.add(codeOf(info.pStages[i]), info.pStages[i].pName, executionModelOf(info.pStages[i].stage)));
+            incoming.push_back(types.add(stageCode(device_, info.pStages[i]), info.pStages[i].pName,
+                                         executionModelOf(info.pStages[i].stage)));
         // A pipeline of binaries, whose stages may come without code, must have the stages of the one of code.
         if (device_.driver.next.CreatePipelineBinariesKHR)
             incoming.clear();

@@ -34,13 +34,13 @@ public:
         if (!triangle_.buildTriangle(commands, VK_GEOMETRY_OPAQUE_BIT_KHR) ||
             !instance_.buildInstance(commands, triangle_) || results_.create(device_.buffers.gpu, 8) != VK_SUCCESS)
             return false;
-        return trace(commands, {instance_.address(), results_.address(), kProbedBits, 0});
+        return trace(commands, {instance_.address(), results_.address(), kProbedBits});
     }
 
     void read() override { answer_ = carried(results_.words()); }
 
 protected:
-    virtual bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) = 0;
+    virtual bool trace(VkCommandBuffer commands, const shared::RayFlagProbePush &push) = 0;
     virtual bool carried(const uint32_t *results) const = 0;
 
     DevicePipelines &device_;
@@ -57,7 +57,7 @@ public:
     using RayTrial::RayTrial;
 
 private:
-    bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) override
+    bool trace(VkCommandBuffer commands, const shared::RayFlagProbePush &push) override
     {
         return InjectedWork(device_.commands, commands).dispatch(InjectedShader::RayFlagProbe, push, 1, 1);
     }
@@ -76,7 +76,7 @@ public:
     }
 
 private:
-    bool trace(VkCommandBuffer commands, const RayFlagProbePush &push) override
+    bool trace(VkCommandBuffer commands, const shared::RayFlagProbePush &push) override
     {
         return pipeline_.record(commands, push);
     }

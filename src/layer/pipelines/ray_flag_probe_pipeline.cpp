@@ -42,7 +42,7 @@ RayFlagPipelineProbe::~RayFlagPipelineProbe()
 bool RayFlagPipelineProbe::createPipeline()
 {
     const DeviceTable &next = *context_.next;
-    const VkPushConstantRange range{VK_SHADER_STAGE_RAYGEN_BIT_KHR, 0, sizeof(RayFlagProbePush)};
+    const VkPushConstantRange range{VK_SHADER_STAGE_RAYGEN_BIT_KHR, 0, sizeof(shared::RayFlagProbePush)};
     VkPipelineLayoutCreateInfo layout{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
     layout.pushConstantRangeCount = 1;
     layout.pPushConstantRanges = &range;
@@ -101,7 +101,7 @@ bool RayFlagPipelineProbe::createTable()
     return true;
 }
 
-bool RayFlagPipelineProbe::record(VkCommandBuffer commands, const RayFlagProbePush &push)
+bool RayFlagPipelineProbe::record(VkCommandBuffer commands, const shared::RayFlagProbePush &push)
 {
     if (!createPipeline() || !createTable())
         return false;

@@ -20,7 +20,7 @@ public:
     // Records the trace. It leaves the flags that the any-hit and the closest-hit shader saw at push.result, zero where
     // a shader did not run. False where the driver could not make what is needed; this object must outlive the
     // execution.
-    bool record(VkCommandBuffer commands, const RayFlagProbePush &push);
+    bool record(VkCommandBuffer commands, const shared::RayFlagProbePush &push);
 
 private:
     bool createPipeline();

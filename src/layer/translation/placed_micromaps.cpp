@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "core/records.h"
 #include "layer/translation/device_translation.h"
 
 namespace vellum::layer
@@ -93,35 +92,6 @@ void becomesMicromap(DeviceTranslation &device, AccelerationStructure &structure
 {
     becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, micromap.bytes);
     placeOf(device, structure).record(std::move(micromap));
-}
-
-void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps)
-{
-    // Which one of the driver's, where only the device knows it, makes no difference here. It is no micromap.
-    becomes(structure,
-            type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR : type,
-            0);
-    std::lock_guard lock(structure.place->mutex);
-    structure.place->namesMicromaps = namesMicromaps;
-}
-
-bool namesMicromaps(const AccelerationStructure &structure)
-{
-    std::lock_guard lock(structure.place->mutex);
-    return structure.place->namesMicromaps;
-}
-
-std::optional<bool> knownMicromap(const AccelerationStructure &structure)
-{
-    const VkAccelerationStructureTypeKHR content = contentOf(structure);
-    if (content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        return content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    return structure.size % 256 == shared::kMicromapSizeMark ? std::optional(true) : std::nullopt;
-}
-
-bool isDrivers(const AccelerationStructure *structure)
-{
-    return structure && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
 
 } // namespace vellum::layer

@@ -3,16 +3,15 @@
 #extension GL_EXT_ray_query : require
 // Asks the driver whether unused ray flag bits come back from a ray query, and leave its hits as they are: one ray at one
 // opaque triangle.
+#include "push.h"
 #include "ground/memory.glsl"
 
 layout(local_size_x = 1) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 scene; // address of the top-level acceleration structure
-    uvec2 result;
-    uint rayFlags;
-} push;
+    RayFlagProbePush push;
+};
 
 void main()
 {

@@ -21,6 +21,7 @@ struct Shape {
 Shape shapeOf(std::uint32_t opcode)
 {
     switch (opcode) {
+    case kOpTypeHitObjectEXT: return {true, false};
     case kOpHitObjectGetInstanceCustomIndexNV:
     case kOpHitObjectGetInstanceCustomIndexEXT:
     case kOpHitObjectGetRayFlagsEXT: return {true, true};

@@ -19,10 +19,13 @@ inline constexpr std::uint32_t kExecutionModeOpacityMicromapId = 6031;
 // Hit objects (SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder) and motion
 // (SPV_NV_ray_tracing_motion_blur)
 inline constexpr std::uint32_t kOpTraceRayMotionNV = 5339;
+inline constexpr std::uint32_t kOpTypeHitObjectNV = 5281;
+inline constexpr std::uint32_t kOpTypeHitObjectEXT = 5313;
 inline constexpr std::uint32_t kOpHitObjectRecordHitMotionNV = 5249;
 inline constexpr std::uint32_t kOpHitObjectRecordHitWithIndexMotionNV = 5250;
 inline constexpr std::uint32_t kOpHitObjectRecordMissMotionNV = 5251;
 inline constexpr std::uint32_t kOpHitObjectTraceRayMotionNV = 5256;
+inline constexpr std::uint32_t kOpHitObjectRecordEmptyNV = 5259;
 inline constexpr std::uint32_t kOpHitObjectTraceRayNV = 5260;
 inline constexpr std::uint32_t kOpHitObjectRecordHitNV = 5261;
 inline constexpr std::uint32_t kOpHitObjectRecordHitWithIndexNV = 5262;
@@ -38,34 +41,9 @@ inline constexpr std::uint32_t kOpHitObjectTraceReorderExecuteEXT = 5311;
 inline constexpr std::uint32_t kOpHitObjectTraceMotionReorderExecuteEXT = 5312;
 inline constexpr std::uint32_t kOpHitObjectTraceRayEXT = 5316;
 inline constexpr std::uint32_t kOpHitObjectTraceRayMotionEXT = 5317;
+inline constexpr std::uint32_t kOpHitObjectRecordEmptyEXT = 5318;
 inline constexpr std::uint32_t kOpHitObjectExecuteShaderEXT = 5319;
 inline constexpr std::uint32_t kOpHitObjectGetInstanceCustomIndexEXT = 5326;
-
-// Whether an instruction makes a hit object that is a hit or a miss, or calls a shader for one.
-constexpr bool makesOrExecutesHitObject(std::uint32_t opcode)
-{
-    switch (opcode) {
-    case kOpHitObjectRecordHitMotionNV:
-    case kOpHitObjectRecordHitWithIndexMotionNV:
-    case kOpHitObjectRecordMissMotionNV:
-    case kOpHitObjectTraceRayMotionNV:
-    case kOpHitObjectTraceRayNV:
-    case kOpHitObjectRecordHitNV:
-    case kOpHitObjectRecordHitWithIndexNV:
-    case kOpHitObjectRecordMissNV:
-    case kOpHitObjectExecuteShaderNV:
-    case kOpHitObjectRecordFromQueryEXT:
-    case kOpHitObjectRecordMissEXT:
-    case kOpHitObjectRecordMissMotionEXT:
-    case kOpHitObjectReorderExecuteShaderEXT:
-    case kOpHitObjectTraceReorderExecuteEXT:
-    case kOpHitObjectTraceMotionReorderExecuteEXT:
-    case kOpHitObjectTraceRayEXT:
-    case kOpHitObjectTraceRayMotionEXT:
-    case kOpHitObjectExecuteShaderEXT: return true;
-    default: return false;
-    }
-}
 
 inline constexpr std::uint32_t kOpRayQueryGetIntersectionTriangleVertexPositionsKHR = 5340;
 inline constexpr std::uint32_t kOpUntypedVariableKHR = 4418;

@@ -1,6 +1,7 @@
 #include "spirv/module/uses.h"
 
 #include "spirv/module/opcodes.h"
+#include "spirv/module/ray_instructions.h"
 
 namespace vellum::spirv
 {
@@ -26,9 +27,10 @@ bool hasOperand(const Module &module, Instruction in, Id pointer)
     case spv::OpCopyMemorySized: return among(1, 2);
     case spv::OpFunctionCall: return among(4, in.count);
     case spv::OpExtInst: return among(5, in.count);
-    case spv::OpTraceRayKHR:
-    case kOpTraceRayMotionNV: return among(11, 12);
-    default: return makesOrExecutesHitObject(in.opcode) && among(2, 13);
+    default: {
+        const auto ray = rayInstruction(in.opcode);
+        return ray && ray->payload != 0 && module.word(in, ray->payload) == pointer;
+    }
     }
 }
 

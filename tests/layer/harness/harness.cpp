@@ -17,6 +17,7 @@ constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
 constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower";   // below that, with the traits "ext" and "emulating"
+constexpr const char *kForcingLayer = "VK_LAYER_VELLUM_test_forcing"; // above everything, see forcing/forcing.h
 constexpr const char *kAnswerLayer = "VK_LAYER_VELLUM_test_answer";
 
 // Messages that tests leave alone, and why: most of them the program gets without Vellum's layer, too.
@@ -240,6 +241,8 @@ void Gpu::createInstance()
     const bool old = options_.oldValidation && !has("ext");
     if (options_.validation && (old || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
+    if (options_.vellum && std::getenv("VELLUM_FORCING") != nullptr)
+        layers.insert(layers.begin(), kForcingLayer);
     if (traits.find_first_not_of(',') != std::string::npos)
         layers.push_back(kDriverLayer);
     if (has("ext") || has("emulating"))

@@ -1,4 +1,4 @@
-#include "spirv/query_flags.h"
+#include "spirv/side_variables.h"
 
 #include "spirv/module/opcodes.h"
 
@@ -9,7 +9,7 @@ namespace
 
 // A chain of chains longer than this is a cycle in a malformed module.
 constexpr int kMaxChain = 64;
-// Ray queries nested deeper than this would need functions with more parameters than SPIR-V allows (2.17).
+// Objects nested deeper than this would need functions with more parameters than SPIR-V allows (2.17).
 constexpr std::size_t kMaxIndices = 64;
 constexpr int kMaxNesting = 64;
 
@@ -34,12 +34,18 @@ std::optional<AccessPath> accessPath(const Module &module, Id pointer)
     return path;
 }
 
-// The type with a uint in the place of each ray query; 0 if it has none. What is no query becomes a uint, too, so that
+bool SideVariables::isObject(std::uint32_t type) const
+{
+    return objects_ == Beside::RayQueries ? type == spv::OpTypeRayQueryKHR
+                                          : type == kOpTypeHitObjectNV || type == kOpTypeHitObjectEXT;
+}
+
+// The type with a uint in the place of each object; 0 if it has none. Whatever else it has becomes a uint, too, so that
 // the same indices lead through both.
-Id QueryFlags::shapeOf(Id type, int depth)
+Id SideVariables::shapeOf(Id type, int depth)
 {
     const Instruction in = module_.definition(type);
-    if (in.opcode == spv::OpTypeRayQueryKHR)
+    if (isObject(in.opcode))
         return types_.uint32();
     if ((in.opcode != spv::OpTypeArray && in.opcode != spv::OpTypeStruct) || depth > kMaxNesting)
         return 0;
@@ -70,25 +76,31 @@ Id QueryFlags::shapeOf(Id type, int depth)
     return shape;
 }
 
-// A new id for what lies beside a pointer of the type; nothing if it leads to no ray query.
-std::optional<QueryFlags::Beside> QueryFlags::make(Id pointerType)
+// Of what a pointer of the type points to; 0 for other types.
+Id SideVariables::shapeOfPointee(Instruction pointerType)
 {
-    const Instruction pointer = module_.definition(pointerType);
-    if (pointer.opcode != spv::OpTypePointer)
-        return {};
-    const Id shape = shapeOf(module_.word(pointer, 3), 0);
+    return pointerType.opcode == spv::OpTypePointer ? shapeOf(module_.word(pointerType, 3), 0) : 0;
+}
+
+// A new id for what lies beside a variable or parameter; nothing if nothing is to lie there.
+std::optional<SideVariables::Variable> SideVariables::make(Instruction variable, const std::set<Id> *only)
+{
+    const Instruction pointer = module_.definition(module_.word(variable, 1));
+    const Id shape = only && !only->contains(module_.result(variable)) ? 0 : shapeOfPointee(pointer);
     if (shape == 0)
         return {};
-    return Beside{module_.newId(), types_.get(spv::OpTypePointer, {module_.word(pointer, 2), shape})};
+    const Variable made{module_.newId(), types_.get(spv::OpTypePointer, {module_.word(pointer, 2), shape})};
+    beside_[module_.result(variable)] = made;
+    return made;
 }
 
-QueryFlags::Beside QueryFlags::beside(Id variable) const
+SideVariables::Variable SideVariables::beside(Id variable) const
 {
     const auto found = beside_.find(variable);
-    return found == beside_.end() ? Beside{} : found->second;
+    return found == beside_.end() ? Variable{} : found->second;
 }
 
-Id QueryFlags::element(Beside beside, const std::vector<Id> &indices, Id type, Code &out)
+Id SideVariables::element(Variable beside, const std::vector<Id> &indices, Id type, Code &out)
 {
     if (beside.id == 0 || indices.empty())
         return beside.id;
@@ -98,15 +110,24 @@ Id QueryFlags::element(Beside beside, const std::vector<Id> &indices, Id type, C
     return out.value(spv::OpAccessChain, types_.get(spv::OpTypePointer, {storageClass, type}), std::move(chain));
 }
 
-Id QueryFlags::pointer(Id query, Code &out)
+Id SideVariables::pointer(Id object, Code &out)
 {
-    const auto path = accessPath(module_, query);
-    const Instruction type = module_.definition(module_.resultType(module_.definition(query)));
-    const Id shape = type.opcode == spv::OpTypePointer ? shapeOf(module_.word(type, 3), 0) : 0;
+    const auto path = accessPath(module_, object);
+    const Id shape = shapeOfPointee(module_.definition(module_.resultType(module_.definition(object))));
     return path && shape != 0 ? element(beside(module_.result(path->base)), path->indices, shape, out) : 0;
 }
 
-bool QueryFlags::declare()
+bool SideVariables::declare()
+{
+    return declareBeside(nullptr);
+}
+
+bool SideVariables::declare(const std::set<Id> &variables)
+{
+    return declareBeside(&variables);
+}
+
+bool SideVariables::declareBeside(const std::set<Id> *only)
 {
     inUse_ = true;
     std::vector<Id> variables;
@@ -114,9 +135,8 @@ bool QueryFlags::declare()
     for (const Instruction in : globals) {
         if (in.opcode != spv::OpVariable)
             continue;
-        if (const auto made = make(module_.word(in, 1))) {
+        if (const auto made = make(in, only)) {
             module_.append(Section::Globals, spv::OpVariable, {made->type, made->id, module_.word(in, 3)});
-            beside_[module_.result(in)] = *made;
             variables.push_back(made->id);
         }
     }
@@ -124,36 +144,29 @@ bool QueryFlags::declare()
         error_ = kTooLongInterface;
         return false;
     }
-    declareInFunctions();
-    return error_.empty();
-}
-
-void QueryFlags::declareInFunctions()
-{
     Code code(module_);
     const std::vector<Instruction> functions = module_.section(Section::Functions);
     for (const Instruction in : functions) {
-        const bool isParameter = in.opcode == spv::OpFunctionParameter;
-        if (in.opcode == spv::OpFunction)
+        if (in.opcode == spv::OpFunction && !only)
             code.out.push_back(widenedFunction(in));
-        else if (in.opcode == spv::OpFunctionCall)
+        else if (in.opcode == spv::OpFunctionCall && !only)
             code.out.push_back(widenedCall(in, code));
         else
             code.out.push_back(in);
+        const bool isParameter = in.opcode == spv::OpFunctionParameter;
         if (!isParameter && in.opcode != spv::OpVariable)
             continue;
-        if (const auto made = make(module_.word(in, 1))) {
-            if (isParameter)
-                code.put(spv::OpFunctionParameter, {made->type, made->id});
-            else
-                code.put(spv::OpVariable, {made->type, made->id, spv::StorageClassFunction});
-            beside_[module_.result(in)] = *made;
-        }
+        const auto made = make(in, only);
+        if (made && isParameter)
+            code.put(spv::OpFunctionParameter, {made->type, made->id});
+        else if (made)
+            code.put(spv::OpVariable, {made->type, made->id, spv::StorageClassFunction});
     }
     module_.section(Section::Functions) = std::move(code.out);
+    return error_.empty();
 }
 
-Instruction QueryFlags::widenedFunction(Instruction function)
+Instruction SideVariables::widenedFunction(Instruction function)
 {
     const Instruction type = module_.definition(module_.word(function, 4));
     if (type.opcode != spv::OpTypeFunction)
@@ -162,8 +175,7 @@ Instruction QueryFlags::widenedFunction(Instruction function)
     for (std::uint32_t i = 3; i < type.count; ++i) {
         parameters.push_back(module_.word(type, i));
         const Instruction pointer = module_.definition(parameters.back());
-        const Id shape = pointer.opcode == spv::OpTypePointer ? shapeOf(module_.word(pointer, 3), 0) : 0;
-        if (shape != 0)
+        if (const Id shape = shapeOfPointee(pointer); shape != 0)
             parameters.push_back(types_.get(spv::OpTypePointer, {module_.word(pointer, 2), shape}));
     }
     if (parameters.size() + 3 == type.count)
@@ -171,20 +183,21 @@ Instruction QueryFlags::widenedFunction(Instruction function)
     return module_.with(function, 4, types_.function(module_.word(type, 2), parameters));
 }
 
-Instruction QueryFlags::widenedCall(Instruction call, Code &out)
+Instruction SideVariables::widenedCall(Instruction call, Code &out)
 {
     std::vector<std::uint32_t> operands;
     bool changed = false;
     for (std::uint32_t i = 1; i < call.count; ++i) {
         const Id operand = module_.word(call, i);
         operands.push_back(operand);
-        const Instruction type = module_.definition(module_.resultType(module_.definition(operand)));
-        if (i < 4 || type.opcode != spv::OpTypePointer || shapeOf(module_.word(type, 3), 0) == 0)
+        if (i < 4 || shapeOfPointee(module_.definition(module_.resultType(module_.definition(operand)))) == 0)
             continue;
-        const Id flags = pointer(operand, out);
-        if (flags == 0)
-            error_ = "it passes a function a ray query that is not reached through a variable or parameter";
-        operands.push_back(flags);
+        const Id besideIt = pointer(operand, out);
+        if (besideIt == 0)
+            error_ = std::string("it passes a function a ") +
+                     (objects_ == Beside::RayQueries ? "ray query" : "hit object") +
+                     " that is not reached through a variable or parameter";
+        operands.push_back(besideIt);
         changed = true;
     }
     if (operands.size() + 1 > kMaxInstructionWords) {

@@ -1,0 +1,73 @@
+// Variables of the rewriter beside the application's opaque objects: a ray query or hit object cannot hold what the
+// rewritten module has to know of it, so a uint lies beside each.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "spirv/module/code.h"
+#include "spirv/module/types.h"
+
+namespace vellum::spirv
+{
+
+// How an instruction reaches an object: a variable or parameter, and indices into it.
+struct AccessPath {
+    Instruction base; // OpVariable or OpFunctionParameter
+    std::vector<Id> indices;
+};
+
+// Nothing if the pointer is not a chain of indices into a variable or parameter.
+std::optional<AccessPath> accessPath(const Module &module, Id pointer);
+
+enum class Beside { RayQueries, HitObjects };
+
+class SideVariables
+{
+public:
+    SideVariables(Module &module, Types &types, Beside objects) : module_(module), types_(types), objects_(objects) {}
+
+    // Puts a variable beside each variable, and a parameter beside each parameter, that is such an object or contains
+    // some: of the same shape, with a uint in the place of each object. Calls pass both. False with error() set on
+    // failure.
+    bool declare();
+    // The same for some variables only, which no function is passed.
+    bool declare(const std::set<Id> &variables);
+    [[nodiscard]] const std::string &error() const { return error_; }
+    [[nodiscard]] bool inUse() const { return inUse_; }
+
+    struct Variable {
+        Id id = 0;   // 0: there is none
+        Id type = 0; // of the pointer
+    };
+    // What lies beside a variable or parameter.
+    [[nodiscard]] Variable beside(Id variable) const;
+    // Pointer to what lies beside the object, or the array or structure of objects, that `object` points to; 0 if that
+    // is not reached through a variable or parameter.
+    Id pointer(Id object, Code &out);
+    // Whether a type is such an object, or contains some.
+    [[nodiscard]] bool holds(Id type) { return shapeOf(type, 0) != 0; }
+    // Pointer to the uint at the end of a path.
+    Id element(Variable beside, const std::vector<Id> &indices, Id type, Code &out);
+
+private:
+    [[nodiscard]] bool isObject(std::uint32_t type) const;
+    Id shapeOf(Id type, int depth);
+    Id shapeOfPointee(Instruction pointerType);
+    std::optional<Variable> make(Instruction variable, const std::set<Id> *only);
+    bool declareBeside(const std::set<Id> *only);
+    Instruction widenedFunction(Instruction function);
+    Instruction widenedCall(Instruction call, Code &out);
+
+    Module &module_;
+    Types &types_;
+    Beside objects_;
+    std::map<Id, Id> shapes_; // of types that contain such objects; 0: of those that do not
+    std::map<Id, Variable> beside_;
+    bool inUse_ = false;
+    std::string error_;
+};
+
+} // namespace vellum::spirv

@@ -1,0 +1,317 @@
+// Hit objects, and the hidden ray flags that lie beside them where flags travel in payloads.
+#include "machine.h"
+#include "support.h"
+
+#include "spirv/module/opcodes.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+
+namespace vellum::test
+{
+namespace
+{
+
+using Status = spirv::RewriteResult::Status;
+using Way = spirv::HiddenFlags::Way;
+using Seen = std::vector<std::uint32_t>;
+
+constexpr std::uint32_t kTraced = Machine::kTraced, kExecuted = Machine::kExecuted;
+
+spirv::RewriteResult rewriteAs(const Module &words, const spirv::HiddenFlags &hidden, const char *entryPoint = "main")
+{
+    spirv::RewriteOptions options{.rootAddress = 0x1000,
+                                  .queriesCarryFlagBits = [] { return false; },
+                                  .pipelineStage = spirv::PipelineStage{entryPoint, spv::ExecutionModelRayGenerationKHR,
+                                                                        spirv::Decides::Nothing, hidden}};
+    return spirv::rewrite(words, options);
+}
+
+// A ray generation shader; `body` may use %object, a hit object, and `other` is that of a second entry point.
+std::string moduleOf(const std::string &body, const std::string &other = "", const std::string &functions = "")
+{
+    return R"(
+        OpCapability RayTracingKHR
+        OpCapability RayQueryKHR
+        OpCapability ShaderInvocationReorderNV
+        OpExtension "SPV_KHR_ray_tracing"
+        OpExtension "SPV_KHR_ray_query"
+        OpExtension "SPV_NV_shader_invocation_reorder"
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint RayGenerationKHR %f "main" %scene %payload %object %objects %query %computed %attributes
+        OpEntryPoint RayGenerationKHR %g "other" %scene %payload %object %objects %query %computed %attributes
+        OpDecorate %scene DescriptorSet 0
+        OpDecorate %scene Binding 0
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+%uint = OpTypeInt 32 0
+%int = OpTypeInt 32 1
+%float = OpTypeFloat 32
+%vec3 = OpTypeVector %float 3
+%structure = OpTypeAccelerationStructureKHR
+%sp = OpTypePointer UniformConstant %structure
+%scene = OpVariable %sp UniformConstant
+%pp = OpTypePointer RayPayloadKHR %uint
+%payload = OpVariable %pp RayPayloadKHR
+%hit = OpTypeHitObjectNV
+%op = OpTypePointer Private %hit
+%object = OpVariable %op Private
+%local = OpTypePointer Function %hit
+%two = OpConstant %uint 2
+%array = OpTypeArray %hit %two
+%ap = OpTypePointer Private %array
+%objects = OpVariable %ap Private
+%rq = OpTypeRayQueryKHR
+%qp = OpTypePointer Private %rq
+%query = OpVariable %qp Private
+%up = OpTypePointer Private %uint
+%computed = OpVariable %up Private
+%atp = OpTypePointer HitObjectAttributeNV %float
+%attributes = OpVariable %atp HitObjectAttributeNV
+%taking = OpTypeFunction %void %op %local
+%zero = OpConstant %uint 0
+%opaque = OpConstant %uint 1
+%noOpaque = OpConstant %uint 2
+%skip = OpConstant %uint 256
+%cull = OpConstant %int 128
+%force = OpConstant %uint 1024
+%number = OpConstant %float 1
+%vector = OpConstantComposite %vec3 %number %number %number
+%f = OpFunction %void None %proc
+%l = OpLabel
+%own = OpVariable %local Function
+%s = OpLoad %structure %scene
+)" + body + R"(
+     OpReturn
+     OpFunctionEnd
+%g = OpFunction %void None %proc
+%k = OpLabel
+%t = OpLoad %structure %scene
+)" + other +
+           R"(
+     OpReturn
+     OpFunctionEnd
+)" + functions;
+}
+
+Module hitObjects(const std::string &body, const std::string &other = "", const std::string &functions = "")
+{
+    const Module words = assemble(moduleOf(body, other, functions));
+    EXPECT_EQ(validate(words), "") << body << other << functions;
+    return words;
+}
+
+// The same with SPV_EXT_shader_invocation_reorder, which assemblers are too old for. What that has and the extension of
+// NV has not is stood for by instructions with as many operands.
+Module extHitObjects(const std::string &body, const std::string &other = "")
+{
+    static const std::map<std::uint32_t, std::uint32_t> kExt{
+        {spirv::kOpTypeHitObjectNV, spirv::kOpTypeHitObjectEXT},
+        {spirv::kOpHitObjectTraceRayNV, spirv::kOpHitObjectTraceRayEXT},
+        {spirv::kOpHitObjectTraceRayMotionNV, spirv::kOpHitObjectTraceRayMotionEXT},
+        {spirv::kOpHitObjectExecuteShaderNV, spirv::kOpHitObjectExecuteShaderEXT},
+        {spirv::kOpHitObjectRecordEmptyNV, spirv::kOpHitObjectRecordEmptyEXT},
+        {5279, spirv::kOpHitObjectReorderExecuteShaderEXT},                        // OpReorderThreadWithHitObjectNV
+        {spirv::kOpHitObjectRecordMissMotionNV, spirv::kOpHitObjectRecordMissEXT}, // object, flags, index, ...
+        {spirv::kOpHitObjectRecordHitWithIndexNV, spirv::kOpHitObjectTraceReorderExecuteEXT},
+        {5258, spirv::kOpHitObjectGetRayFlagsEXT},     // OpHitObjectGetShaderBindingTableRecordIndexNV
+        {5294, spirv::kOpHitObjectRecordFromQueryEXT}, // OpEmitMeshTasksEXT
+    };
+    Module words = assemble(moduleOf(body, other));
+    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16)
+        if (const auto ext = kExt.find(words[at] & 0xffff); ext != kExt.end())
+            words[at] = (words[at] & 0xffff0000) | ext->second;
+    return words;
+}
+
+const std::string kAlong = " %zero %zero %zero %zero %vector %number %vector %number %payload\n";
+
+std::string traceRay(const std::string &flags)
+{
+    return "OpTraceRayKHR %s " + flags + kAlong;
+}
+
+std::string traceObject(const std::string &flags, const std::string &object = "%object", const char *scene = "%s")
+{
+    return "OpHitObjectTraceRayNV " + object + " " + scene + " " + flags + kAlong;
+}
+
+std::string recordMissNV(const std::string &object = "%object")
+{
+    return "OpHitObjectRecordMissNV " + object + " %zero %vector %number %vector %number\n";
+}
+
+std::string executeNV(const std::string &object = "%object")
+{
+    return "OpHitObjectExecuteShaderNV " + object + " %payload\n";
+}
+
+// Of EXT, by what stands for them in the text.
+std::string recordMissEXT(const std::string &flags)
+{
+    return "OpHitObjectRecordMissMotionNV %object " + flags + " %zero %vector %number %vector %number\n";
+}
+std::string traceReorderExecute(const std::string &flags)
+{
+    return "OpHitObjectRecordHitWithIndexNV %object %s " + flags + kAlong;
+}
+std::string initialize(const std::string &flags, const char *scene = "%s")
+{
+    return std::string("OpRayQueryInitializeKHR %query ") + scene + " " + flags +
+           " %zero %vector %number %vector %number\n";
+}
+const std::string kReorderExecute = "OpReorderThreadWithHitObjectNV %object %payload\n";
+const std::string kRecordFromQuery = "OpEmitMeshTasksEXT %object %query %zero %attributes\n";
+// A ray with the flags that the application reads of the hit object.
+const std::string kTraceWithItsFlags =
+    "%flags = OpHitObjectGetShaderBindingTableRecordIndexNV %uint %object\n" + traceRay("%flags");
+
+// What a ray generation shader does where flags travel in payloads.
+Seen run(const Module &words, const char *entryPoint = "main")
+{
+    const auto result = rewriteAs(words, {Way::InPayload, 0}, entryPoint);
+    EXPECT_EQ(result.status, Status::Rewritten) << result.error;
+    if (result.status != Status::Rewritten)
+        return {};
+    return Machine(result.words, {}).run(entryPoint);
+}
+
+// The shaders of a hit object find the hidden flags of its ray in the payload, whatever was traced since.
+TEST(HitObjects, KeepTheHiddenFlagsOfTheirRay)
+{
+    const Module words = hitObjects(traceObject("%opaque") + traceRay("%cull") + executeNV() + recordMissNV("%own") +
+                                    executeNV("%own") + executeNV());
+    EXPECT_EQ(run(words), (Seen{1, kTraced, 128, kTraced, 1, kExecuted, 0, kExecuted, 1, kExecuted}));
+    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+}
+
+// And they reach what the application computes.
+TEST(HitObjects, KeepFlagsThatAreComputed)
+{
+    const Module words =
+        hitObjects("OpStore %computed %opaque\n%c = OpLoad %uint %computed\n%d = OpBitwiseOr %uint %c %skip\n" +
+                   traceObject("%d") + executeNV());
+    EXPECT_EQ(run(words), (Seen{1, kTraced | 256, 1, kExecuted | 256}));
+    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+}
+
+TEST(HitObjects, ArePassedToFunctionsWithTheirFlags)
+{
+    const Module words = hitObjects(traceObject("%opaque") + recordMissNV("%own") +
+                                        "%called = OpFunctionCall %void %h %object %own\n",
+                                    "", R"(
+%h = OpFunction %void None %taking
+%a = OpFunctionParameter %op
+%b = OpFunctionParameter %local
+%m = OpLabel
+     OpHitObjectExecuteShaderNV %a %payload
+     OpHitObjectExecuteShaderNV %b %payload
+     OpReturn
+     OpFunctionEnd
+)");
+    EXPECT_EQ(run(words), (Seen{1, kTraced, 1, kExecuted, 0, kExecuted}));
+    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+}
+
+TEST(HitObjects, InArraysHaveTheirFlagsInArrays)
+{
+    const Module words =
+        hitObjects("%one = OpAccessChain %op %objects %zero\n" + traceObject("%opaque", "%one") + executeNV("%one"));
+    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+    EXPECT_EQ(count(disassemble(result.words), "OpTypeArray %uint %uint_2"), 1u) << disassemble(result.words);
+}
+
+TEST(HitObjects, OfTheExtExtensionKeepThemToo)
+{
+    EXPECT_EQ(run(extHitObjects(traceObject("%force") + kReorderExecute + executeNV())),
+              (Seen{1024, kTraced, 1024, kExecuted, 1024, kExecuted}));
+    EXPECT_EQ(run(extHitObjects(recordMissEXT("%opaque") + executeNV())), (Seen{kTraced, 1, kExecuted}));
+    EXPECT_EQ(run(extHitObjects(traceReorderExecute("%cull") + executeNV())), (Seen{128, kTraced, 128, kExecuted}));
+    EXPECT_EQ(run(extHitObjects(traceObject("%opaque") + "OpHitObjectRecordEmptyNV %object\n" + kTraceWithItsFlags)),
+              (Seen{1, kTraced, 0, kTraced}));
+}
+
+TEST(HitObjects, ShowTheFlagsOfTheirRay)
+{
+    for (const char *flags : {"%opaque", "%skip", "%noOpaque", "%force"}) {
+        const Module words = extHitObjects(traceObject(flags) + kTraceWithItsFlags);
+        const Seen seen = run(words);
+        ASSERT_EQ(seen.size(), 4u) << flags;
+        EXPECT_EQ(seen[2], seen[0]) << flags; // the hidden ones,
+        EXPECT_EQ(seen[3], seen[1]) << flags; // and those that the driver knows
+    }
+}
+
+// A hit object has the flags that the driver knows of the query that it is made from.
+TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
+{
+    const struct {
+        const char *flags;
+        std::uint32_t hidden, driver;
+    } cases[] = {{"%opaque", 1, 0}, {"%skip", 0, 256}, {"%zero", 0, 0}, {"%c", 1024, 2}};
+    for (const auto &c : cases) {
+        const std::string computed = "%e = OpBitwiseOr %uint %force %noOpaque\nOpStore %computed %e\n"
+                                     "%c = OpLoad %uint %computed\n";
+        const std::string made = computed + initialize(c.flags) + kRecordFromQuery;
+        EXPECT_EQ(run(extHitObjects(made + executeNV())), (Seen{c.hidden, kExecuted | c.driver})) << c.flags;
+        EXPECT_EQ(run(extHitObjects(made + kTraceWithItsFlags)), (Seen{c.hidden, kTraced | c.driver})) << c.flags;
+        // Where constants travel like what is computed.
+        EXPECT_FALSE(spirv::tracedFlags(extHitObjects(made + traceObject("%noOpaque"))).hidden && c.hidden != 0)
+            << c.flags;
+        // Pipelines without micromaps are not rewritten for themselves. The application reads its flags all the same.
+        const auto whole = spirv::rewrite(extHitObjects(made + kTraceWithItsFlags),
+                                          {.rootAddress = 0x1000, .queriesCarryFlagBits = [] { return false; }});
+        ASSERT_EQ(whole.status, Status::Rewritten) << whole.error;
+        EXPECT_EQ(Machine(whole.words, {}).run(), (Seen{kTraced | c.driver | c.hidden})) << c.flags;
+    }
+}
+
+// Nothing lies beside a copy, and beside what is reached in no way that is known. What the stage does not reach does no
+// harm.
+TEST(HitObjects, ThatAreCopiedAreRejected)
+{
+    const std::string copy = "%copied = OpLoad %hit %object\nOpStore %own %copied\n" + executeNV("%own");
+    const Module words = assemble(moduleOf(traceObject("%opaque") + copy, traceObject("%opaque", "%object", "%t")));
+    const auto reached = rewriteAs(words, {Way::InPayload, 0}, "main");
+    EXPECT_EQ(reached.status, Status::Failed);
+    EXPECT_NE(reached.error.find("copies a hit object"), std::string::npos) << reached.error;
+    EXPECT_EQ(rewriteAs(words, {Way::InPayload, 0}, "other").status, Status::Rewritten);
+}
+
+TEST(HitObjects, PassWhereFlagsAreConstant)
+{
+    for (const std::string &use : {traceObject("%opaque"), recordMissNV(), executeNV()})
+        EXPECT_EQ(rewriteAs(hitObjects(use), {Way::Constant, 1}).status, Status::Rewritten) << use;
+    EXPECT_EQ(spirv::tracedFlags(hitObjects(traceObject("%opaque") + executeNV())).hidden, 1u);
+    // Hits that are recorded without flags have none.
+    EXPECT_EQ(spirv::tracedFlags(hitObjects(recordMissNV())).hidden, 0u);
+    EXPECT_FALSE(spirv::tracedFlags(hitObjects(traceObject("%opaque") + recordMissNV())).hidden);
+    // An empty object has no ray.
+    EXPECT_EQ(spirv::tracedFlags(hitObjects(traceObject("%opaque") + "OpHitObjectRecordEmptyNV %object\n")).hidden, 1u);
+    // What an object is said to have missed with are ray flags like those of a ray.
+    EXPECT_EQ(spirv::tracedFlags(extHitObjects(recordMissEXT("%opaque") + traceRay("%opaque"))).hidden, 1u);
+    EXPECT_FALSE(spirv::tracedFlags(extHitObjects(recordMissEXT("%noOpaque") + traceRay("%opaque"))).hidden);
+    EXPECT_TRUE(spirv::tracedFlags(extHitObjects(recordMissEXT("%noOpaque") + traceRay("%opaque"))).traces);
+    for (const auto &[hidden, driver] :
+         {std::pair{spirv::HiddenFlags{Way::Constant, 1}, 0u}, {{Way::Carried, 0}, 1u << 11}}) {
+        const auto result = rewriteAs(extHitObjects(recordMissEXT("%opaque")), hidden);
+        EXPECT_EQ(Machine(result.words, {}).run(), (Seen{kTraced | driver}));
+    }
+    // In a pipeline without micromaps only the flag is hidden that the driver does not know.
+    Module idle = extHitObjects(recordMissEXT("%force"));
+    idle.insert(idle.begin() + 5, {2u << 16 | spv::OpCapability, spirv::kCapabilityOpacityMicromap});
+    const auto result = spirv::rewrite(idle, {.pipelinesCarryFlagBits = [] { return false; }});
+    EXPECT_EQ(Machine(result.words, {}).run(), (Seen{kTraced}));
+    // A hit object of a query may have hidden flags that are no ray's.
+    EXPECT_EQ(spirv::tracedFlags(extHitObjects(initialize("%skip") + kRecordFromQuery)).hidden, 0u);
+    EXPECT_FALSE(spirv::tracedFlags(extHitObjects(initialize("%opaque") + kRecordFromQuery)).hidden);
+}
+
+} // namespace
+} // namespace vellum::test
