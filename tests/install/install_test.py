@@ -237,6 +237,7 @@ class Installation(unittest.TestCase):
         layer = json.loads(manifest.read_text())["layer"]
         self.assertEqual(layer["name"], "VK_LAYER_VELLUM_opacity_micromap")
         self.assertTrue((manifest.parent / layer["library_path"]).exists(), layer["library_path"])
+        self.assertIn("strict", [setting["key"] for setting in layer["features"]["settings"]])
         self.assertIn("render", run(self.prefix / "bin/vellum", "--help"))
         self.assertTrue((self.prefix / "include/vellum/vulkan_opacity_micromap.h").exists())
 

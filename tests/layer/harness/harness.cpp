@@ -257,8 +257,7 @@ void Gpu::createInstance()
     const auto has = [&traits](const std::string &name) {
         return (',' + traits + ',').find(',' + name + ',') != std::string::npos;
     };
-    // One of that age gives every VkMicromapEXT a handle of its own, and hands that of a geometry's micromap to the
-    // driver.
+    // Of that age, it hands its own handle of a geometry's VkMicromapEXT to the driver.
     const bool old = options_.oldValidation && !has("ext");
     if (kHasValidation && options_.validation && (old || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
