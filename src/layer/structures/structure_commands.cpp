@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <mutex>
 #include <new>
 #include <string>
 
@@ -24,6 +25,12 @@ void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
 {
     leavePlace(device.objects, structure);
     destroyFittedHandles(device, structure);
+    // Another thread may be asking for the address of the buffer, which names the micromaps in it: bufferHasAddress().
+    std::lock_guard lock(device.objects.unnamedMutex);
+    std::erase_if(device.objects.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
+        const auto other = unnamed.lock();
+        return !other || other.get() == &structure;
+    });
     if (structure.micromapKey)
         device.objects.root.releaseCell(structure.micromapKey);
 }
