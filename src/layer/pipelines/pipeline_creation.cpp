@@ -192,7 +192,7 @@ private:
         constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
         bool isFirst = false;
         for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
-            const std::span<const uint32_t> code = codeOf(stage);
+            const std::span<const uint32_t> code = stageCode(device_, stage);
             isFirst =
                 (spirv::tracedFlags(code).traces && device_.shaderWarnings.isFirst(kId, codeHash(code))) || isFirst;
         }
