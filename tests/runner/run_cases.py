@@ -235,6 +235,10 @@ def quoted(text):
     return "[==[" + text + "]==]"
 
 
+def matches(suite, patterns):
+    return any(fnmatch.fnmatchcase(suite, pattern) for pattern in patterns)
+
+
 def print_for_ctest(options, cases, labels):
     """In CTest's own language. What costs most begins first, so that several jobs end together."""
     suites, whole = by_suite(cases), by_suite(list_cases(options.program, ""))
@@ -245,12 +249,14 @@ def print_for_ctest(options, cases, labels):
                    f"--prefix={options.prefix}", *options.program,
                    "--gtest_filter=" + (f"{suite}.*" if members == whole[suite] else ":".join(members))]
         print(f"add_test({quoted(name)} {' '.join(map(quoted, command))})")
-        slow = (any(fnmatch.fnmatchcase(suite, pattern) for pattern in options.slow)
+        slow = (matches(suite, options.slow)
                 or labels is not None and any(labels.has(case, ["slow"]) for case in members))
+        ctest_labels = [] if slow else ["quick"]
+        ctest_labels += ["threads"] if matches(suite, options.threads) else []
         properties = ["SKIP_RETURN_CODE", str(ALL_SKIPPED), "COST", f"{cost:g}",
                       "TIMEOUT", f"{options.timeout * (len(members) + 1):g}"]
-        if not slow:
-            properties += ["LABELS", "quick"]
+        if ctest_labels:
+            properties += ["LABELS", ";".join(ctest_labels)]
         if options.environment:
             properties += ["ENVIRONMENT", ";".join(options.environment)]
         print(f"set_tests_properties({quoted(name)} PROPERTIES {' '.join(map(quoted, properties))})")
@@ -263,6 +269,7 @@ def main():
     parser.add_argument("--ctest", action="store_true", help="print the tests for CTest")
     parser.add_argument("--environment", action="append", default=[], help="with --ctest: NAME=VALUE")
     parser.add_argument("--slow", action="append", default=[], help="with --ctest: suites without the label quick")
+    parser.add_argument("--threads", action="append", default=[], help="with --ctest: suites with the label threads")
     parser.add_argument("--cost", type=float, default=0.2, help="with --ctest: seconds that a case takes, about")
     parser.add_argument("--labelled", action="store_true", help="the program prints labels")
     parser.add_argument("--with", dest="wanted", action="append", default=[], metavar="LABEL",

@@ -101,6 +101,10 @@ class RunCases(unittest.TestCase):
         listing = run("Good.*:Bad.*:Some/*", "--ctest", "--slow=Some/*").stdout
         quick = [line.split("]==]")[0].split("[==[")[1] for line in listing.splitlines() if "[==[quick]==]" in line]
         self.assertEqual(quick, ["p.Good", "p.Bad"])
+        listing = run("Good.*:Bad.*", "--ctest", "--threads=Go*").stdout
+        labels = [line.split("[==[LABELS]==] ")[1].split("[==[")[1].split("]==]")[0]
+                  for line in listing.splitlines() if "LABELS" in line]
+        self.assertEqual(labels, ["quick;threads", "quick"])
 
 
 if __name__ == "__main__":

@@ -37,6 +37,25 @@ protected:
     }
 };
 
+// The layer rejects the host commands of acceleration structures.
+TEST_F(CapableDriver, HasNoHostCommandsOfStructures)
+{
+    Options options = gpu().options();
+    options.vellum = options.micromaps = false;
+    const Gpu bare(options);
+    const auto hostCommands = [](const Gpu &gpu) {
+        VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
+        structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
+        VkPhysicalDeviceFeatures2 features{};
+        features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+        features.pNext = &structures;
+        vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+        return structures.accelerationStructureHostCommands;
+    };
+    EXPECT_TRUE(hostCommands(bare));
+    EXPECT_FALSE(hostCommands(gpu()));
+}
+
 TEST_F(CapableDriver, IndirectBottomLevel)
 {
     if (validationOfTests() == Validation::Above)

@@ -15,7 +15,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"ExecutionMode.*", "one_api stacked lenient ray_flags"},
+const vt::Labels kLabels{{"ExecutionMode.*", "one_api stacked lenient"},
                          {"ExecutionModeWithExt.*", "one_api"},
                          {"MixedSpecialIndex.*", "one_api strict_ext"},
                          {"MixedSpecialIndexWithoutKhr.*", "one_api strict_ext"}};

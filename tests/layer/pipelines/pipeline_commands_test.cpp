@@ -10,7 +10,7 @@ namespace
 
 const vt::Labels kLabels{{"PipelineCommandsMaintenance.*", "forcing"},
                          {"PipelineState.*", "forcing"},
-                         {"PipelineCommands.*", "traits stacked ray_flags forcing"}};
+                         {"PipelineCommands.*", "traits stacked forcing"}};
 
 using namespace vt;
 

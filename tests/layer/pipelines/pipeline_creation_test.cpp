@@ -9,7 +9,7 @@ namespace
 {
 
 const vt::Labels kLabels{
-    {"PipelineCreation.*", "slow ray_flags forcing"},     {"PipelineCreationDeferred.*", "slow forcing"},
+    {"PipelineCreation.*", "slow forcing"},     {"PipelineCreationDeferred.*", "slow forcing"},
     {"PipelineCreationDeferredInline.*", "slow forcing"}, {"PipelineCreationNotDeferred.*", "slow forcing"},
     {"PipelineCreationUncompiled.*", "slow forcing"},     {"PipelineCreationUncompiledDeferred.*", "slow forcing"}};
 

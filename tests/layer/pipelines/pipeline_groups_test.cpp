@@ -13,7 +13,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineGroups.*", "slow ray_flags forcing"}};
+const vt::Labels kLabels{{"PipelineGroups.*", "slow forcing"}};
 
 using namespace vt;
 

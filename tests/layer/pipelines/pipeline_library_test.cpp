@@ -9,7 +9,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineLibrary.*", "slow ray_flags forcing"},
+const vt::Labels kLabels{{"PipelineLibrary.*", "slow forcing"},
                          {"PipelineLibraryHandles.*", "slow"},
                          {"PipelineLibraryHandlesWithoutLayer.*", "slow one_api"},
                          {"PipelineLibraryWithoutLayer.*", "slow one_api"}};

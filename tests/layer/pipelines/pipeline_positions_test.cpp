@@ -15,7 +15,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelinePositions.*", "stacked forced ray_flags forcing"},
+const vt::Labels kLabels{{"PipelinePositions.*", "stacked forced forcing"},
                          {"PipelinePositions.WithoutMicromaps", "inside"},
                          {"PipelinePositionsWithoutLayer.*", "one_api"}};
 

@@ -16,7 +16,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineStages.*", "slow ray_flags forcing"}};
+const vt::Labels kLabels{{"PipelineStages.*", "slow forcing"}};
 
 using namespace vt;
 

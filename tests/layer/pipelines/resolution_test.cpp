@@ -20,7 +20,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Resolution.*", "slow translated ray_flags forcing"}, {"Resolution.Constant*", "constants"}};
+const vt::Labels kLabels{{"Resolution.*", "slow translated forcing"}, {"Resolution.Constant*", "constants"}};
 
 using namespace vt;
 

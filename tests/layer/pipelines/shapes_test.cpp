@@ -7,7 +7,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"All/Shapes.*", "slow"}, {"All/Shapes.RayFlags/*", "ray_flags constants"}};
+const vt::Labels kLabels{{"All/Shapes.*", "slow"}, {"All/Shapes.RayFlags/*", "constants"}};
 
 using namespace vt;
 

@@ -12,7 +12,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Stages.*", "ray_flags forcing"}, {"StagesOfLibraries.*", "ray_flags forcing"}};
+const vt::Labels kLabels{{"Stages.*", "forcing"}, {"StagesOfLibraries.*", "forcing"}};
 
 using namespace vt;
 

@@ -1,24 +1,32 @@
 // Labels of test suites and cases. tests/layer/CMakeLists.txt has the runs that take cases by them:
-//   slow          none of ctest -L quick
-//   one_api       chooses the extension itself, or uses none: no second run by VK_KHR_opacity_micromap
-//   traits        on a driver with all traits of the test driver that go together
-//   stacked       where the driver's VK_EXT_opacity_micromap is a second copy of the layer: KHR emulated, and
-//   translated translated    where KHR is translated to the driver's EXT, and not where it is emulated serialized not
-//   where KHR is translated: serializes BLASes with micromaps, which EXT cannot express inside        nor these: the
-//   layer's shaders find what is wrong with copies, or tests look into the layer's own micromaps;
-//                 messages and sizes are those of the copy below
-//   lenient       nor these: they break rules that the layer's micromaps tolerate, as any driver may not, or let ray
-//   queries
-//                 that do not declare it meet micromaps, which all do with EXT
-//   forced        emulated by VELLUM_FORCE_EMULATION on a driver with EXT
-//   strict        with VELLUM_STRICT
-//   strict_ext    with VELLUM_STRICT, by VK_EXT_opacity_micromap only
-//   ray_flags     on a driver that does not give unused ray flag bits back
-//   constants     where constant ray flags travel as others do
-//   forcing       under the forcing layer: not what looks at sizes or serialized data, at flags of pipelines and modes of
-//                 shaders, or at modules that the layer cannot read
-//   packed        in packed memory
-//   unpacked      never in packed memory
+//
+// slow: not part of ctest -L quick
+//
+// one_api: chooses the extension itself, or uses none; no second run by VK_KHR_opacity_micromap
+//
+// traits: on a driver with all traits of the test driver that go together
+//
+// stacked: where the driver's VK_EXT_opacity_micromap is a second copy of the layer, KHR emulated and KHR translated
+//
+// translated: where KHR is translated to the driver's EXT
+//
+// serialized: not where KHR is translated, since it serializes BLASes with micromaps, which EXT cannot express
+//
+// inside: not where KHR is translated, since messages and sizes are those of the copy below
+//
+// lenient: not where KHR is translated; it breaks rules that the layer's micromaps tolerate, as a driver may not, or lets
+// ray queries that do not declare it meet micromaps
+//
+// forced: emulated by VELLUM_FORCE_EMULATION on a driver with EXT
+//
+// strict, strict_ext: with VELLUM_STRICT; by VK_EXT_opacity_micromap only
+//
+// constants: where constant ray flags travel as others do
+//
+// forcing: under the forcing layer; not what looks at sizes or serialized data, at flags of pipelines and modes of
+// shaders, or at modules that the layer cannot read
+//
+// packed, unpacked: in packed memory; never there
 #pragma once
 
 #include <initializer_list>

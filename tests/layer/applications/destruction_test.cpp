@@ -34,7 +34,7 @@ public:
         freeMemory();
     }
 
-    void makeRoom(VkDeviceSize bytes, VkBufferUsageFlags usage)
+    void allocate(VkDeviceSize bytes, VkBufferUsageFlags usage)
     {
         VkBufferCreateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
@@ -111,7 +111,7 @@ private:
 class Destruction : public GpuTest
 {
 protected:
-    // Validation and spy rightly complain of the order.
+    // Validation and spy rightly report the order.
     Destruction() : GpuTest({.validation = false, .spy = false, .memory = Memory::Apart}) {}
 
     std::unique_ptr<Micromap> makeMicromap(std::uint8_t state)
@@ -147,7 +147,7 @@ protected:
     std::unique_ptr<Pieces> copyOf(const Structure &source, VkAccelerationStructureTypeKHR type)
     {
         auto pieces = std::make_unique<Pieces>(gpu());
-        pieces->makeRoom(source.size(), VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+        pieces->allocate(source.size(), VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
         pieces->makeStructure(type, source.size());
         gpu().submit([&](VkCommandBuffer commands) {
             VkCopyAccelerationStructureInfoKHR info{};
@@ -185,7 +185,7 @@ TEST_F(Destruction, MicromapsBuffersAndMemoryInAnyOrder)
     for (std::uint32_t order = 0; order < 6; ++order) {
         SCOPED_TRACE(order);
         Pieces pieces(gpu());
-        pieces.makeRoom(micromap->size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
+        pieces.allocate(micromap->size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
         pieces.makeMicromap(micromap->size());
         gpu().submit([&](VkCommandBuffer commands) {
             VkCopyMicromapInfoEXT info{};
