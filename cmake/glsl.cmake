@@ -22,12 +22,19 @@ function(vellum_add_shader_header TARGET HEADER)
   set_property(GLOBAL APPEND PROPERTY VELLUM_SHADERS ${HEADER})
 endfunction()
 
-# vellum_embed_glsl(TARGET NAME symbol SOURCE file.comp [FLAGS ...] [OPACITY_MICROMAP_MODE])
+# vellum_embed_glsl(TARGET NAME symbol SOURCE file.comp [FLAGS ...] [TARGET_ENV env] [OPACITY_MICROMAP_MODE])
+# TARGET_ENV: the environment that the SPIR-V is for, as spirv-val names it: vulkan1.2 (the default), vulkan1.1spv1.4, ...
+# The symbols of all shaders of TARGET are in its property VELLUM_SHADERS.
 # OPACITY_MICROMAP_MODE: its ray queries may consume micromaps (opacity_micromap_mode.cmake).
 function(vellum_embed_glsl TARGET)
-  cmake_parse_arguments(ARG "OPACITY_MICROMAP_MODE" "NAME;SOURCE" "FLAGS" ${ARGN})
+  cmake_parse_arguments(ARG "OPACITY_MICROMAP_MODE" "NAME;SOURCE;TARGET_ENV" "FLAGS" ${ARGN})
   cmake_path(ABSOLUTE_PATH ARG_SOURCE BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR})
-  set(compile ${GLSLANG} --quiet --target-env vulkan1.2 -I${PROJECT_SOURCE_DIR}/src/core
+  if(NOT ARG_TARGET_ENV)
+    set(ARG_TARGET_ENV vulkan1.2)
+  endif()
+  string(REPLACE spv ";--target-env;spirv" glslang_env ${ARG_TARGET_ENV}) # glslang names the two parts separately
+  set_property(TARGET ${TARGET} APPEND PROPERTY VELLUM_SHADERS ${ARG_NAME})
+  set(compile ${GLSLANG} --quiet --target-env ${glslang_env} -I${PROJECT_SOURCE_DIR}/src/core
       -I${PROJECT_SOURCE_DIR}/src/shaders ${ARG_FLAGS} ${ARG_SOURCE})
   set(out ${CMAKE_CURRENT_BINARY_DIR}/shaders/${ARG_NAME}.h)
   if(ARG_OPACITY_MICROMAP_MODE)
@@ -70,15 +77,16 @@ function(vellum_embed_module TARGET NAME MODULE)
   vellum_add_shader_header(${TARGET} ${header})
 endfunction()
 
-# vellum_embed_stages(TARGET NAME prefix SOURCE file.glsl STAGES stage... [FLAGS ...])
+# vellum_embed_stages(TARGET NAME prefix SOURCE file.glsl STAGES stage... [FLAGS ...] [TARGET_ENV env])
 # <prefix>_<stage> for each stage. The file finds out which it is by a macro, the stage's name in capitals.
 set(VELLUM_SUFFIXES_OF_STAGES vertex vert mesh mesh fragment frag compute comp query comp queries comp raygen rgen
     miss rmiss closest_hit rchit any_hit rahit intersection rint callable rcall)
 function(vellum_embed_stages TARGET)
-  cmake_parse_arguments(ARG "" "NAME;SOURCE" "STAGES;FLAGS" ${ARGN})
+  cmake_parse_arguments(ARG "" "NAME;SOURCE;TARGET_ENV" "STAGES;FLAGS" ${ARGN})
   foreach(stage IN LISTS ARG_STAGES)
     vellum_stage_flags(flags ${stage})
-    vellum_embed_glsl(${TARGET} NAME ${ARG_NAME}_${stage} SOURCE ${ARG_SOURCE} FLAGS ${flags} ${ARG_FLAGS})
+    vellum_embed_glsl(${TARGET} NAME ${ARG_NAME}_${stage} SOURCE ${ARG_SOURCE} FLAGS ${flags} ${ARG_FLAGS}
+      TARGET_ENV ${ARG_TARGET_ENV})
   endforeach()
 endfunction()
 

@@ -17,8 +17,7 @@
 // Paths and all other strings are UTF-8; paths are relative to the current folder. Files are not trusted: whatever is
 // in one, what is read of it obeys every rule of the extension, and so may go to a micromap build as it is. Files that
 // cannot be read or written, and files that are not what they should be, are VELLUM_ERROR_FILE, with a message that
-// names the file and the place in it. So is one that takes more memory to read than there is; but where memory is so
-// short that small allocations fail, the reader below, tinygltf, ends the program.
+// names the file and the place in it. So is one that takes more memory to read than there is.
 //
 // LIFETIMES
 // What vellumGetGltf...() points to belongs to the VellumGltf, and lives until vellumDestroyGltf(). The file itself

@@ -13,6 +13,8 @@
 #include "bake/packed.h"
 #include "bake/work.h"
 #include "core/curve.h"
+#include "core/hash.h"
+#include "core/progress.h"
 
 namespace vellum
 {
@@ -219,7 +221,7 @@ private:
                 key.uvs[2 * k] = std::bit_cast<std::uint32_t>(uvs[k].u);
                 key.uvs[2 * k + 1] = std::bit_cast<std::uint32_t>(uvs[k].v);
             }
-            const std::uint64_t hash = hashBytes(reinterpret_cast<const std::uint8_t *>(&key), sizeof key, 0);
+            const std::uint64_t hash = hashBytes(&key, sizeof key);
             std::size_t slot = hash & (m_slots.size() - 1);
             while (m_slots[slot] != 0 && m_keys[m_slots[slot] - 1] != key)
                 slot = (slot + 1) & (m_slots.size() - 1);
@@ -328,7 +330,7 @@ void separateSpecialIndices(std::span<const BakeInput> inputs, const BakeOptions
             const bool known = *state == State::Opaque || *state == State::Transparent;
             const Format format = known && options.format == Format::TwoState ? Format::TwoState : Format::FourState;
             const auto data = static_cast<std::uint8_t>(*state);
-            *index = assembly.add(&data, 0, format, hashBytes(&data, 1, 0), options.maxDataBytes);
+            *index = assembly.add(&data, 0, format, hashBytes(&data, 1), options.maxDataBytes);
         }
     }
 }

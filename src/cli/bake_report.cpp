@@ -3,18 +3,14 @@
 #include <algorithm>
 #include <fmt/format.h>
 #include <numeric>
-#include <rapidjson/prettywriter.h>
-#include <rapidjson/stringbuffer.h>
 
 #include "cli/base/numbers.h"
-#include "gltf/file/utf8.h"
+#include "cli/surface_report.h"
 
 namespace vellum::cli
 {
 namespace
 {
-
-constexpr const char *kStateNames[] = {"transparent", "opaque", "unknownTransparent", "unknownOpaque"};
 
 PrimitiveReport reportOf(const BakedPrimitive &primitive, const StoredMicromap &micromap,
                          const std::vector<std::array<double, 4>> &shares)
@@ -89,7 +85,7 @@ std::string summary(const FileReport &file)
     if (lost != 0)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
     if (file.surface)
-        text += "; " + surfaceKnown(file.surface->known());
+        text += "; " + describe(*file.surface);
     const auto cautions = std::count_if(file.primitives.begin(), file.primitives.end(),
                                         [](const PrimitiveReport &p) { return !p.caution.empty(); });
     if (cautions != 0)
@@ -114,117 +110,57 @@ void printRows(const std::vector<Row> &rows)
     }
 }
 
-using JsonOut = rapidjson::PrettyWriter<rapidjson::StringBuffer>;
-
-void putString(JsonOut &out, const char *name, const std::string &value)
+// An object with a member for each State.
+template <typename Values>
+void writeStates(const char *name, const Values &values, JsonWriter &json)
 {
-    out.Key(name);
-    const std::string text = toUtf8(value);
-    out.String(text.c_str(), static_cast<rapidjson::SizeType>(text.size()));
-}
-
-void putNumber(JsonOut &out, const char *name, std::uint64_t value)
-{
-    out.Key(name);
-    out.Uint64(value);
-}
-
-void putPrimitive(JsonOut &out, const PrimitiveReport &primitive)
-{
-    out.StartObject();
-    putString(out, "name", primitive.name);
-    putString(out, "material", primitive.material);
-    putNumber(out, "triangles", primitive.triangles);
-    putNumber(out, "micromap", primitive.micromap);
-    putNumber(out, "varyingAlpha", primitive.varying);
-    if (!primitive.caution.empty())
-        putString(out, "caution", primitive.caution);
-    out.Key("special");
-    out.StartObject();
+    json.key(name).beginObject();
     for (std::size_t s = 0; s < 4; ++s)
-        putNumber(out, kStateNames[s], primitive.special[s]);
-    out.EndObject();
-    out.Key("levels");
-    out.StartObject();
+        json.member(kStateNames[s], values[s]);
+    json.end();
+}
+
+void write(const PrimitiveReport &primitive, JsonWriter &json)
+{
+    json.beginObject().member("name", primitive.name).member("material", primitive.material);
+    json.member("triangles", primitive.triangles).member("micromap", primitive.micromap);
+    json.member("varyingAlpha", primitive.varying);
+    if (!primitive.caution.empty())
+        json.member("caution", primitive.caution);
+    writeStates("special", primitive.special, json);
+    json.key("levels").beginObject();
     for (std::size_t level = 0; level < primitive.levels.size(); ++level)
         if (primitive.levels[level] != 0)
-            putNumber(out, std::to_string(level).c_str(), primitive.levels[level]);
-    out.EndObject();
-    out.Key("states");
-    out.StartObject();
-    for (std::size_t s = 0; s < 4; ++s) {
-        out.Key(kStateNames[s]);
-        out.Double(primitive.states[s]);
-    }
-    out.EndObject();
-    out.EndObject();
+            json.member(std::to_string(level), primitive.levels[level]);
+    json.end();
+    writeStates("states", primitive.states, json);
+    json.end();
 }
 
-void putSurface(JsonOut &out, const std::optional<SurfaceShares> &surface)
+void write(const FileReport &file, JsonWriter &json)
 {
-    if (!surface) {
-        out.Null();
-        return;
-    }
-    out.StartObject();
-    out.Key("known");
-    out.Double(surface->known());
-    for (std::size_t s = 0; s < 4; ++s) {
-        out.Key(kStateNames[s]);
-        out.Double(surface->states[s]);
-    }
-    out.Key("withoutMicromap");
-    out.Double(surface->withoutMicromap);
-    out.EndObject();
-}
-
-void putFile(JsonOut &out, const FileReport &file)
-{
-    out.StartObject();
-    putString(out, "input", file.job.input.string());
+    json.beginObject().member("input", file.job.input.string());
     if (!file.error.empty()) {
-        putString(out, "error", file.error);
-        out.EndObject();
+        json.member("error", file.error).end();
         return;
     }
-    putString(out, "output", file.job.output.string());
-    putNumber(out, "inputBytes", file.inputBytes);
-    putNumber(out, "outputBytes", file.outputBytes);
+    json.member("output", file.job.output.string());
+    json.member("inputBytes", file.inputBytes).member("outputBytes", file.outputBytes);
     if (!file.failure.empty())
-        putString(out, "failure", file.failure);
-    out.Key("replaced");
-    out.Bool(file.replaced);
+        json.member("failure", file.failure);
+    json.member("replaced", file.replaced);
     if (!file.replacedLoss.empty())
-        putString(out, "replacedLoss", file.replacedLoss);
-    out.Key("surface");
-    putSurface(out, file.surface);
-    out.Key("micromaps");
-    out.StartArray();
-    for (const MicromapReport &micromap : file.micromaps) {
-        out.StartObject();
-        putNumber(out, "triangles", micromap.triangles);
-        putNumber(out, "bytes", micromap.bytes);
-        out.EndObject();
-    }
-    out.EndArray();
-    out.Key("primitives");
-    out.StartArray();
-    for (const PrimitiveReport &primitive : file.primitives)
-        putPrimitive(out, primitive);
-    out.EndArray();
-    out.Key("left");
-    out.StartArray();
-    for (const LeftReport &left : file.left) {
-        out.StartObject();
-        putString(out, "name", left.name);
-        putString(out, "material", left.material);
-        putString(out, "reason", left.reason);
-        out.Key("hadMicromap");
-        out.Bool(left.hadMicromap);
-        out.EndObject();
-    }
-    out.EndArray();
-    out.EndObject();
+        json.member("replacedLoss", file.replacedLoss);
+    cli::write(file.surface, json.key("surface"));
+    json.list("micromaps", file.micromaps, [&](const MicromapReport &micromap) {
+        json.beginObject().member("triangles", micromap.triangles).member("bytes", micromap.bytes).end();
+    });
+    json.list("primitives", file.primitives, [&](const PrimitiveReport &primitive) { write(primitive, json); });
+    json.list("left", file.left, [&](const LeftReport &left) {
+        json.beginObject().member("name", left.name).member("material", left.material);
+        json.member("reason", left.reason).member("hadMicromap", left.hadMicromap).end();
+    });
+    json.end();
 }
 
 // Where everything that was to be baked is something that is not supported.
@@ -324,17 +260,9 @@ void printTable(const std::vector<FileReport> &files)
 
 void printJson(const std::vector<FileReport> &files)
 {
-    rapidjson::StringBuffer buffer;
-    JsonOut out(buffer);
-    out.SetIndent(' ', 2);
-    out.StartObject();
-    out.Key("files");
-    out.StartArray();
-    for (const FileReport &file : files)
-        putFile(out, file);
-    out.EndArray();
-    out.EndObject();
-    fmt::print("{}\n", buffer.GetString());
+    JsonWriter json;
+    json.beginObject().list("files", files, [&](const FileReport &file) { write(file, json); });
+    fmt::print("{}\n", json.end().text());
 }
 
 } // namespace vellum::cli

@@ -13,6 +13,7 @@
 #include "cli/inspect/drawing/uv_picture.h"
 #include "cli/inspect/page.h"
 #include "cli/inspect/tally.h"
+#include "cli/surface_report.h"
 
 namespace vellum::cli
 {
@@ -27,12 +28,12 @@ to zoom and pan in, the triangles that are worth a look, and a picture of each m
 Examples:
   vellum inspect ash.omm.glb
       writes the page ash.omm.html
-  vellum inspect ash.omm.glb --picture ash.png
+  vellum inspect ash.omm.glb -o ash.png
       the whole UV space of each material as a picture
   vellum inspect ash.omm.glb --picture leaf.png --mesh 0 --primitive 1 --triangle 40-47
       eight triangles, and what of the texture is around them
-  vellum inspect ash.glb --bake
-      what vellum bake would make of a file without micromaps)";
+  vellum inspect ash.glb --bake --level 5
+      what vellum bake would make of a file with these options)";
 
 struct InspectOptions {
     std::filesystem::path input;
@@ -96,7 +97,7 @@ void printFile(const InspectedFile &file)
     fmt::print("levels      {}\n", levels.empty() ? "none" : levels);
     printShares(tally);
     if (file.surface)
-        fmt::print("surface     {}\n", surfaceKnown(file.surface->known()));
+        fmt::print("surface     {}\n", describe(*file.surface));
     fmt::print("bytes       {} of states, {} of triangles, {} of indices\n", grouped(tally.dataBytes),
                grouped(tally.recordsUsed * sizeof(MicromapTriangle)), grouped(tally.indexBytes));
     for (const InspectedFile::Left &left : file.left)

@@ -14,8 +14,8 @@
 #include "cli/renderer/state_table.h"
 #include "cli/scene/baked_scene.h"
 #include "cli/scene/grove.h"
+#include "cli/surface_report.h"
 #include "cli/vulkan/layer_path.h"
-#include "gltf/micromaps/known_surface.h"
 
 namespace vellum::cli
 {
@@ -74,7 +74,7 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const Bake
                    counted(baked.distinctTriangles(), "micromap triangle"), states);
     const std::vector<const Micromap *> micromaps = baked.micromaps();
     if (const auto surface = surfaceShares(scene, [&](std::size_t geometry) { return micromaps[geometry]; }))
-        fmt::print("surface     {}\n", surfaceKnown(surface->known()));
+        fmt::print("surface     {}\n", describe(*surface));
     std::fflush(stdout);
 }
 

@@ -29,7 +29,7 @@ Exit codes, of several the smallest:
   2  the structure is broken
   3  wrong claims
   4  with --strict: claims outside the margins or left open, or cautions (animated alpha, variants, morph targets,
-     other images or data for other renderers)
+     other images or data for other renderers, a cutoff for alphaMode BLEND)
   5  with --strict: needlessly unknown
   6  with --strict: no micromaps
 

@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
-#include <rapidjson/prettywriter.h>
-#include <rapidjson/stringbuffer.h>
 
 #include "cli/base/numbers.h"
-#include "gltf/file/utf8.h"
+#include "cli/surface_report.h"
 
 namespace vellum::cli
 {
@@ -161,153 +159,65 @@ void printFindings(const verify::FileReport &report)
         fmt::print("  and {} more (--max lists more)\n", grouped(all - shown));
 }
 
-class JsonReport
+void writeLevel(const char *name, int level, JsonWriter &json)
 {
-public:
-    JsonReport() : m_writer(m_buffer) { m_writer.SetIndent(' ', 2); }
-    std::string write(const std::vector<VerifiedFile> &files, bool strict);
-
-private:
-    void name(const char *text) { m_writer.Key(text); }
-    void add(const std::string &value)
-    {
-        const std::string text = toUtf8(value);
-        m_writer.String(text.c_str(), static_cast<rapidjson::SizeType>(text.size()));
-    }
-    void add(std::uint64_t value) { m_writer.Uint64(value); }
-    void add(bool value) { m_writer.Bool(value); }
-    // JSON has no word for what is not a number.
-    void add(double value) { std::isfinite(value) ? m_writer.Double(value) : m_writer.Null(); }
-    template <typename T>
-    void member(const char *text, const T &value)
-    {
-        name(text);
-        add(value);
-    }
-    template <typename List, typename Add>
-    void list(const char *text, const List &elements, Add &&addElement)
-    {
-        name(text);
-        m_writer.StartArray();
-        for (const auto &element : elements) {
-            m_writer.StartObject();
-            addElement(element);
-            m_writer.EndObject();
-        }
-        m_writer.EndArray();
-    }
-    void level(const char *text, int value);
-    void counts(const Counts &c);
-    void surface(const std::optional<SurfaceShares> &shares);
-    void finding(const Finding &f);
-    void primitive(const PrimitiveReport &p);
-    void file(const VerifiedFile &file, bool strict);
-
-    rapidjson::StringBuffer m_buffer;
-    rapidjson::PrettyWriter<rapidjson::StringBuffer> m_writer;
-};
-
-void JsonReport::level(const char *text, int value)
-{
-    name(text);
-    value < 0 ? m_writer.Null() : m_writer.Int(value);
+    json.key(name);
+    level < 0 ? json.null() : json.value(level);
 }
 
-void JsonReport::counts(const Counts &c)
+void write(const Counts &c, JsonWriter &json)
 {
-    member("microTriangles", c.microTriangles());
-    member("transparent", c.transparent);
-    member("opaque", c.opaque);
-    member("unknown", c.unknown);
+    json.member("microTriangles", c.microTriangles());
+    json.member("transparent", c.transparent).member("opaque", c.opaque).member("unknown", c.unknown);
     for (std::size_t kind = 0; kind < verify::kKinds; ++kind)
-        member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
-    member("open", c.open);
-    name("twoState");
-    m_writer.StartObject();
-    member("true", c.twoStateTrue);
-    member("mixed", c.twoStateMixed);
-    member("reversed", c.twoStateReversed);
-    m_writer.EndObject();
+        json.member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
+    json.member("open", c.open).key("twoState").beginObject();
+    json.member("true", c.twoStateTrue).member("mixed", c.twoStateMixed).member("reversed", c.twoStateReversed).end();
 }
 
-void JsonReport::surface(const std::optional<SurfaceShares> &shares)
+void write(const Finding &f, JsonWriter &json)
 {
-    name("surface");
-    if (!shares) {
-        m_writer.Null();
-        return;
-    }
-    m_writer.StartObject();
-    member("known", shares->known());
-    member("withoutMicromap", shares->withoutMicromap);
-    m_writer.EndObject();
+    json.beginObject().member("kind", nameOf(f.kind)).member("triangle", f.triangle);
+    json.member("microTriangle", f.microTriangle).member("level", f.level).member("special", f.special);
+    json.member("state", nameOf(f.state)).values("uv", std::array{f.u, f.v}).member("value", f.value).end();
 }
 
-void JsonReport::finding(const Finding &f)
+void write(const PrimitiveReport &p, JsonWriter &json)
 {
-    member("kind", std::string(nameOf(f.kind)));
-    member("triangle", std::uint64_t{f.triangle});
-    member("microTriangle", std::uint64_t{f.microTriangle});
-    member("level", std::uint64_t{f.level});
-    member("special", f.special);
-    member("state", std::string(nameOf(f.state)));
-    name("uv");
-    m_writer.StartArray();
-    add(f.u);
-    add(f.v);
-    m_writer.EndArray();
-    member("value", f.value);
-}
-
-void JsonReport::primitive(const PrimitiveReport &p)
-{
-    member("mesh", std::uint64_t{p.place.mesh});
-    member("primitive", std::uint64_t{p.place.primitive});
-    member("name", p.name);
-    member("material", p.material);
+    json.beginObject().member("mesh", p.place.mesh).member("primitive", p.place.primitive);
+    json.member("name", p.name).member("material", p.material);
     if (!p.caution.empty())
-        member("caution", p.caution);
-    name("cutoff");
-    p.cutoff ? add(*p.cutoff) : static_cast<void>(m_writer.Null());
-    member("triangles", std::uint64_t{p.triangles});
-    member("specialIndices", std::uint64_t{p.special});
-    counts(p.result.counts);
-    list("findings", p.result.findings, [this](const Finding &f) { finding(f); });
+        json.member("caution", p.caution);
+    json.key("cutoff");
+    p.cutoff ? json.value(*p.cutoff) : json.null();
+    json.member("triangles", p.triangles).member("specialIndices", p.special);
+    write(p.result.counts, json);
+    json.list("findings", p.result.findings, [&](const Finding &f) { write(f, json); });
+    json.end();
 }
 
-void JsonReport::file(const VerifiedFile &file, bool strict)
+void write(const VerifiedFile &file, bool strict, JsonWriter &json)
 {
     const verify::FileReport &r = file.report;
-    member("file", file.path);
-    member("code", static_cast<std::uint64_t>(judgementOf(file, strict)));
+    json.beginObject().member("file", file.path).member("code", static_cast<int>(judgementOf(file, strict)));
     if (!file.error.empty()) {
-        member("error", file.error);
+        json.member("error", file.error).end();
         return;
     }
-    member("extension", r.extension);
-    member("micromaps", std::uint64_t{r.micromaps});
-    level("level2State", r.level2State);
-    level("level4State", r.level4State);
-    member("mixedSpecialIndices", r.mixedSpecialIndices);
-    list("offences", r.offences, [this](const MicromapOffence &o) {
-        member("place", o.place);
-        member("message", o.message);
+    json.member("extension", r.extension).member("micromaps", r.micromaps);
+    writeLevel("level2State", r.level2State, json);
+    writeLevel("level4State", r.level4State, json);
+    json.member("mixedSpecialIndices", r.mixedSpecialIndices);
+    json.list("offences", r.offences, [&](const MicromapOffence &o) {
+        json.beginObject().member("place", o.place).member("message", o.message).end();
     });
-    list("unverified", r.unverified, [this](const verify::Unverified &u) {
-        member("place", u.name);
-        member("reason", u.reason);
+    json.list("unverified", r.unverified, [&](const verify::Unverified &u) {
+        json.beginObject().member("place", u.name).member("reason", u.reason).end();
     });
-    counts(r.counts());
-    surface(file.surface);
-    list("primitives", r.primitives, [this](const PrimitiveReport &p) { primitive(p); });
-}
-
-std::string JsonReport::write(const std::vector<VerifiedFile> &files, bool strict)
-{
-    m_writer.StartObject();
-    list("files", files, [&](const VerifiedFile &f) { file(f, strict); });
-    m_writer.EndObject();
-    return m_buffer.GetString();
+    write(r.counts(), json);
+    cli::write(file.surface, json.key("surface"));
+    json.list("primitives", r.primitives, [&](const PrimitiveReport &p) { write(p, json); });
+    json.end();
 }
 
 } // namespace
@@ -357,7 +267,7 @@ void printVerified(const VerifiedFile &file)
     printDevice(report);
     printPrimitives(report);
     if (file.surface)
-        fmt::print("  {}\n", surfaceKnown(file.surface->known()));
+        fmt::print("  {}\n", describe(*file.surface));
     const Counts sum = report.counts();
     printTwoState(sum);
     for (const PrimitiveReport &p : report.primitives)
@@ -372,7 +282,9 @@ void printVerified(const VerifiedFile &file)
 
 std::string verifiedJson(const std::vector<VerifiedFile> &files, bool strict)
 {
-    return JsonReport().write(files, strict);
+    JsonWriter json;
+    json.beginObject().list("files", files, [&](const VerifiedFile &file) { write(file, strict, json); });
+    return json.end().text();
 }
 
 } // namespace vellum::cli

@@ -207,13 +207,6 @@ struct HitRecordsPush {
     uint oneForAll;              // 1: a table of one record may have it for all indices; for the table of a command
 };
 
-// pipelines/ray_flag_probe.comp
-struct RayFlagProbePush {
-    VELLUM_ADDRESS scene; // address of the top-level acceleration structure
-    VELLUM_ADDRESS result;
-    uint rayFlags;
-};
-
 // translation/micromap_triangles.comp
 struct MicromapTrianglesPush {
     VELLUM_ADDRESS source; // VkMicromapTriangleKHR, each `stride` bytes

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
@@ -27,39 +28,18 @@ std::uint32_t memoryOperandWords(const Module &module, Instruction in, std::uint
 
 } // namespace
 
-Id restoreValue(Types &types, Id function, Id type, Id value, Code &out)
-{
-    const Id uint = types.uint32();
-    if (type == uint)
-        return out.value(spv::OpFunctionCall, uint, {function, value});
-    const Id asUint = out.value(spv::OpBitcast, uint, {value});
-    return out.value(spv::OpBitcast, type, {out.value(spv::OpFunctionCall, uint, {function, asUint})});
-}
-
 void loadUint(const Module &module, Types &types, Id pointer, Instruction in, Code &out)
 {
-    const Id uint = types.uint32();
-    const Id type = module.word(in, 1);
-    const Id result = module.word(in, 2);
-    if (type == uint)
-        out.put(spv::OpLoad, {uint, result, pointer});
-    else
-        out.put(spv::OpBitcast, {type, result, out.value(spv::OpLoad, uint, {pointer})});
+    putUint(types, module.word(in, 1), module.word(in, 2), spv::OpLoad, {pointer}, out);
 }
 
 void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out)
 {
     const Id type = module.word(in, 1);
-    const Id result = module.word(in, 2);
     const Id driver = module.newId();
     out.out.push_back(module.with(in, 2, driver));
-    const Id uint = types.uint32();
-    if (type == uint) {
-        out.put(spv::OpFunctionCall, {type, result, function, driver});
-        return;
-    }
-    const Id asUint = out.value(spv::OpBitcast, uint, {driver});
-    out.put(spv::OpBitcast, {type, result, out.value(spv::OpFunctionCall, uint, {function, asUint})});
+    const Id value = toUint(types, type, driver, out);
+    putUint(types, type, module.word(in, 2), spv::OpFunctionCall, {function, value}, out);
 }
 
 BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, SideVariables &hitObjects,
@@ -79,8 +59,7 @@ BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &
 
 bool BuiltIns::lacksHiddenFlags() const
 {
-    if (!stage_ || stage_->executionModel != spv::ExecutionModelIntersectionKHR ||
-        stage_->hidden.way != HiddenFlags::Way::InPayload)
+    if (!stage_ || stage_->executionModel != spv::ExecutionModelIntersectionKHR || !stage_->hidden.inPayload())
         return false;
     return std::ranges::any_of(module_.section(Section::EntryPoints), [&](Instruction in) {
         const Words words = module_.words(in);
@@ -126,24 +105,19 @@ bool BuiltIns::restore(Instruction in, Restored what, Code &out)
         readKnownIndex(in, out);
         return true;
     }
-    // Rays of pipelines without micromaps have bits to decode only if the driver carries them (TraceRays::idleFlags).
-    if (what == Restored::RayFlags && !stage_ && !options_.pipelinesCarryFlagBits())
-        return false;
-    const HiddenFlags hidden = stage_ ? stage_->hidden : HiddenFlags{};
-    if (what == Restored::CustomIndex || hidden.way == HiddenFlags::Way::Carried) {
-        const Id function =
-            linker_.function(what == Restored::CustomIndex ? "vellumCustomIndex" : "vellumApplicationFlags");
-        restoreResult(module_, types_, function, in, out);
+    if (what == Restored::CustomIndex) {
+        restoreResult(module_, types_, linker_.function("vellumCustomIndex"), in, out);
         return true;
     }
-    const bool inPayload = hidden.way == HiddenFlags::Way::InPayload && receivesPayload(stage_->executionModel);
-    if (!inPayload && hidden.constant == 0)
+    if (!stage_)
         return false;
     Id bits = 0;
-    if (inPayload)
+    if (stage_->hidden.inPayload() && receivesPayload(stage_->executionModel))
         bits = out.value(spv::OpLoad, types_.uint32(), {prefix_.keptFlags()});
+    else if (stage_->hidden.constant != 0)
+        bits = types_.uintConstant(stage_->hidden.constant);
     else
-        bits = types_.uintConstant(hidden.constant);
+        return false;
     addBits(in, bits, out);
     return true;
 }

@@ -13,17 +13,14 @@
 namespace vellum::spirv
 {
 
-// What `function`, which takes and returns a uint, makes of a 32-bit integer of the given type.
-Id restoreValue(Types &types, Id function, Id type, Id value, Code &out);
-
 // A load of a 32-bit integer from a pointer to a uint in place of an instruction with a result of either signedness.
 void loadUint(const Module &module, Types &types, Id pointer, Instruction in, Code &out);
 
 // An instruction whose result, a 32-bit integer, goes through `function`, which takes and returns a uint.
 void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out);
 
-// Reads of built-in variables: InstanceCustomIndex, which is a slot, and IncomingRayFlags, which lack hidden bits or
-// carry them elsewhere. Also the same of hit objects.
+// Reads of built-in variables: InstanceCustomIndex, which is a slot, and IncomingRayFlags, which lacks
+// hidden flags. Also the same of hit objects.
 class BuiltIns
 {
 public:

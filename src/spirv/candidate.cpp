@@ -119,11 +119,8 @@ Id CandidateFunctions::opacityFlags(Code &code, Reached reached)
     if (!mode_.hidden && queryFlags_.inUse())
         return code.value(spv::OpLoad, uint, {reached.flags});
     const Id flags = code.value(spv::OpRayQueryGetRayFlagsKHR, uint, {reached.query});
-    if (!mode_.hidden)
-        return code.value(spv::OpFunctionCall, uint, {linker_.function("vellumApplicationFlags"), flags});
-    if (*mode_.hidden == 0)
-        return flags;
-    return code.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(*mode_.hidden)});
+    const std::uint32_t hidden = mode_.hidden.value_or(0);
+    return hidden == 0 ? flags : code.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(hidden)});
 }
 
 Id CandidateFunctions::candidate(const QueryAccess &access, const Consumes &consumes)

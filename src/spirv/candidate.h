@@ -16,8 +16,7 @@ namespace vellum::spirv
 // What is known at compile time of the ray flags of all queries in a module.
 struct RayFlagMode {
     // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have;
-    // nothing if they differ or are computed. Then they travel in the driver's ray flags, or in a variable beside each
-    // query (side_variables.h).
+    // nothing if they differ or are computed. Then the flags lie in a variable beside each query (side_variables.h).
     std::optional<std::uint32_t> hidden;
     // All bits that matter to opacity, if all queries have the same.
     std::optional<std::uint32_t> all;
@@ -61,7 +60,7 @@ public:
     struct Reached {
         Id query = 0, flags = 0, index = 0;
     };
-    // Ray flags as the application wrote them, or at least those that matter to opacity; 0 if the linker failed.
+    // Ray flags as the application wrote them, or at least those that matter to opacity.
     Id opacityFlags(Code &code, Reached reached);
 
     // Adds the functions to the module.

@@ -131,35 +131,45 @@ Id Consumption::condition(const Consumes &consumes, Code &out)
     return out.value(spv::OpLoad, boolean, {variable_});
 }
 
+namespace
+{
+
+// The last variable of the function that begins there, or the label of its first block: variables come first in it.
+std::size_t lastVariable(const std::vector<Instruction> &code, std::size_t function)
+{
+    std::size_t last = function;
+    for (std::size_t i = function; code[i].opcode != spv::OpFunctionEnd; ++i) {
+        const bool isLabel = code[i].opcode == spv::OpLabel;
+        if (isLabel && last != function)
+            break;
+        if (isLabel || code[i].opcode == spv::OpVariable || code[i].opcode == kOpUntypedVariableKHR)
+            last = i;
+    }
+    return last;
+}
+
+} // namespace
+
 bool Consumption::finish()
 {
     if (variable_ == 0)
         return true;
     std::vector<Instruction> out;
-    const auto &code = module_.section(Section::Functions);
-    const Consumes *pending = nullptr; // of the entry point whose first block began: variables come first in it
+    const std::vector<Instruction> code = module_.section(Section::Functions);
+    std::map<std::size_t, Id> stores; // values, by the instruction that comes before
     for (std::size_t i = 0; i < code.size(); ++i) {
-        out.push_back(code[i]);
-        if (code[i].opcode == spv::OpFunction) {
-            const auto entry = entries_.find(module_.result(code[i]));
-            pending = entry == entries_.end() ? nullptr : &entry->second;
+        const auto entry = code[i].opcode == spv::OpFunction ? entries_.find(module_.result(code[i])) : entries_.end();
+        if (entry != entries_.end()) {
+            const Consumes &consumes = entry->second;
+            const bool always = consumes.when == Consumes::When::Always;
+            stores[lastVariable(code, i)] =
+                consumes.when == Consumes::When::If
+                    ? consumes.condition
+                    : types_.get(always ? spv::OpConstantTrue : spv::OpConstantFalse, {types_.boolean()});
         }
-        const bool begun = code[i].opcode == spv::OpLabel || code[i].opcode == spv::OpVariable ||
-                           code[i].opcode == kOpUntypedVariableKHR;
-        if (!pending || !begun)
-            continue;
-        std::size_t next = i + 1;
-        while (next < code.size() && (code[next].opcode == spv::OpLine || code[next].opcode == spv::OpNoLine ||
-                                      code[next].opcode == spv::OpExtInst))
-            ++next;
-        if (next < code.size() && (code[next].opcode == spv::OpVariable || code[next].opcode == kOpUntypedVariableKHR))
-            continue;
-        Id value = pending->condition;
-        if (pending->when != When::If)
-            value = types_.get(pending->when == When::Always ? spv::OpConstantTrue : spv::OpConstantFalse,
-                               {types_.boolean()});
-        out.push_back(module_.make(spv::OpStore, {variable_, value}));
-        pending = nullptr;
+        out.push_back(code[i]);
+        if (const auto store = stores.find(i); store != stores.end() && code[i].opcode != spv::OpFunction)
+            out.push_back(module_.make(spv::OpStore, {variable_, store->second}));
     }
     module_.section(Section::Functions) = std::move(out);
     if (module_.addToInterfaces({variable_}))

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/opacity.h"
+#include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
 #include "spirv/module/reach.h"
 #include "spirv/module/uses.h"
@@ -41,7 +42,7 @@ bool EntryWrapper::selectEntryPoint(const PipelineStage &stage)
     }
     interface_ = std::min(2 + stringWords(std::string(stage.entryPoint).c_str()).size(), entry_.size());
     application_ = module_.word(*chosen, 2);
-    if (stage.hidden.way == HiddenFlags::Way::InPayload)
+    if (stage.hidden.inPayload())
         declaredPayload_ = incomingPayload(module_, *chosen);
     const Instruction entry = *chosen;
     entries = {entry};
@@ -57,9 +58,10 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     if (!selectEntryPoint(stage))
         return false;
     hidden_ = stage.hidden;
+    receivesPayload_ = receivesPayload(stage.executionModel);
     Decides decides = stage.decides;
-    // The any-hit shader of the box, which sees the payload, will decide instead.
-    if (decides == Decides::BoxCulling && hidden_.way == HiddenFlags::Way::InPayload)
+    // Where CullNoOpaque may be in the payload, the any-hit shader of the box, which sees it, decides instead.
+    if (decides == Decides::BoxCulling && hidden_.inPayload() && (hidden_.constant & shared::kRayCullNoOpaque) == 0)
         decides = Decides::Nothing;
     if (decides == Decides::Nothing && prefix_.keptFlagsIfAsked() == 0)
         return true;
@@ -158,15 +160,11 @@ Id EntryWrapper::applicationFlags()
 {
     const Id uint = types_.uint32();
     const Id flags = readBuiltIn(spv::BuiltInIncomingRayFlagsKHR);
-    switch (hidden_.way) {
-    case HiddenFlags::Way::Carried:
-        return code_.value(spv::OpFunctionCall, uint, {linker_.function("vellumApplicationFlags"), flags});
-    case HiddenFlags::Way::Constant:
-        return hidden_.constant == 0
-                   ? flags
-                   : code_.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(hidden_.constant)});
-    default: return code_.value(spv::OpBitwiseOr, uint, {flags, code_.value(spv::OpLoad, uint, {incomingPrefix()})});
-    }
+    if (hidden_.inPayload() && receivesPayload_)
+        return code_.value(spv::OpBitwiseOr, uint, {flags, code_.value(spv::OpLoad, uint, {incomingPrefix()})});
+    if (hidden_.constant == 0)
+        return flags;
+    return code_.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(hidden_.constant)});
 }
 
 Id EntryWrapper::incomingPrefix()
@@ -221,7 +219,7 @@ Id EntryWrapper::readBuiltIn(std::uint32_t builtIn)
     const Id pointer = module_.resultType(module_.definition(variable));
     const Id type = module_.word(module_.definition(pointer), 3);
     const Id value = code_.value(spv::OpLoad, type, {variable});
-    return type == uint ? value : code_.value(spv::OpBitcast, uint, {value});
+    return toUint(types_, type, value, code_);
 }
 
 Id EntryWrapper::makeInput(std::uint32_t storageClass, Id type)

@@ -63,6 +63,7 @@ private:
     PayloadPrefix &prefix_;
     Id knownIndex_;
     HiddenFlags hidden_;
+    bool receivesPayload_ = false;
     std::vector<std::uint32_t> entry_; // operands of OpEntryPoint
     std::size_t interface_ = 0;        // where in them the interface begins
     Id application_ = 0;               // the application's function

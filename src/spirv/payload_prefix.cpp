@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "spirv/module/opcodes.h"
+#include "spirv/module/uses.h"
 #include "spirv/payload_types.h"
 
 namespace vellum::spirv
@@ -148,13 +149,6 @@ void PayloadPrefix::fail(const char *error)
         error_ = error;
 }
 
-bool PayloadPrefix::isDebugInformation(Instruction extInst) const
-{
-    const Instruction set = module_.definition(module_.word(extInst, 3));
-    const std::string name = set.opcode == spv::OpExtInstImport ? module_.string(set, 2) : "";
-    return name.starts_with("NonSemantic.") || name.starts_with("OpenCL.DebugInfo");
-}
-
 // An instruction of the application, which means its own part of a payload.
 Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
 {
@@ -192,7 +186,7 @@ Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
             return in;
         return module_.make(spv::OpAccessChain, {module_.word(in, 1), module_.word(in, 2), module_.word(in, 3),
                                                  types_.uintConstant(kPayload)});
-    case spv::OpExtInst: return isDebugInformation(in) ? in : withParts(5, in.count);
+    case spv::OpExtInst: return isDebug(module_, in) ? in : withParts(5, in.count);
     // Functions get whole payloads (SPIR-V, 2.16.1: a pointer argument is a memory object declaration), and so pass the
     // prefix on.
     case spv::OpFunctionCall:

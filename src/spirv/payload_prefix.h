@@ -53,7 +53,6 @@ private:
     Instruction widenedFunction(Instruction function);
     Instruction throughPayload(Instruction in, Code &out);
     void fail(const char *error);
-    bool isDebugInformation(Instruction extInst) const;
 
     Module &module_;
     Types &types_;

@@ -2,6 +2,7 @@
 
 #include "core/ray_flags.h"
 #include "spirv/built_ins.h"
+#include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
 #include "spirv/trace_ray.h"
 
@@ -24,11 +25,9 @@ RayFlagMode RayQueries::findMode() const
     RayFlagMode mode;
     bool first = true;
     bool consumes = false;
-    bool makesHitObjects = false;
     for (const Instruction in : module_.section(Section::Functions)) {
         if (in.opcode == spv::OpFunction)
             consumes = consumption_.in(module_.result(in)).when != Consumes::When::Never;
-        makesHitObjects = makesHitObjects || in.opcode == kOpHitObjectRecordFromQueryEXT;
         if (in.opcode != spv::OpRayQueryInitializeKHR || !consumes)
             continue;
         const auto flags = types_.valueOf(module_.word(in, 3));
@@ -42,9 +41,6 @@ RayFlagMode RayQueries::findMode() const
             mode.all.reset();
         first = false;
     }
-    // A hit object gets the flags that the driver knows of the query, unless they are kept beside it.
-    if (makesHitObjects && !hitObjects_.inUse() && mode.hidden.value_or(0) != 0)
-        return {};
     return mode;
 }
 
@@ -77,7 +73,7 @@ bool RayQueries::travel() const
 
 bool RayQueries::rewrite()
 {
-    if (travel() && (hitObjects_.inUse() || !options_.carriesFlagBits()) && !queryFlags_.declare()) {
+    if (travel() && !queryFlags_.declare()) {
         error_ = queryFlags_.error();
         return false;
     }
@@ -178,25 +174,13 @@ Id RayQueries::choose(Id type, Id consuming, Id idle, Code &out)
 
 Id RayQueries::consumingFlags(Id flags, Code &out)
 {
-    if (mode_.hidden) {
-        if (*mode_.hidden == 0)
-            return flags;
-        const Id type = module_.resultType(module_.definition(flags));
-        return types_.get(spv::OpConstant, {type, types_.valueOf(flags).value_or(0) & ~kHiddenRayFlags});
-    }
-    if (queryFlags_.inUse())
-        return removeFlags(types_, flags, module_.resultType(module_.definition(flags)), kHiddenRayFlags, out);
-    return hideRayFlags(module_, types_, linker_, flags, out);
+    return removeFlags(module_, types_, flags, kHiddenRayFlags, out);
 }
 
 // ForceOpacityMicromap2State, which the driver does not know, does nothing here: it only comes back to the application.
 Id RayQueries::idleFlags(Id flags, Code &out)
 {
-    if (!options_.force2State)
-        return flags;
-    if (queryFlags_.inUse())
-        return removeFlags(types_, flags, module_.resultType(module_.definition(flags)), shared::kRayForce2State, out);
-    return hideUnknownFlag(module_, types_, linker_, flags, out);
+    return options_.force2State ? removeFlags(module_, types_, flags, shared::kRayForce2State, out) : flags;
 }
 
 bool RayQueries::keepFlags(Instruction in, Code &out)
@@ -206,10 +190,8 @@ bool RayQueries::keepFlags(Instruction in, Code &out)
         error_ = "OpRayQueryInitializeKHR on a ray query that is not reached through a variable or parameter";
         return false;
     }
-    const Id uint = types_.uint32();
     const Id flags = module_.word(in, 3);
-    const bool isUint = module_.resultType(module_.definition(flags)) == uint;
-    out.put(spv::OpStore, {pointer, isUint ? flags : out.value(spv::OpBitcast, uint, {flags})});
+    out.put(spv::OpStore, {pointer, toUint(types_, module_.resultType(module_.definition(flags)), flags, out)});
     return true;
 }
 
@@ -219,7 +201,7 @@ void RayQueries::keepInHitObject(Instruction in, Code &out)
 {
     if (!hitObjects_.inUse()) {
         if (queryFlags_.inUse() && reached_.contains(function_))
-            error_ = "it makes a hit object from a ray query, whose flags lie beside it, and hit objects carry theirs";
+            error_ = "it makes a hit object from a ray query whose flags differ from those of all rays";
         return;
     }
     const Id object = hitObjects_.pointer(module_.word(in, 1), out);
@@ -248,12 +230,10 @@ bool RayQueries::initialize(Instruction in, Code &out)
         return false;
     Id type = module_.resultType(module_.definition(flags));
     if (consumes_.isConditional() && !types_.valueOf(flags)) { // what is computed is uint
-        const Id uint = types_.uint32();
-        if (type != uint)
-            for (Id *one : {&consuming, &idle})
-                if (*one == flags)
-                    *one = out.value(spv::OpBitcast, uint, {flags});
-        type = uint;
+        for (Id *one : {&consuming, &idle})
+            if (*one == flags)
+                *one = toUint(types_, type, flags, out);
+        type = types_.uint32();
     }
     out.out.push_back(module_.with(in, 3, choose(type, consuming, idle, out)));
     return true;
@@ -275,35 +255,17 @@ bool RayQueries::proceed(Instruction in, Code &out)
     return true;
 }
 
-Id RayQueries::flagsOfConsuming(Id type, Id flags, Code &out)
-{
-    if (!mode_.hidden)
-        return restoreValue(types_, linker_.function("vellumApplicationFlags"), type, flags, out);
-    if (*mode_.hidden == 0)
-        return flags;
-    return out.value(spv::OpBitwiseOr, type, {flags, types_.get(spv::OpConstant, {type, *mode_.hidden})});
-}
-
-Id RayQueries::flagsOfIdle(Id type, Id flags, Code &out)
-{
-    if (!options_.force2State)
-        return flags;
-    return restoreValue(types_, linker_.function("vellumApplicationFlags"), type, flags, out);
-}
-
 bool RayQueries::getRayFlags(Instruction in, Code &out)
 {
     if (queryFlags_.inUse())
         return getKeptFlags(in, out);
-    const bool never = consumes_.when == Consumes::When::Never;
-    const bool same = never ? !options_.force2State : mode_.hidden && *mode_.hidden == 0;
-    if (same && (never || !consumes_.isConditional() || !options_.force2State))
+    const std::uint32_t hidden = mode_.hidden.value_or(0);
+    if (consumes_.when == Consumes::When::Never || hidden == 0)
         return false;
     const Id type = module_.resultType(in);
     const Id flags = out.value(spv::OpRayQueryGetRayFlagsKHR, type, {module_.word(in, 3)});
-    const Id consuming = never ? flags : flagsOfConsuming(type, flags, out);
-    const Id idle = consumes_.when == Consumes::When::Always ? consuming : flagsOfIdle(type, flags, out);
-    out.put(spv::OpCopyObject, {type, module_.result(in), choose(type, consuming, idle, out)});
+    const Id all = out.value(spv::OpBitwiseOr, type, {flags, types_.get(spv::OpConstant, {type, hidden})});
+    out.put(spv::OpCopyObject, {type, module_.result(in), choose(type, all, flags, out)});
     return true;
 }
 

@@ -5,17 +5,15 @@
 #include "spirv/consumption.h"
 #include "spirv/proceed_loop.h"
 
-#include <functional>
 #include <set>
 
 namespace vellum::spirv
 {
 
 struct RayQueryOptions {
-    const std::function<bool()> &carriesFlagBits; // the driver gives ray flag bits 11..13 back
-    const std::set<Id> &reached;                  // the functions of the entry points that the result is good for
-    bool constantFlags = true;                    // flags that are the same everywhere become constants
-    bool force2State = true; // the module declares the capability of the ray flag ForceOpacityMicromap2State
+    const std::set<Id> &reached; // the functions of the entry points that the result is good for
+    bool constantFlags = true;   // flags that are the same everywhere become constants
+    bool force2State = true;     // the module declares the capability of the ray flag ForceOpacityMicromap2State
 };
 
 class RayQueries
@@ -49,9 +47,6 @@ private:
     // Ray flags as the driver gets them where the query consumes micromaps, and where it does not.
     Id consumingFlags(Id flags, Code &out);
     Id idleFlags(Id flags, Code &out);
-    // Ray flags as the application wrote them, from the driver's, likewise.
-    Id flagsOfConsuming(Id type, Id flags, Code &out);
-    Id flagsOfIdle(Id type, Id flags, Code &out);
     // One of two values of a type: in functions that may or may not consume micromaps, by the condition.
     Id choose(Id type, Id consuming, Id idle, Code &out);
 

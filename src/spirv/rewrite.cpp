@@ -1,5 +1,6 @@
 #include "spirv/rewrite.h"
 
+#include "core/hash.h"
 #include "spirv/built_ins.h"
 #include "spirv/consumption.h"
 #include "spirv/entry_wrapper.h"
@@ -85,19 +86,19 @@ std::set<Id> stageFunctions(const Module &module, const std::optional<PipelineSt
     return reachedFrom(module, std::move(functions));
 }
 
-// Whether hidden flags of hit objects lie beside these: those of rays that pipelines with micromaps trace, and those of
-// ray queries in other pipelines.
-bool keepsHitObjectFlags(const Module &module, const RewriteOptions &options)
+// Whether hidden flags of hit objects lie beside these. In pipelines without micromaps these are the flags of ray
+// queries, and the one that the driver does not know.
+bool keepsHitObjectFlags(const Module &module, const std::optional<PipelineStage> &stage, bool force2State)
 {
-    const bool inPayload = options.pipelineStage && options.pipelineStage->hidden.way == HiddenFlags::Way::InPayload;
     const auto isHitObject = [](Instruction in) {
         return in.opcode == kOpTypeHitObjectNV || in.opcode == kOpTypeHitObjectEXT;
     };
     const auto isFromQuery = [](Instruction in) { return in.opcode == kOpHitObjectRecordFromQueryEXT; };
-    return std::ranges::any_of(module.section(Section::Globals), isHitObject) &&
-           (inPayload ||
-            (!options.pipelineStage && std::ranges::any_of(module.section(Section::Functions), isFromQuery) &&
-             !options.queriesCarryFlagBits()));
+    if (!std::ranges::any_of(module.section(Section::Globals), isHitObject))
+        return false;
+    if (stage)
+        return stage->hidden.inPayload();
+    return force2State || std::ranges::any_of(module.section(Section::Functions), isFromQuery);
 }
 
 RewriteResult failed(std::string error)
@@ -112,10 +113,7 @@ RewriteResult failed(std::string error)
 
 std::uint64_t linkedCodeHash()
 {
-    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
-    for (const std::uint32_t word : lookup)
-        hash = (hash ^ word) * 0x100000001b3u;
-    return hash;
+    return Hash::of(lookup);
 }
 
 bool hasRayTracingStages(std::span<const std::uint32_t> words)
@@ -167,18 +165,14 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
                    {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
     const std::set<Id> reached = stageFunctions(*module, options.pipelineStage);
     const bool inPipeline = options.pipelineStage.has_value();
-    const HiddenFlags hidden = inPipeline ? options.pipelineStage->hidden : HiddenFlags{};
     SideVariables hitObjects(*module, types, Beside::HitObjects);
-    if (keepsHitObjectFlags(*module, options)) {
+    if (keepsHitObjectFlags(*module, options.pipelineStage, force2State)) {
         if (!hitObjects.declare())
             return failed(hitObjects.error());
         changed = true;
     }
     RayQueries queries(*module, types, linker, consumption, hitObjects,
-                       {.carriesFlagBits = options.queriesCarryFlagBits,
-                        .reached = reached,
-                        .constantFlags = options.constantQueryFlags,
-                        .force2State = force2State});
+                       {.reached = reached, .constantFlags = options.constantQueryFlags, .force2State = force2State});
     changed = queries.rewrite() || changed;
     if (!queries.error().empty())
         return failed(queries.error());
@@ -187,12 +181,10 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
         return failed(consumption.error());
 
     PayloadPrefix prefix(*module, types, reached);
-    if (hidden.way == HiddenFlags::Way::InPayload && !prefix.widen())
+    if (inPipeline && options.pipelineStage->hidden.inPayload() && !prefix.widen())
         return failed(prefix.error());
     BuiltIns builtIns(*module, types, linker, prefix, hitObjects, options);
-    // Of a pipeline without micromaps only the ray flag that the driver does not know is hidden. It needs the
-    // capability.
-    TraceRays traces(*module, types, linker, prefix, hitObjects, options, reached, force2State);
+    TraceRays traces(*module, types, prefix, hitObjects, options, reached, force2State);
     changed = replaceInstructions(*module, builtIns, traces) || changed;
     if (!traces.error().empty())
         return failed(traces.error());

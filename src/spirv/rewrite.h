@@ -3,8 +3,6 @@
 // What the rewritten module relies on (the layer's side of it):
 //   - hits on geometry with a micromap reach the shader as non-opaque triangle candidates;
 //   - the driver's instanceCustomIndex is a slot of the root table (core/records.h), for every instance;
-//   - ray flag bits 11..13 come back unchanged from OpRayQueryGetRayFlagsKHR and in IncomingRayFlagsKHR, where it says
-//     that they are carried;
 //   - instances without geometry records keep their flags; of the others, the instance record holds the true ones.
 //
 // What changes for the driver: the module needs physical storage buffer addresses (bufferDeviceAddress); opacity
@@ -20,12 +18,13 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "core/ray_flags.h"
 
 namespace vellum::spirv
 {
@@ -44,20 +43,18 @@ enum class QueriesConsume {
     WhereDeclared // those of entry points with the execution mode OpacityMicromapIdKHR and a true operand
 };
 
-// How the ray flags that are hidden from the driver reach the shaders that a ray calls, in a pipeline that uses
-// micromaps. The same for all stages of all pipelines that work together.
+// The ray flags that are hidden from the driver (core/ray_flags.h), and how they reach the shaders that a ray calls, in
+// a pipeline that uses micromaps. The same for all stages of all pipelines that work together.
 struct HiddenFlags {
-    enum class Way {
-        Carried,  // in bits 11..13 of the driver's ray flags
-        Constant, // all rays have the same
-        InPayload // before the application's payload (payload_prefix.h), which intersection shaders cannot see
-    };
-    Way way = Way::Carried;
-    std::uint32_t constant = 0;
-    // InPayload: the type of the ray's payload (payload_types.h), for a shader that declares none. Empty where it is
-    // not known: it gets the prefix alone.
+    // Those that all rays have alike are constants of the rewritten shaders. Where there are others, all lie before the
+    // application's payload (payload_prefix.h), which intersection shaders cannot see.
+    std::uint32_t fixed = shared::kHiddenRayFlags;
+    std::uint32_t constant = 0; // the fixed ones that all rays have
+    // The type of the ray's payload (payload_types.h), for a shader that declares none. Empty where it is not known: it
+    // gets the prefix alone.
     std::vector<std::uint32_t> payload{};
     auto operator<=>(const HiddenFlags &) const = default;
+    [[nodiscard]] bool inPayload() const { return fixed != shared::kHiddenRayFlags; }
 };
 
 // A stage of a ray tracing pipeline that uses micromaps.
@@ -72,11 +69,6 @@ struct RewriteOptions {
     std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
     std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
-    // Whether the driver gives ray flag bits 11..13 back. Without them, flags that are not constant lie in variables
-    // beside the ray queries (side_variables.h). Asked only where the answer matters.
-    std::function<bool()> queriesCarryFlagBits = [] { return true; };
-    // The same of traceRay, in pipelines that do not use micromaps.
-    std::function<bool()> pipelinesCarryFlagBits = [] { return true; };
     // Whether flags that all ray queries of a module pass as constants become constants of the rewritten module. Else
     // they travel like those that are computed.
     bool constantQueryFlags = true;
@@ -102,8 +94,11 @@ struct RewriteResult {
 // What is known of all rays that a module traces in pipelines.
 struct TracedFlags {
     bool traces = false;
-    std::optional<std::uint32_t> hidden; // flags; nothing if they differ or are computed
-    std::uint32_t mostStride = 15;       // the greatest SBT stride; where one is computed, the greatest there may be
+    std::uint32_t fixed = shared::kHiddenRayFlags; // those that all rays have alike
+    std::uint32_t constant = 0;                    // the fixed ones that all rays have
+    std::uint32_t mostStride = 0;                  // the greatest SBT stride; 15 where one is unknown
+    void add(const TracedFlags &other);
+    bool operator==(const TracedFlags &) const = default;
 };
 
 // Nothing is known of what is no SPIR-V.

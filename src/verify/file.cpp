@@ -1,13 +1,11 @@
 #include "verify/file.h"
 
 #include <algorithm>
-#include <functional>
 #include <map>
 #include <optional>
 #include <set>
-#include <string_view>
 
-#include "gltf/file/tinygltf.h"
+#include "core/hash.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 
@@ -116,11 +114,10 @@ const PrimitiveReport *FileVerifier::twinOf(PrimitivePlace place, const std::vec
                                             const Material &material)
 {
     const PrimitiveMicromap &stored = m_stored.primitives.at(place);
-    const auto hash = [](const auto &values) {
-        return std::hash<std::string_view>()(
-            {reinterpret_cast<const char *>(values.data()), values.size() * sizeof(values.front())});
+    const auto hash = [](const auto &values, std::uint64_t seed) {
+        return hashBytes(values.data(), values.size() * sizeof(values.front()), seed);
     };
-    const std::uint64_t key = hash(triangles) ^ (hash(stored.indices) * 31 + stored.micromap);
+    const std::uint64_t key = hash(stored.indices, hash(triangles, stored.micromap));
     const auto [found, isNew] = m_verified.try_emplace(key, m_report.primitives.size());
     if (isNew)
         return nullptr;

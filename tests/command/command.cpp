@@ -36,7 +36,7 @@ std::string textOf(const std::filesystem::path &path)
         setenv(name.c_str(), value.c_str(), 1);
     // Under the sanitizers, only faults are wanted here; drivers keep memory to the end.
     setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
-    // Pictures are small: most of the time would go into compiling shaders. See tests/layer/harness/test_main.cpp.
+    // Pictures are small: most of the time would go into compiling shaders. See tests/layer/harness/program/test_main.cpp.
     setenv("GALLIVM_PERF", "nopt", 0);
     setenv("MESA_SHADER_CACHE_DIR", VELLUM_TEST_SHADER_CACHE, 0);
 #if !defined(__SANITIZE_ADDRESS__)

@@ -321,6 +321,24 @@ TEST_F(GltfReport, ACutoffForBlendIsACaution)
     run({"verify", "--blend-cutoff", "0.5", "--strict", in("card.omm.glb")}, 4);
 }
 
+TEST_F(GltfReport, CountsAndOffsetsHave64Bits)
+{
+    const std::string accessor = R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"})";
+    const auto errorOf = [&](const std::string &members, const std::string &indices) {
+        write("card.glb",
+              {{accessor, R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "sparse": {)" +
+                              members + R"(, "values": {"bufferView": 0}, "indices": {"bufferView": 2, )" + indices +
+                              R"("componentType": 5123}}})"}});
+        return run({"bake", in("card.glb")}, 1).errors;
+    };
+    EXPECT_TRUE(has(errorOf(R"("count": 4000000000)", ""), "replaces 4000000000 of 4 elements"));
+    EXPECT_TRUE(has(errorOf(R"("count": 1)", R"("byteOffset": 4000000000, )"), "reaches outside of its buffer view"));
+    write("card.glb", {{R"({"buffer": 0, "byteOffset": 80, "byteLength": 12})",
+                        R"({"buffer": 0, "byteOffset": 80, "byteLength": 12, "extensions": {"EXT_meshopt_compression":
+                           {"buffer": 0, "byteLength": 12, "byteStride": 2, "count": 4000000002, "mode": "TRIANGLES"}}})"}});
+    EXPECT_TRUE(has(run({"bake", in("card.glb")}, 1).errors, "is decompressed to 8000000004 bytes"));
+}
+
 // What gltf-pipeline makes of a file with micromaps: it keeps the extensions that it does not know, and drops what
 // only they refer to.
 TEST_F(GltfReport, MicromapsThatLostTheirData)

@@ -39,12 +39,6 @@ std::optional<std::string> manifestOf(Driver driver)
     return {};
 }
 
-std::optional<std::string> variable(const char *name)
-{
-    const char *value = std::getenv(name);
-    return value != nullptr ? std::optional<std::string>(value) : std::nullopt;
-}
-
 } // namespace
 
 Driver driverOf(const std::string &gpu)
@@ -64,15 +58,6 @@ std::string useGpu(const std::string &gpu, vt::Options &options)
         return std::string(driver == Driver::Anv ? "ANV" : "RADV") + " is not installed (Debian: mesa-vulkan-drivers)";
     kernel::install(gpu);
     options.absentGpu = gpu;
-    options.keepsFlagBits = driver == Driver::Radv;
-    // Not for the next GPU's driver, which may be the other one.
-    static const std::optional<std::string> own = variable("VELLUM_CARRIED_RAY_FLAGS");
-    if (driver == Driver::Anv)
-        setenv("VELLUM_CARRIED_RAY_FLAGS", "off", 1);
-    else if (own)
-        setenv("VELLUM_CARRIED_RAY_FLAGS", own->c_str(), 1);
-    else
-        unsetenv("VELLUM_CARRIED_RAY_FLAGS");
     // It is about GPUs that the kernel has another driver for, too.
     setenv("INTEL_XE_IGNORE_EXPERIMENTAL_WARNING", "1", 1);
     // VK_LAYER_PATH would hide VK_ADD_LAYER_PATH; implicit layers of this machine are not wanted.

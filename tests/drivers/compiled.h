@@ -19,9 +19,6 @@ Driver driverOf(const std::string &gpu);
 
 // Lets this process have a GPU that is not there (kernel/absent_gpu.h), use its driver without its cache on disk, and
 // the layers of this build, from the next instance on. Gives back why it cannot; nothing if it can.
-// The layer asks whether unused ray flag bits come back. A GPU that is not there does not answer: for RADV
-// keepsFlagBits in the options does, as AMD's GPUs would; ANV, which drops the bits, gets the layer's setting for such
-// drivers.
 std::string useGpu(const std::string &gpu, vt::Options &options);
 
 // What VK_KHR_pipeline_executable_properties tells of a shader.

@@ -12,14 +12,9 @@ namespace vellum::test
 namespace
 {
 
-// Of unused ray flag bits: not tried, since the layer's setting says so; tried, and the bits do not come back; or they
-// do.
-enum class Trial { None, Lost, Kept };
-
 struct Device {
     const char *name;
     vt::Api api;
-    Trial trial = Trial::None;
 };
 
 std::ostream &operator<<(std::ostream &out, const Device &device)
@@ -38,8 +33,6 @@ TEST_P(Submission, BuildsAndTracesAreTaken)
     options.newer = true;
     if (const std::string whyNot = useGpu(GetParam().name, options); !whyNot.empty())
         GTEST_SKIP() << whyNot;
-    options.keepsFlagBits = GetParam().trial == Trial::Kept;
-    setenv("VELLUM_CARRIED_RAY_FLAGS", GetParam().trial == Trial::None ? "off" : "on", 1);
     vt::Gpu gpu(options);
     vt::MicromapInput input;
     const std::vector<std::uint8_t> states(16, 2);
@@ -58,34 +51,24 @@ TEST_P(Submission, BuildsAndTracesAreTaken)
     // An intersection shader that no group has would crash ANV, without the layer as well.
     vt::PipelineTracer tracer(gpu, {.groups = {{}, {.box = true}, {.box = true, .anyHit = false}}});
     EXPECT_EQ(tracer.trace(scene, rays).size(), rays.size());
-    // Where the bits are lost, the layer warns of what it cannot do then. Without a trial the harness expects that.
-    const bool lost = GetParam().trial == Trial::Lost;
-    std::size_t warnings = 0;
-    for (const vt::Message &m : gpu.takeUnexpectedMessages()) {
-        if (lost && m.id == "VELLUM-intersection-ray-flags")
-            ++warnings;
-        else
-            ADD_FAILURE() << m.id << ": " << m.text;
-    }
-    EXPECT_EQ(warnings > 0, lost);
+    for (const vt::Message &m : gpu.takeUnexpectedMessages())
+        ADD_FAILURE() << m.id << ": " << m.text;
+    EXPECT_GT(gpu.intersectionWarnings(), 0u);
 }
 
 std::string nameOf(const testing::TestParamInfo<Device> &info)
 {
-    constexpr const char *kTrials[]{"", "BitsLost", "BitsKept"};
-    return info.param.name + std::string(info.param.api == vt::Api::Khr ? "Khr" : "Ext") +
-           kTrials[static_cast<std::size_t>(info.param.trial)];
+    return info.param.name + std::string(info.param.api == vt::Api::Khr ? "Khr" : "Ext");
 }
 
 INSTANTIATE_TEST_SUITE_P(Amd, Submission,
-                         testing::Values(Device{"navi21", vt::Api::Ext}, Device{"navi21", vt::Api::Ext, Trial::Lost},
-                                         Device{"navi21", vt::Api::Khr, Trial::Kept}, Device{"navi31", vt::Api::Khr},
-                                         Device{"gfx1201", vt::Api::Ext, Trial::Kept}),
+                         testing::Values(Device{"navi21", vt::Api::Ext}, Device{"navi21", vt::Api::Khr},
+                                         Device{"navi31", vt::Api::Khr}, Device{"gfx1201", vt::Api::Ext}),
                          nameOf);
 INSTANTIATE_TEST_SUITE_P(Intel, Submission,
-                         testing::Values(Device{"dg2", vt::Api::Ext}, Device{"dg2", vt::Api::Khr, Trial::Lost},
+                         testing::Values(Device{"dg2", vt::Api::Ext}, Device{"dg2", vt::Api::Khr},
                                          Device{"mtl", vt::Api::Ext}, Device{"lnl", vt::Api::Khr},
-                                         Device{"bmg", vt::Api::Ext}, Device{"bmg", vt::Api::Khr, Trial::Lost}),
+                                         Device{"bmg", vt::Api::Ext}, Device{"bmg", vt::Api::Khr}),
                          nameOf);
 
 } // namespace

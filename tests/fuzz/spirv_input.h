@@ -17,14 +17,14 @@ inline constexpr std::size_t kHeaderWords = 5;
 inline constexpr std::size_t kOptionsWord = 2;
 
 // Bits of the options.
-inline constexpr std::uint32_t kQueriesDoNotCarry = 1;
-inline constexpr std::uint32_t kPipelinesDoNotCarry = 2;
-inline constexpr std::uint32_t kInPipeline = 4;        // for a stage of a pipeline
-inline constexpr std::uint32_t kDecidesShift = 3;      // two bits, Decides
-inline constexpr std::uint32_t kEntryPointShift = 5;   // two bits, which one
-inline constexpr std::uint32_t kOtherStage = 0x80;     // whose entry point has another execution model
-inline constexpr std::uint32_t kNoEntryPoint = 0x100;  // of a name that the module does not have
-inline constexpr std::uint32_t kConstantFlags = 0x200; // all rays have the same hidden flags
+inline constexpr std::uint32_t kQueriesKeepConstants = 1; // constant ray flags like others
+inline constexpr std::uint32_t kInPayload = 2;            // hidden flags lie in the payload
+inline constexpr std::uint32_t kInPipeline = 4;           // for a stage of a pipeline
+inline constexpr std::uint32_t kDecidesShift = 3;         // two bits, Decides
+inline constexpr std::uint32_t kEntryPointShift = 5;      // two bits, which one
+inline constexpr std::uint32_t kOtherStage = 0x80;        // whose entry point has another execution model
+inline constexpr std::uint32_t kNoEntryPoint = 0x100;     // of a name that the module does not have
+inline constexpr std::uint32_t kConstantFlags = 0x200;    // all rays have the same hidden flags
 inline constexpr std::uint32_t kAllOptions = 0x3ff;
 
 struct SpirvInput {
@@ -37,8 +37,7 @@ inline void readOptions(std::span<const std::uint32_t> words, SpirvInput &input)
 {
     const std::uint32_t bits = words.size() > kOptionsWord ? words[kOptionsWord] : 0;
     input.options = {.rootAddress = 0xfedcba9876543210, .firstSlots = 0x0123456789abcde0};
-    input.options.queriesCarryFlagBits = [bits] { return (bits & kQueriesDoNotCarry) == 0; };
-    input.options.pipelinesCarryFlagBits = [bits] { return (bits & kPipelinesDoNotCarry) == 0; };
+    input.options.constantQueryFlags = (bits & kQueriesKeepConstants) == 0;
     if ((bits & kInPipeline) == 0)
         return;
     std::uint32_t skip = bits >> kEntryPointShift & 3;
@@ -64,10 +63,9 @@ inline void readOptions(std::span<const std::uint32_t> words, SpirvInput &input)
         input.entryPoint += "?";
     if ((bits & kOtherStage) != 0)
         ++model;
-    using Way = spirv::HiddenFlags::Way;
-    const spirv::HiddenFlags hidden = (bits & kConstantFlags) != 0         ? spirv::HiddenFlags{Way::Constant, 0x481}
-                                      : (bits & kPipelinesDoNotCarry) != 0 ? spirv::HiddenFlags{Way::InPayload, 0}
-                                                                           : spirv::HiddenFlags{};
+    const std::uint32_t constant = (bits & kConstantFlags) != 0 ? 0x481 : 0;
+    const std::uint32_t fixed = (bits & kInPayload) != 0 ? 0x80 : 0x481;
+    const spirv::HiddenFlags hidden{fixed, constant & fixed};
     input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Decides>(bits >> kDecidesShift & 3),
                                    hidden};
 }

@@ -89,7 +89,7 @@ class Installation(unittest.TestCase):
             f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-D{compiler}",
             f"-DCMAKE_{'CXX' if example == 'cpp' else 'C'}_FLAGS={' '.join(WARNINGS + flags())}",
             # Programs that use the library do not need what it is made of.
-            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("TinyGLTF", "PNG", "Vulkan")))
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("PNG", "Vulkan")))
         run(options.cmake, "--build", folder)
         return run(folder / program, *arguments)
 
@@ -230,7 +230,7 @@ class Installation(unittest.TestCase):
     def test_exports(self):
         self.check_exports("libvellum", "VELLUM_0.1", "vellum.h", FUNCTIONS, "")
         self.check_exports("libvellum_gltf", "VELLUM_GLTF_0.1", "gltf.h", GLTF_FUNCTIONS,
-                           "|libtinygltf|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg")
+                           "|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg")
 
     def test_layer_and_command(self):
         manifest = self.prefix / "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"
@@ -277,7 +277,7 @@ class Installation(unittest.TestCase):
         folder = options.scratch / "library-only"
         run(options.cmake, "-S", options.source, "-B", folder, "-G", options.generator, "-DVELLUM_LIBRARY_ONLY=ON",
             f"-DCMAKE_C_COMPILER={options.cc}", f"-DCMAKE_CXX_COMPILER={options.cxx}",
-            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("Vulkan", "PNG", "fmt", "TinyGLTF", "GTest",
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("Vulkan", "PNG", "fmt", "GTest",
                                                                     "Python3")))
 
 

@@ -14,7 +14,6 @@ namespace
 {
 
 using Status = spirv::RewriteResult::Status;
-using Way = spirv::HiddenFlags::Way;
 using Seen = std::vector<std::uint32_t>;
 
 constexpr std::uint32_t kTraced = Machine::kTraced, kExecuted = Machine::kExecuted;
@@ -22,7 +21,6 @@ constexpr std::uint32_t kTraced = Machine::kTraced, kExecuted = Machine::kExecut
 spirv::RewriteResult rewriteAs(const Module &words, const spirv::HiddenFlags &hidden, const char *entryPoint = "main")
 {
     spirv::RewriteOptions options{.rootAddress = 0x1000,
-                                  .queriesCarryFlagBits = [] { return false; },
                                   .pipelineStage = spirv::PipelineStage{entryPoint, spv::ExecutionModelRayGenerationKHR,
                                                                         spirv::Decides::Nothing, hidden}};
     return spirv::rewrite(words, options);
@@ -170,7 +168,7 @@ const std::string kTraceWithItsFlags =
 // What a ray generation shader does where flags travel in payloads.
 Seen run(const Module &words, const char *entryPoint = "main")
 {
-    const auto result = rewriteAs(words, {Way::InPayload, 0}, entryPoint);
+    const auto result = rewriteAs(words, {kNoneFixed, 0}, entryPoint);
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     if (result.status != Status::Rewritten)
         return {};
@@ -183,7 +181,7 @@ TEST(HitObjects, KeepTheHiddenFlagsOfTheirRay)
     const Module words = hitObjects(traceObject("%opaque") + traceRay("%cull") + executeNV() + recordMissNV("%own") +
                                     executeNV("%own") + executeNV());
     EXPECT_EQ(run(words), (Seen{1, kTraced, 128, kTraced, 1, kExecuted, 0, kExecuted, 1, kExecuted}));
-    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    const auto result = rewriteAs(words, {kNoneFixed, 0});
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
@@ -194,15 +192,14 @@ TEST(HitObjects, KeepFlagsThatAreComputed)
         hitObjects("OpStore %computed %opaque\n%c = OpLoad %uint %computed\n%d = OpBitwiseOr %uint %c %skip\n" +
                    traceObject("%d") + executeNV());
     EXPECT_EQ(run(words), (Seen{1, kTraced | 256, 1, kExecuted | 256}));
-    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    const auto result = rewriteAs(words, {kNoneFixed, 0});
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
 TEST(HitObjects, ArePassedToFunctionsWithTheirFlags)
 {
-    const Module words = hitObjects(traceObject("%opaque") + recordMissNV("%own") +
-                                        "%called = OpFunctionCall %void %h %object %own\n",
-                                    "", R"(
+    const Module words = hitObjects(
+        traceObject("%opaque") + recordMissNV("%own") + "%called = OpFunctionCall %void %h %object %own\n", "", R"(
 %h = OpFunction %void None %taking
 %a = OpFunctionParameter %op
 %b = OpFunctionParameter %local
@@ -213,7 +210,7 @@ TEST(HitObjects, ArePassedToFunctionsWithTheirFlags)
      OpFunctionEnd
 )");
     EXPECT_EQ(run(words), (Seen{1, kTraced, 1, kExecuted, 0, kExecuted}));
-    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    const auto result = rewriteAs(words, {kNoneFixed, 0});
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
@@ -221,7 +218,7 @@ TEST(HitObjects, InArraysHaveTheirFlagsInArrays)
 {
     const Module words =
         hitObjects("%one = OpAccessChain %op %objects %zero\n" + traceObject("%opaque", "%one") + executeNV("%one"));
-    const auto result = rewriteAs(words, {Way::InPayload, 0});
+    const auto result = rewriteAs(words, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
     EXPECT_EQ(count(disassemble(result.words), "OpTypeArray %uint %uint_2"), 1u) << disassemble(result.words);
@@ -261,12 +258,8 @@ TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
         const std::string made = computed + initialize(c.flags) + kRecordFromQuery;
         EXPECT_EQ(run(extHitObjects(made + executeNV())), (Seen{c.hidden, kExecuted | c.driver})) << c.flags;
         EXPECT_EQ(run(extHitObjects(made + kTraceWithItsFlags)), (Seen{c.hidden, kTraced | c.driver})) << c.flags;
-        // Where constants travel like what is computed.
-        EXPECT_FALSE(spirv::tracedFlags(extHitObjects(made + traceObject("%noOpaque"))).hidden && c.hidden != 0)
-            << c.flags;
         // Pipelines without micromaps are not rewritten for themselves. The application reads its flags all the same.
-        const auto whole = spirv::rewrite(extHitObjects(made + kTraceWithItsFlags),
-                                          {.rootAddress = 0x1000, .queriesCarryFlagBits = [] { return false; }});
+        const auto whole = spirv::rewrite(extHitObjects(made + kTraceWithItsFlags), {.rootAddress = 0x1000});
         ASSERT_EQ(whole.status, Status::Rewritten) << whole.error;
         EXPECT_EQ(Machine(whole.words, {}).run(), (Seen{kTraced | c.driver | c.hidden})) << c.flags;
     }
@@ -278,39 +271,45 @@ TEST(HitObjects, ThatAreCopiedAreRejected)
 {
     const std::string copy = "%copied = OpLoad %hit %object\nOpStore %own %copied\n" + executeNV("%own");
     const Module words = assemble(moduleOf(traceObject("%opaque") + copy, traceObject("%opaque", "%object", "%t")));
-    const auto reached = rewriteAs(words, {Way::InPayload, 0}, "main");
+    const auto reached = rewriteAs(words, {kNoneFixed, 0}, "main");
     EXPECT_EQ(reached.status, Status::Failed);
     EXPECT_NE(reached.error.find("copies a hit object"), std::string::npos) << reached.error;
-    EXPECT_EQ(rewriteAs(words, {Way::InPayload, 0}, "other").status, Status::Rewritten);
+    EXPECT_EQ(rewriteAs(words, {kNoneFixed, 0}, "other").status, Status::Rewritten);
 }
 
 TEST(HitObjects, PassWhereFlagsAreConstant)
 {
     for (const std::string &use : {traceObject("%opaque"), recordMissNV(), executeNV()})
-        EXPECT_EQ(rewriteAs(hitObjects(use), {Way::Constant, 1}).status, Status::Rewritten) << use;
-    EXPECT_EQ(spirv::tracedFlags(hitObjects(traceObject("%opaque") + executeNV())).hidden, 1u);
+        EXPECT_EQ(rewriteAs(hitObjects(use), {kAllFixed, 1}).status, Status::Rewritten) << use;
+    using spirv::tracedFlags;
+    const spirv::TracedFlags opaque{.traces = true, .constant = 1}, none{.traces = true},
+        differ{.traces = true, .fixed = kAllFixed & ~1u};
+    EXPECT_EQ(tracedFlags(hitObjects(traceObject("%opaque") + executeNV())), opaque);
     // Hits that are recorded without flags have none.
-    EXPECT_EQ(spirv::tracedFlags(hitObjects(recordMissNV())).hidden, 0u);
-    EXPECT_FALSE(spirv::tracedFlags(hitObjects(traceObject("%opaque") + recordMissNV())).hidden);
+    EXPECT_EQ(tracedFlags(hitObjects(recordMissNV())), none);
+    EXPECT_EQ(tracedFlags(hitObjects(traceObject("%opaque") + recordMissNV())), differ);
     // An empty object has no ray.
-    EXPECT_EQ(spirv::tracedFlags(hitObjects(traceObject("%opaque") + "OpHitObjectRecordEmptyNV %object\n")).hidden, 1u);
+    EXPECT_EQ(tracedFlags(hitObjects(traceObject("%opaque") + "OpHitObjectRecordEmptyNV %object\n")), opaque);
     // What an object is said to have missed with are ray flags like those of a ray.
-    EXPECT_EQ(spirv::tracedFlags(extHitObjects(recordMissEXT("%opaque") + traceRay("%opaque"))).hidden, 1u);
-    EXPECT_FALSE(spirv::tracedFlags(extHitObjects(recordMissEXT("%noOpaque") + traceRay("%opaque"))).hidden);
-    EXPECT_TRUE(spirv::tracedFlags(extHitObjects(recordMissEXT("%noOpaque") + traceRay("%opaque"))).traces);
-    for (const auto &[hidden, driver] :
-         {std::pair{spirv::HiddenFlags{Way::Constant, 1}, 0u}, {{Way::Carried, 0}, 1u << 11}}) {
-        const auto result = rewriteAs(extHitObjects(recordMissEXT("%opaque")), hidden);
-        EXPECT_EQ(Machine(result.words, {}).run(), (Seen{kTraced | driver}));
-    }
+    EXPECT_EQ(tracedFlags(extHitObjects(recordMissEXT("%opaque") + traceRay("%opaque"))), opaque);
+    EXPECT_EQ(tracedFlags(extHitObjects(recordMissEXT("%noOpaque") + traceRay("%opaque"))), differ);
+    const auto constant = rewriteAs(extHitObjects(recordMissEXT("%opaque")), {kAllFixed, 1});
+    EXPECT_EQ(Machine(constant.words, {}).run(), (Seen{kTraced}));
+    // Those of a query have the query's, and the application reads them.
+    EXPECT_EQ(tracedFlags(extHitObjects(initialize("%skip") + kRecordFromQuery)), none);
+    const Module reads = extHitObjects(initialize("%opaque") + kRecordFromQuery +
+                                       "%flags = OpHitObjectGetShaderBindingTableRecordIndexNV %uint %object\n"
+                                       "%cell = OpAccessChain %up %computed\nOpStore %cell %flags\n");
+    EXPECT_EQ(Machine(rewriteAs(reads, {kAllFixed, 1}).words, {}).run(), (Seen{1}));
+    EXPECT_EQ(tracedFlags(extHitObjects(initialize("%opaque") + kRecordFromQuery)), opaque);
+    const std::string computed = "%c = OpLoad %uint %computed\n";
+    EXPECT_EQ(tracedFlags(extHitObjects(computed + initialize("%c") + kRecordFromQuery)),
+              (spirv::TracedFlags{.traces = true, .fixed = 0}));
     // In a pipeline without micromaps only the flag is hidden that the driver does not know.
     Module idle = extHitObjects(recordMissEXT("%force"));
     idle.insert(idle.begin() + 5, {2u << 16 | spv::OpCapability, spirv::kCapabilityOpacityMicromap});
-    const auto result = spirv::rewrite(idle, {.pipelinesCarryFlagBits = [] { return false; }});
+    const auto result = spirv::rewrite(idle, {});
     EXPECT_EQ(Machine(result.words, {}).run(), (Seen{kTraced}));
-    // A hit object of a query may have hidden flags that are no ray's.
-    EXPECT_EQ(spirv::tracedFlags(extHitObjects(initialize("%skip") + kRecordFromQuery)).hidden, 0u);
-    EXPECT_FALSE(spirv::tracedFlags(extHitObjects(initialize("%opaque") + kRecordFromQuery)).hidden);
 }
 
 } // namespace

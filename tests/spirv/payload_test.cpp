@@ -14,7 +14,6 @@ namespace
 {
 
 using Status = spirv::RewriteResult::Status;
-using Way = spirv::HiddenFlags::Way;
 
 spirv::RewriteResult rewriteAs(const Module &words, spv::ExecutionModel model, spirv::Decides decides,
                                const spirv::HiddenFlags &hidden, const char *entryPoint = "main")
@@ -73,7 +72,7 @@ TEST(Payloads, ShadersThatDeclareNoneGetTheSameAsTheOthers)
     };
     for (const auto &c : cases) {
         const Module application = closestHit(c.types, c.capabilities);
-        const spirv::HiddenFlags hidden{Way::InPayload, 0, payloadOf(application, spv::ExecutionModelClosestHitKHR)};
+        const spirv::HiddenFlags hidden{kNoneFixed, 0, payloadOf(application, spv::ExecutionModelClosestHitKHR)};
         ASSERT_FALSE(hidden.payload.empty()) << c.types;
         const auto widened =
             rewriteAs(application, spv::ExecutionModelClosestHitKHR, spirv::Decides::Nothing, hidden).words;
@@ -123,7 +122,7 @@ TEST(Payloads, OfSeveralTypesOrOneThatMayChangeAreNotKnown)
                     .empty());
     // Where it is not known, the prefix is alone.
     const auto own = rewriteAs(loadShader("empty.rahit", "v15"), spv::ExecutionModelAnyHitKHR,
-                               spirv::Decides::TriangleHits, {Way::InPayload, 0});
+                               spirv::Decides::TriangleHits, {kNoneFixed, 0});
     EXPECT_EQ(payloadOf(own.words, spv::ExecutionModelAnyHitKHR),
               (spirv::TypeWords{spv::OpTypeStruct, 1, spv::OpTypeInt, 32, 0}));
 }
@@ -135,8 +134,7 @@ TEST(Payloads, ThatNothingUsesAreFoundInOldModules)
     Module anyHit = words;
     const auto entry = std::ranges::find(anyHit, static_cast<std::uint32_t>(spv::ExecutionModelClosestHitKHR));
     *entry = spv::ExecutionModelAnyHitKHR;
-    const auto result =
-        rewriteAs(anyHit, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {Way::InPayload, 0});
+    const auto result = rewriteAs(anyHit, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "");
     EXPECT_EQ(count(disassemble(result.words), "OpVariable %_ptr_IncomingRayPayload"), 1u) << disassemble(result.words);
@@ -192,7 +190,7 @@ TEST(Payloads, OfOtherStagesAreNotTaken)
 
     const auto rewritten = [&](const Module &words, const spirv::TypeWords &payload) {
         const auto result =
-            rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {Way::InPayload, 0, payload});
+            rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0, payload});
         EXPECT_EQ(result.status, Status::Rewritten) << result.error;
         EXPECT_EQ(validate(result.words), "");
         return result.words;
@@ -249,8 +247,7 @@ TEST(Payloads, AreNotMistakenForLiterals)
      OpFunctionEnd
 )");
     words[1] = 0x00010300;
-    const auto result =
-        rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {Way::InPayload, 0});
+    const auto result = rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "");
     const std::string text = disassemble(result.words);

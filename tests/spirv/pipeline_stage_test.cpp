@@ -31,6 +31,7 @@ std::string rewriteStage(const Stage &stage, const char *variant = "v15")
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
     EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
+    expectNoMoreNeeds(loadShader(stage.shader, variant), result.words);
     return disassemble(result.words);
 }
 
@@ -90,8 +91,8 @@ TEST(PipelineStages, RayFlagsAreHidden)
 {
     const std::string text = rewriteStage(kTrace);
     // The run-time flags and the specialization constant, which may still change.
-    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumDriverFlags"), 2u);
-    EXPECT_EQ(count(text, "OpConstant %uint 2052"), 1u); // Opaque | TerminateOnFirstHit -> bit 11 | 4
+    EXPECT_EQ(count(text, "OpBitwiseXor %uint"), 2u);
+    EXPECT_EQ(count(text, "%uint_4 %uint_255"), 1u); // Opaque | TerminateOnFirstHit
     EXPECT_EQ(count(text, "OpTraceRayKHR %"), 4u);
     EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u); // nothing to hide
 }
@@ -106,27 +107,19 @@ TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
     ASSERT_EQ(hiding.status, Status::Rewritten);
     const std::string traced = disassemble(hiding.words);
     EXPECT_EQ(validate(hiding.words), "");
-    EXPECT_EQ(count(traced, "OpFunctionCall %uint %vellumIdleFlags"), 2u); // at run time, and specialized
-    EXPECT_EQ(count(traced, "vellumDriverFlags"), 0u);
-    EXPECT_EQ(count(traced, "OpConstant %uint 2052"), 0u);
-    const auto result = spirv::rewrite(loadShader("any_hit.rahit", "v15"), {});
+    EXPECT_EQ(count(traced, "OpBitwiseXor %uint"), 2u); // at run time, and specialized
+    EXPECT_EQ(count(traced, "OpConstant %uint 1024"), 1u);
+    EXPECT_EQ(count(traced, "OpConstant %uint 1153"), 0u);
+    // Nobody has hidden anything from what an any-hit shader reads.
+    const std::vector<std::uint32_t> anyHit = loadShader("any_hit.rahit", "v15");
+    const auto result = spirv::rewrite(anyHit, {});
     ASSERT_EQ(result.status, Status::Rewritten);
+    EXPECT_EQ(validate(result.words), "");
     const std::string text = disassemble(result.words);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
-    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 1u);
-
-    // What such a driver shows there nobody has hidden.
-    const auto dropping =
-        spirv::rewrite(loadShader("any_hit.rahit", "v15"), {.pipelinesCarryFlagBits = [] { return false; }});
-    ASSERT_EQ(dropping.status, Status::Rewritten);
-    EXPECT_EQ(validate(dropping.words), "");
-    const std::string seen = disassemble(dropping.words);
-    EXPECT_EQ(count(seen, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
-    EXPECT_EQ(count(seen, "vellumApplicationFlags"), 0u);
-    EXPECT_EQ(count(seen, "OpBitwiseOr"), count(disassemble(loadShader("any_hit.rahit", "v15")), "OpBitwiseOr"));
+    EXPECT_EQ(count(text, "OpBitwiseOr"), count(disassemble(anyHit), "OpBitwiseOr"));
 }
 
-// Where the driver gives unused bits back, or not, or where nothing has to travel.
 std::string rewriteHiding(const Stage &stage, spirv::HiddenFlags hidden, const char *variant = "v15")
 {
     spirv::RewriteOptions options = optionsOf(stage);
@@ -135,12 +128,11 @@ std::string rewriteHiding(const Stage &stage, spirv::HiddenFlags hidden, const c
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
     EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
-    const std::string text = disassemble(result.words);
-    EXPECT_EQ(count(text, "vellumDriverFlags") + count(text, "vellumApplicationFlags"), 0u) << stage.shader;
-    return text;
+    expectNoMoreNeeds(loadShader(stage.shader, variant), result.words);
+    return disassemble(result.words);
 }
 
-constexpr spirv::HiddenFlags kInPayload{spirv::HiddenFlags::Way::InPayload, 0};
+const spirv::HiddenFlags kInPayload{.fixed = 0};
 
 TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
 {
@@ -153,7 +145,7 @@ TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
                                    Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}}) {
             rewriteHiding(stage, kInPayload, variant);
             for (const std::uint32_t constant : {0u, 0x81u})
-                rewriteHiding(stage, {spirv::HiddenFlags::Way::Constant, constant}, variant);
+                rewriteHiding(stage, {kAllFixed, constant}, variant);
         }
     }
 }
@@ -166,7 +158,6 @@ TEST(PipelineStages, FlagsTravelInPayloads)
     EXPECT_EQ(count(traced, "OpConstant %uint 1153"), 1u); // the three flags, of which those known at run time keep
     EXPECT_EQ(count(traced, "OpStore %"), count(disassemble(loadShader("trace.rgen", "v15")), "OpStore %") + 4);
     EXPECT_EQ(count(traced, "OpTraceRayKHR %"), 4u);
-    EXPECT_EQ(count(traced, "OpConstant %uint 2052"), 0u); // nothing is sent to the driver
     const std::string hit = rewriteHiding(kTriangles, kInPayload);
     EXPECT_EQ(count(hit, "OpVariable %_ptr_IncomingRayPayload"), 1u); // the application's
     EXPECT_EQ(count(rewriteHiding(kEmpty, kInPayload), "OpVariable %_ptr_IncomingRayPayload"), 1u);
@@ -191,10 +182,33 @@ TEST(PipelineStages, IntersectionShadersSeeNoPayload)
     const auto result = spirv::rewrite(words, options);
     EXPECT_TRUE(result.lacksHiddenFlags);
     EXPECT_EQ(count(disassemble(result.words), "vellumCullsBox"), 0u);
-    options.pipelineStage->hidden = {spirv::HiddenFlags::Way::Constant, 0x80};
+    options.pipelineStage->hidden = {kAllFixed, 0x80};
     const auto constant = spirv::rewrite(words, options);
     EXPECT_FALSE(constant.lacksHiddenFlags);
     EXPECT_EQ(count(disassemble(constant.words), "OpFunctionCall %bool %vellumCullsBox"), 1u);
+    // What all rays have alike it sees all the same.
+    options.pipelineStage->hidden = {0x80, 0x80};
+    const auto mixed = spirv::rewrite(words, options);
+    EXPECT_TRUE(mixed.lacksHiddenFlags);
+    EXPECT_EQ(validate(mixed.words), "");
+    EXPECT_EQ(count(disassemble(mixed.words), "OpFunctionCall %bool %vellumCullsBox"), 1u);
+    EXPECT_EQ(count(disassemble(mixed.words), "%uint_128\n"), count(disassemble(constant.words), "%uint_128\n"));
+}
+
+TEST(PipelineStages, FlagsThatAllRaysHaveAlikeAreFixed)
+{
+    const auto of = [](std::uint32_t constant) { return spirv::TracedFlags{.traces = true, .constant = constant}; };
+    spirv::TracedFlags all;
+    all.add({});
+    EXPECT_EQ(all, spirv::TracedFlags{});
+    all.add(of(0x81));
+    EXPECT_EQ(all, of(0x81));
+    all.add(of(0x80));
+    EXPECT_EQ(all, (spirv::TracedFlags{.traces = true, .fixed = kAllFixed & ~1u, .constant = 0x80}));
+    all.add(of(0x81));
+    EXPECT_EQ(all, (spirv::TracedFlags{.traces = true, .fixed = kAllFixed & ~1u, .constant = 0x80}));
+    all.add({.traces = true, .fixed = 0x400, .constant = 0x400});
+    EXPECT_EQ(all, (spirv::TracedFlags{.traces = true, .fixed = 0}));
 }
 
 // How far apart the hit records of an instance's geometries are.
@@ -217,20 +231,20 @@ TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
 {
     const auto traced = spirv::tracedFlags(loadShader("trace.rgen", "v15"));
     EXPECT_TRUE(traced.traces);
-    EXPECT_FALSE(traced.hidden);
+    EXPECT_EQ(traced.fixed, 0u);
     EXPECT_FALSE(spirv::tracedFlags(loadShader("hit.rchit", "v15")).traces);
     const auto constant = spirv::tracedFlags(loadShader("constant_trace.rgen", "v15"));
     EXPECT_TRUE(constant.traces);
-    EXPECT_EQ(constant.hidden, 0x81u);
+    EXPECT_EQ(constant, (spirv::TracedFlags{.traces = true, .constant = 0x81}));
     // Cut off anywhere, it is no longer known, or as far as it goes.
     const std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
     for (std::size_t size = 0; size < words.size(); ++size) {
         const auto cut = spirv::tracedFlags(std::span(words).first(size));
-        EXPECT_EQ(cut.hidden.value_or(0x81u), 0x81u);
+        EXPECT_EQ(cut.constant & ~0x81u, 0u);
+        EXPECT_EQ(~cut.fixed & cut.constant, 0u);
     }
-    const std::string text =
-        rewriteHiding({"constant_trace.rgen", spv::ExecutionModelRayGenerationKHR, Decides::Nothing},
-                      {spirv::HiddenFlags::Way::Constant, 0x81});
+    const std::string text = rewriteHiding(
+        {"constant_trace.rgen", spv::ExecutionModelRayGenerationKHR, Decides::Nothing}, {kAllFixed, 0x81});
     EXPECT_EQ(count(text, "OpTraceRayKHR %"), 2u);
     EXPECT_EQ(count(text, "%uint_4 %uint_255"), 1u);
     EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u);
@@ -290,9 +304,10 @@ TEST(PipelineStages, OtherEntryPointsAreGone)
          {std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits),
           std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::BoxHits),
           std::tuple("second", spv::ExecutionModelClosestHitKHR, Decides::Nothing)}) {
-        const auto result = spirv::rewrite(
-            words, {.rootAddress = 0x1000,
-                    .pipelineStage = spirv::PipelineStage{name, static_cast<std::uint32_t>(model), decides}});
+        const auto result =
+            spirv::rewrite(words, {.rootAddress = 0x1000,
+                                   .pipelineStage = spirv::PipelineStage{
+                                       name, static_cast<std::uint32_t>(model), decides, {kAllFixed, 0x80}}});
         ASSERT_EQ(result.status, Status::Rewritten) << result.error;
         EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
         const std::string text = disassemble(result.words);
@@ -305,7 +320,7 @@ TEST(PipelineStages, OtherEntryPointsAreGone)
         EXPECT_EQ(count(text, "OpStore %vellumKnownIndex"), known ? 1u : 0u) << text;
         EXPECT_EQ(count(text, "OpLoad %uint %vellumKnownIndex"), known ? 1u : 0u) << text;
         EXPECT_EQ(count(text, "Volatile"), 1u);
-        EXPECT_GE(count(text, "OpFunctionCall %uint %vellumApplicationFlags"), 1u);
+        EXPECT_GE(count(text, "%uint_128\n"), 1u); // of the flags that it reads
     }
 }
 

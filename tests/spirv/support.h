@@ -13,6 +13,9 @@
 namespace vellum::test
 {
 
+// spirv::HiddenFlags::fixed: all rays have the hidden flags alike, or they lie in the payload.
+inline constexpr std::uint32_t kAllFixed = spirv::HiddenFlags{}.fixed, kNoneFixed = 0;
+
 // A shader of shaders/ as CMakeLists.txt compiled it: "while_loop.comp", "v15".
 Module loadShader(const std::string &name, const std::string &variant);
 
@@ -22,8 +25,12 @@ Module optimize(const Module &words);
 Module assemble(const std::string &text);
 std::string disassemble(const Module &words);
 
-// Rewrites, and fails the test unless the result is a valid Rewritten module. The same for drivers that give no ray
-// flag bits back, and with constant flags that travel; these modules are not returned.
+// A module that was rewritten has the version it had, and needs no more of a device than it did, but for what the layer
+// enables on every device.
+void expectNoMoreNeeds(const Module &words, const Module &rewritten);
+
+// Rewrites, and fails the test unless the result is a valid Rewritten module. The same where constant ray flags are kept
+// like others; that module is not returned.
 Module rewriteValid(const Module &words);
 
 std::size_t count(const std::string &text, const std::string &part);

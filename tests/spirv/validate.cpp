@@ -5,7 +5,12 @@ namespace vellum::test
 
 spv_target_env environmentOf(const Module &words)
 {
-    return words.size() > 1 && words[1] >= 0x10600 ? SPV_ENV_VULKAN_1_3 : SPV_ENV_VULKAN_1_2;
+    const std::uint32_t version = words.size() > 1 ? words[1] : 0;
+    if (version >= 0x10600)
+        return SPV_ENV_VULKAN_1_3;
+    if (version >= 0x10500)
+        return SPV_ENV_VULKAN_1_2;
+    return version >= 0x10400 ? SPV_ENV_VULKAN_1_1_SPIRV_1_4 : SPV_ENV_VULKAN_1_1;
 }
 
 std::string validate(const Module &words)

@@ -12,7 +12,7 @@ namespace vellum::test
 
 using Module = std::vector<std::uint32_t>;
 
-// The environment of Vulkan that a module is meant for, by its version.
+// The oldest environment of Vulkan that takes a module of its version.
 spv_target_env environmentOf(const Module &words);
 
 // Empty if valid, else the validator's messages.

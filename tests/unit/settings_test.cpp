@@ -65,23 +65,19 @@ protected:
     Settings settings_;
 };
 
-TEST_F(SettingsTest, RayFlagsTravelAsTheyCanUnlessTurnedOff)
+TEST_F(SettingsTest, ConstantRayFlagsAreUsedUnlessTurnedOff)
 {
-    for (const auto &[key, variable, setting] :
-         {std::tuple{"carried_ray_flags", "VELLUM_CARRIED_RAY_FLAGS", &Settings::carriedRayFlags},
-          std::tuple{"constant_ray_flags", "VELLUM_CONSTANT_RAY_FLAGS", &Settings::constantRayFlags}}) {
-        const auto read = [member = setting] { return readSettings(nullptr).*member; };
-        write("");
-        EXPECT_TRUE(read()) << key;
-        write(("vellum_opacity_micromap." + std::string(key) + " = false").c_str());
-        EXPECT_FALSE(read()) << key;
-        setenv(variable, "on", 1);
-        EXPECT_TRUE(read()) << key;
-        write("");
-        setenv(variable, "off", 1);
-        EXPECT_FALSE(read()) << key;
-        unsetenv(variable);
-    }
+    const auto read = [] { return readSettings(nullptr).constantRayFlags; };
+    write("");
+    EXPECT_TRUE(read());
+    write("vellum_opacity_micromap.constant_ray_flags = false");
+    EXPECT_FALSE(read());
+    setenv("VELLUM_CONSTANT_RAY_FLAGS", "on", 1);
+    EXPECT_TRUE(read());
+    write("");
+    setenv("VELLUM_CONSTANT_RAY_FLAGS", "off", 1);
+    EXPECT_FALSE(read());
+    unsetenv("VELLUM_CONSTANT_RAY_FLAGS");
 }
 
 TEST_F(SettingsTest, StrictInAllThreePlaces)
@@ -222,14 +218,14 @@ TEST_F(SettingsTest, SeveralStructures)
 TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
 {
     for (const char *value : {"yes", "2", "ture", "o f f"}) {
-        write(("vellum_opacity_micromap.carried_ray_flags = " + std::string(value)).c_str());
+        write(("vellum_opacity_micromap.constant_ray_flags = " + std::string(value)).c_str());
         setenv("VELLUM_STRICT", value, 1);
         testing::internal::CaptureStderr();
         const Settings settings = readSettings(nullptr);
         const std::string said = testing::internal::GetCapturedStderr();
-        EXPECT_TRUE(settings.carriedRayFlags) << value;
+        EXPECT_TRUE(settings.constantRayFlags) << value;
         EXPECT_FALSE(settings.strict) << value;
-        EXPECT_NE(said.find("VELLUM-setting: carried_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
+        EXPECT_NE(said.find("VELLUM-setting: constant_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
             << said;
         EXPECT_NE(said.find("VELLUM-setting: strict is"), std::string::npos) << said;
     }

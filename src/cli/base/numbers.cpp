@@ -26,9 +26,4 @@ std::string percent(double share)
     return fmt::format("{:.1f} %", 100 * share);
 }
 
-std::string surfaceKnown(double share)
-{
-    return percent(share) + " of the alpha-tested surface is known";
-}
-
 } // namespace vellum::cli

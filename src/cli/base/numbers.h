@@ -13,7 +13,5 @@ std::string grouped(std::uint64_t number);
 std::string counted(std::uint64_t number, const char *one, const char *many = nullptr);
 // 0.125 -> 12.5 %
 std::string percent(double share);
-// "61.2 % of the alpha-tested surface is known"
-std::string surfaceKnown(double share);
 
 } // namespace vellum::cli

@@ -6,7 +6,6 @@
 
 #include "cli/base/numbers.h"
 #include "gltf/data/image.h"
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/primitive.h"
 
@@ -100,7 +99,7 @@ private:
     void findLeft();
 
     const Document &m_document;
-    const tinygltf::Model &m_model;
+    const gltf_json::Model &m_model;
     std::vector<bool> m_masked;                    // by material
     std::set<PrimitivePlace> m_micromapPrimitives; // those that have one
     FileReport m_report;

@@ -6,7 +6,6 @@
 
 #include "cli/base/error.h"
 #include "cli/base/progress.h"
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/file_bake.h"
 
 namespace vellum::cli
@@ -18,21 +17,15 @@ namespace
 // writer of micromaps would make.
 std::uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const StoredMicromaps &stored)
 {
-    const tinygltf::Model &model = document.model();
+    const gltf_json::Model &model = document.model();
     const PrimitiveMicromap &primitive = stored.primitives.at(place);
     const std::size_t count = primitive.indices.size();
     if (stored.extension.empty())
         return count * (stored.micromaps.at(primitive.micromap).triangles.size() <= 0xfffc ? 2 : 4);
-    const tinygltf::ExtensionMap &extensions = model.meshes.at(place.mesh).primitives.at(place.primitive).extensions;
-    const auto extension = extensions.find(stored.extension);
-    if (extension == extensions.end() || !extension->second.IsObject())
-        return 0;
-    const tinygltf::Value &accessor = extension->second.Get("micromapIndices");
-    if (!accessor.IsInt() || static_cast<std::size_t>(accessor.GetNumberAsInt()) >= model.accessors.size())
-        return 0;
-    const int type = model.accessors[static_cast<std::size_t>(accessor.GetNumberAsInt())].componentType;
-    return count *
-           static_cast<std::uint64_t>(std::max(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(type)), 0));
+    const JsonValue extension = model.meshes.at(place.mesh).primitives.at(place.primitive).extensions[stored.extension];
+    const auto accessor = extension["micromapIndices"].integer();
+    return accessor ? count * gltf_json::bytesOf(model.accessors.at(static_cast<std::size_t>(*accessor)).componentType)
+                    : 0;
 }
 
 class Inspector
@@ -144,7 +137,7 @@ InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
     const std::string path = m_document.path().string();
     m_file.name = m_document.path().filename().string();
     m_file.bytes = m_document.bytes().size();
-    for (const std::filesystem::path &file : filesBeside(m_document.json(), path, path).read) {
+    for (const std::filesystem::path &file : filesBeside(m_document.root(), path, path).read) {
         std::error_code unreadable;
         const std::uintmax_t bytes = std::filesystem::file_size(file, unreadable);
         m_file.bytes += unreadable ? 0 : bytes;

@@ -6,7 +6,6 @@
 #include <map>
 #include <tuple>
 
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 
@@ -86,7 +85,7 @@ void DocumentBaker::leave(PrimitivePlace place, const std::string &material, con
 {
     const auto &extensions = m_document.model().meshes[place.mesh].primitives[place.primitive].extensions;
     const bool had =
-        extensions.contains("EXT_mesh_opacity_micromap") || extensions.contains("KHR_mesh_opacity_micromap");
+        extensions["EXT_mesh_opacity_micromap"].exists() || extensions["KHR_mesh_opacity_micromap"].exists();
     m_result.left.push_back({place, material, reason, had, unreadable});
 }
 
@@ -142,9 +141,9 @@ void DocumentBaker::addTriangles(Source &source, const Primitive &primitive)
 
 void DocumentBaker::addPrimitive(PrimitivePlace place)
 {
-    const tinygltf::Model &model = m_document.model();
-    const tinygltf::Mesh &mesh = model.meshes[place.mesh];
-    const tinygltf::Primitive &source = mesh.primitives[place.primitive];
+    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Mesh &mesh = model.meshes[place.mesh];
+    const gltf_json::Primitive &source = mesh.primitives[place.primitive];
     // Nothing else about an opaque material matters here, whether it can be read or not.
     if (source.material >= 0 && static_cast<std::size_t>(source.material) < model.materials.size()) {
         const std::string &mode = model.materials[static_cast<std::size_t>(source.material)].alphaMode;
@@ -162,8 +161,9 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return leave(place, material.name, "as asked for");
     if (const auto reason = m_changing.reason(place))
         return leave(place, material.name, *reason);
-    const bool list = source.mode == -1 || source.mode == TINYGLTF_MODE_TRIANGLES;
-    if (!list && source.extensions.contains("KHR_draco_mesh_compression"))
+    const bool list = source.mode == gltf_json::kTriangles;
+    const bool draco = source.extensions["KHR_draco_mesh_compression"].exists();
+    if (!list && draco)
         return leave(place, material.name, "it is a strip with KHR_draco_mesh_compression");
     // The extension counts triangles by the indices, or else the positions.
     if (source.indices < 0 && !source.attributes.contains("POSITION"))
@@ -184,7 +184,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     const std::size_t declared = source.indices < 0
                                      ? primitive.indices.size()
                                      : model.accessors.at(static_cast<std::size_t>(source.indices)).count;
-    if (source.extensions.contains("KHR_draco_mesh_compression") && declared / 3 != primitive.triangleCount())
+    if (draco && declared / 3 != primitive.triangleCount())
         return leave(place, material.name,
                      "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
                          std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");

@@ -57,7 +57,7 @@ private:
     void account(std::size_t bytes);
 
     const Document &m_document;
-    JsonTree m_tree;
+    JsonValue m_root;
     std::size_t m_most;
     std::string m_place;
     std::vector<MicromapOffence> m_offences;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <string_view>
 
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/micromaps/known_surface.h"
@@ -40,7 +39,7 @@ struct FilesBeside {
 
 // Throws GltfError, without the path of the input, where the output is one of them or a copy would be outside of the
 // output's folder.
-FilesBeside filesBeside(std::string_view json, const std::filesystem::path &input, const std::filesystem::path &output);
+FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &input, const std::filesystem::path &output);
 
 // Bakes `input` and writes `output`, which must be another file; .glb becomes .glb and .gltf becomes .gltf, with its
 // micromaps in `tree.omm-0123456789abcdef.bin` beside `tree.gltf`, where the digits are a digest of them: no other

@@ -91,6 +91,8 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
         return false;
     }
     const DeviceTable &next = device_.driver.next;
+    if (!disturbed_ && state_ && device_.driver.keepsOldPushConstants)
+        pushed_ = pushedConstants(); // now, since the end must not fail
     if (!disturbed_ && state_ && state_->conditionalRendering) {
         // The application's condition is about its own draws and dispatches, not about builds.
         next.CmdEndConditionalRenderingEXT(commandBuffer_);
@@ -138,8 +140,7 @@ void InjectedWork::barrier(bool forHost)
                                            nullptr);
 }
 
-// A dispatch of nothing, with what the application has pushed; zeros, as in a new command buffer, where it has not.
-void InjectedWork::uploadPushConstants()
+std::vector<std::byte> InjectedWork::pushedConstants() const
 {
     std::vector<std::byte> bytes(device_.injected.pushBytes());
     for (const CommandState::PushedConstants &push : state_->pushes) {
@@ -147,9 +148,7 @@ void InjectedWork::uploadPushConstants()
             std::copy_n(push.bytes.begin(), std::min(push.bytes.size(), bytes.size() - push.offset),
                         bytes.data() + push.offset);
     }
-    device_.driver.next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
-                                         device_.injected.pushBytes(), bytes.data());
-    device_.driver.next.CmdDispatch(commandBuffer_, 0, 1, 1);
+    return bytes;
 }
 
 InjectedWork::~InjectedWork()
@@ -157,8 +156,11 @@ InjectedWork::~InjectedWork()
     if (!disturbed_ || !state_)
         return;
     const DeviceTable &next = device_.driver.next;
-    if (device_.driver.keepsOldPushConstants)
-        uploadPushConstants();
+    if (!pushed_.empty()) { // a dispatch of nothing lets the driver take them over
+        next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
+                              static_cast<uint32_t>(pushed_.size()), pushed_.data());
+        next.CmdDispatch(commandBuffer_, 0, 1, 1);
+    }
     if (state_->computePipeline) {
         next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, state_->computePipeline);
     } else if (state_->computeShader && next.CmdBindShadersEXT) {

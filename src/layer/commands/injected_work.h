@@ -2,9 +2,11 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include <vulkan/vulkan.h>
 
@@ -87,13 +89,15 @@ public:
 private:
     bool run(InjectedShader shader, const void *push, uint32_t pushBytes, const VkDispatchIndirectCommand &groups);
     bool runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer, VkDeviceSize offset);
-    void uploadPushConstants();
+    // What the application has pushed; zeros, as in a new command buffer, where it has not.
+    [[nodiscard]] std::vector<std::byte> pushedConstants() const;
     // Makes ready for a dispatch of the shader.
     bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
 
     DeviceCommands &device_;
     VkCommandBuffer commandBuffer_;
-    CommandState *state_; // null of a command buffer that is not the application's
+    CommandState *state_;           // null of a command buffer that is not the application's
+    std::vector<std::byte> pushed_; // for Driver::keepsOldPushConstants, once disturbed
     bool disturbed_ = false;
 };
 

@@ -258,6 +258,7 @@ const Row kRows[] = {
     row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Own),
 
     row<createTranslatedModule>("vkCreateShaderModule", Scope::Translated),
+    row<destroyTranslatedModule>("vkDestroyShaderModule", Scope::Translated),
     row<createTranslatedComputePipelines>("vkCreateComputePipelines", Scope::Translated),
     row<createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Translated),
     row<createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Translated),

@@ -3,9 +3,8 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
-#include <mutex>
-#include <optional>
 
 #include <vulkan/vulkan.h>
 
@@ -35,14 +34,6 @@ struct Asked {
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
-// What was found out about a physical device by trying, for all devices of an instance; nothing, where it was not tried
-// yet.
-struct DriverHabits {
-    std::mutex mutex;
-    std::optional<bool> queriesCarryFlagBits; // pipelines/ray_flag_probe.h
-    std::optional<bool> pipelinesCarryFlagBits;
-};
-
 // A device as the next layer or the driver made it.
 struct Driver {
     VkDevice handle = VK_NULL_HANDLE;
@@ -51,7 +42,6 @@ struct Driver {
     const InstanceTable *instance = nullptr;
     const Settings *settings = nullptr;
     Reporter *reporter = nullptr;
-    DriverHabits *habits = nullptr;
     DeviceTable next;
 
     // At most one of them. Of none, every call but vkDestroyDevice goes straight through.

@@ -38,7 +38,6 @@ constexpr Row kRows[] = {
     {"validate", &Settings::validate},
     {"strict", &Settings::strict},
     {"assume_micromaps", &Settings::assumeMicromaps},
-    {"carried_ray_flags", &Settings::carriedRayFlags},
     {"constant_ray_flags", &Settings::constantRayFlags},
     {"cache_folder", &Settings::cacheFolder},
     {"dump_shaders", &Settings::dumpShaders},

@@ -23,9 +23,6 @@ struct Settings {
     // without the execution mode use micromaps all the same, where the feature is enabled
     bool assumeMicromaps = false;
     bool strict = false; // VELLUM_STRICT, .strict: what breaks a rule is refused where it does no harm, too
-    // VELLUM_CARRIED_RAY_FLAGS, .carried_ray_flags: if off, the driver is taken for one that does not give unused ray
-    // flag bits back (pipelines/ray_flag_probe.h)
-    bool carriedRayFlags = true;
     // VELLUM_CONSTANT_RAY_FLAGS, .constant_ray_flags: if off, flags that are constant in a module or pipeline go the
     // way of those that are not; for tests
     bool constantRayFlags = true;

@@ -10,6 +10,8 @@
 
 #include <unistd.h>
 
+#include "core/hash.h"
+
 namespace vellum::layer
 {
 namespace
@@ -59,17 +61,17 @@ std::string KeptAddresses::path() const
     return stem_ + "-" + std::to_string(place_) + ".addresses";
 }
 
-// FNV-1a. A driver may trust what it is given.
+// A driver may trust what it is given.
 uint64_t KeptAddresses::checksum() const
 {
-    uint64_t sum = 0xcbf29ce484222325u;
+    Hash sum;
     for (std::size_t i = 0; i < kTables; ++i) {
         for (const uint64_t value : {tableBytes_[i], addresses_[i].buffer, addresses_[i].memory}) {
             for (unsigned shift = 0; shift < 64; shift += 8)
-                sum = (sum ^ (value >> shift & 0xff)) * 0x100000001b3u;
+                sum.add(value >> shift & 0xff);
         }
     }
-    return sum;
+    return sum.value();
 }
 
 void KeptAddresses::read()

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/undo.h"
 #include "layer/objects/device_objects.h"
 
 namespace vellum::layer
@@ -64,15 +65,17 @@ void letBeNamed(DeviceObjects &device, StructurePlace &place, AccelerationStruct
     const auto known = std::ranges::find(place.references, address, &StructurePlace::Reference::address);
     if (known != place.references.end()) {
         ++known->structures;
-    } else if (!place.cell.address) {
-        place.cell = device.root.acquireCell(address);
-        if (!place.cell.address)
-            return;
-        place.references.push_back({address, 1});
     } else {
-        const VkDeviceAddress leads = place.references.empty() ? place.heldKey : place.references.front().address;
-        if (!device.root.addReference(address, leads))
-            return; // which the next one who asks tries again
+        place.references.reserve(place.references.size() + 1); // before the root knows the address
+        if (!place.cell.address) {
+            place.cell = device.root.acquireCell(address);
+            if (!place.cell.address)
+                return;
+        } else {
+            const VkDeviceAddress leads = place.references.empty() ? place.heldKey : place.references.front().address;
+            if (!device.root.addReference(address, leads))
+                return; // which the next one who asks tries again
+        }
         place.references.push_back({address, 1});
     }
     structure.reference = address;
@@ -110,6 +113,7 @@ void takePlace(DeviceObjects &device, AccelerationStructure &structure)
 {
     structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
     structure.place = device.places.acquire(structure.key);
+    Undo undo([&] { leavePlace(device, structure); });
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
     // The last one that left, at the same moment, thought that the place would go, too.
@@ -118,6 +122,7 @@ void takePlace(DeviceObjects &device, AccelerationStructure &structure)
     place.structures.push_back(&structure);
     if (place.cell.address)
         letBeNamed(device, place, structure);
+    undo.keep();
 }
 
 void leavePlace(DeviceObjects &device, const AccelerationStructure &structure)

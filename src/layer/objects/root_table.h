@@ -51,7 +51,7 @@ public:
     VkResult create(const GpuContext &context, const std::string &keptAddresses = {});
     [[nodiscard]] VkDeviceAddress address() const { return root_.address(); }
     // Of the instance records of the first kFirstSlots slots.
-    [[nodiscard]] VkDeviceAddress firstSlots() const { return pages_.front().address(); }
+    [[nodiscard]] VkDeviceAddress firstSlots() const { return firstSlots_; }
 
     // Null where the 2^24 slots, or memory, are used up.
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
@@ -109,7 +109,8 @@ private:
     std::mutex mutex_;
     GpuBuffer root_, notices_;
     uint32_t seenNotices_[shared::kNoticeCounters] = {};
-    std::vector<GpuBuffer> pages_; // each holds kPagesPerBuffer pages
+    std::vector<GpuBuffer> pages_;   // guarded by mutex_, as all below
+    VkDeviceAddress firstSlots_ = 0; // of the first page; set by create(), and read without the mutex
     uint32_t pageCount_ = 0;
     std::map<uint32_t, uint32_t> freeSlots_; // first -> count, never adjacent
 

@@ -1,27 +1,53 @@
 // The room of pipelines: shader modules and stages on their way to the driver, ray tracing pipelines and their hit
-// records, and whether the driver carries ray flag bits.
+// records.
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <mutex>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "layer/commands/device_commands.h"
 #include "layer/ground/vulkan_newer.h"
 #include "layer/pipelines/any_hit_modules.h"
 #include "layer/pipelines/module_identifiers.h"
-#include "layer/pipelines/ray_flag_probe.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
 
 namespace vellum::layer
 {
+
+inline uint64_t codeHash(std::span<const uint32_t> words)
+{
+    return std::hash<std::string_view>{}({reinterpret_cast<const char *>(words.data()), words.size_bytes()});
+}
+
+// Warnings about shaders, each sent once for the same code: applications make thousands of pipelines of few shaders.
+class ShaderWarnings
+{
+public:
+    // Whether the message `id` was not asked for before about code with this hash.
+    [[nodiscard]] bool isFirst(const char *id, uint64_t code)
+    {
+        std::lock_guard lock(mutex_);
+        return sent_.emplace(id, code).second;
+    }
+
+private:
+    std::mutex mutex_;
+    std::set<std::pair<std::string, uint64_t>> sent_;
+};
 
 struct DevicePipelines {
     Driver &driver;
     DeviceBuffers &buffers;
     DeviceObjects &objects;
     DeviceCommands &commands;
-    RayFlagBits rayFlagBits{*this};
     // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
@@ -29,6 +55,7 @@ struct DevicePipelines {
     GivenIdentifiers givenIdentifiers{};
     HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};
+    ShaderWarnings shaderWarnings{};
     std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
 };
 

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cstring>
+#include <new>
+#include <span>
 
+#include "core/hash.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/shader_binary.h"
@@ -48,12 +51,10 @@ void give(DevicePipelines &device, VkShaderModuleIdentifierEXT &identifier, bool
 
 } // namespace
 
-// 64 bits for each place, from FNV-1a of the bytes and the mixing of SplitMix64.
+// 64 bits for each place, from the hash of the bytes and the mixing of SplitMix64.
 Mask maskOf(std::span<const std::byte> bytes)
 {
-    uint64_t state = 0xcbf29ce484222325u;
-    for (const std::byte byte : bytes)
-        state = (state ^ static_cast<uint8_t>(byte)) * 0x100000001b3u;
+    uint64_t state = Hash::of(bytes);
     Mask mask{};
     for (size_t at = 0; at < mask.size(); at += sizeof(uint64_t)) {
         state += 0x9e3779b97f4a7c15u;
@@ -70,7 +71,7 @@ uint64_t rewriteSettings(const DevicePipelines &device)
 {
     const Settings &settings = *device.driver.settings;
     const bool assumes = settings.assumeMicromaps && device.driver.asked.anyFeature();
-    return uint64_t{settings.carriedRayFlags} | uint64_t{settings.constantRayFlags} << 1 | uint64_t{assumes} << 2;
+    return uint64_t{settings.constantRayFlags} | uint64_t{assumes} << 1;
 }
 
 Mask deviceMask(DevicePipelines &device)
@@ -143,11 +144,14 @@ void DriverIdentifiers::choose(uint32_t way)
     }
 }
 
-void DriverIdentifiers::remember(uint32_t way)
+void DriverIdentifiers::remember(uint32_t way) noexcept
 {
-    for (size_t i = 0; i < open_.size(); ++i) {
-        if ((way >> i & 1) != 0)
-            device_.givenIdentifiers.add(open_[i].application);
+    try {
+        for (size_t i = 0; i < open_.size(); ++i) {
+            if ((way >> i & 1) != 0)
+                device_.givenIdentifiers.add(open_[i].application);
+        }
+    } catch (const std::bad_alloc &) { // then the next time begins with way 0 again
     }
 }
 

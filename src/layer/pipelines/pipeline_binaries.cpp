@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "core/hash.h"
 #include "core/ray_flags.h"
+#include "layer/ground/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
@@ -24,7 +26,7 @@ namespace
 struct BinaryFacts {
     ShaderBinaryHeader device;
     uint64_t settings;
-    uint32_t hiddenWay, hiddenConstant; // spirv::HiddenFlags
+    uint32_t hiddenFixed, hiddenConstant; // spirv::HiddenFlags
     bool operator==(const BinaryFacts &) const = default;
 };
 static_assert(sizeof(BinaryFacts) == 48);
@@ -38,20 +40,19 @@ static_assert(sizeof(BinaryHeader) == 64); // keeps an alignment of 16 bytes
 
 BinaryFacts factsOf(DevicePipelines &device, const HiddenInBinary &hidden)
 {
-    return {shaderBinaryHeader(device), rewriteSettings(device), static_cast<uint32_t>(hidden.way), hidden.constant};
+    return {shaderBinaryHeader(device), rewriteSettings(device), hidden.fixed, hidden.constant};
 }
 
-// FNV-1a, of words of 8 bytes and the rest.
+// Of words of 8 bytes and the rest.
 uint64_t checksumOf(std::span<const std::byte> data)
 {
-    uint64_t sum = 0xcbf29ce484222325u;
-    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof sum))) {
+    Hash sum;
+    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof(uint64_t)))) {
         uint64_t word = 0;
         std::memcpy(&word, data.data(), std::min(data.size(), sizeof word));
-        sum = (sum ^ word) * 0x100000001b3u;
-        sum ^= sum >> 32;
+        sum.add(word);
     }
-    return sum;
+    return sum.value();
 }
 
 std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
@@ -62,14 +63,13 @@ std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
 // Of whole data whose header fits the device; otherwise not known.
 HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinaryData &data)
 {
-    using Way = spirv::HiddenFlags::Way;
     BinaryHeader header{};
     if (data.dataSize <= sizeof header)
         return {};
     std::memcpy(&header, data.pData, sizeof header);
-    const HiddenInBinary hidden{true, static_cast<Way>(header.facts.hiddenWay), header.facts.hiddenConstant};
-    const bool fits = header.facts == factsOf(device, hidden) && hidden.way <= Way::InPayload &&
-                      (hidden.constant & ~shared::kHiddenRayFlags) == 0;
+    const HiddenInBinary hidden{true, header.facts.hiddenFixed, header.facts.hiddenConstant};
+    const bool fits = header.facts == factsOf(device, hidden) && (hidden.fixed & ~shared::kHiddenRayFlags) == 0 &&
+                      (hidden.constant & ~hidden.fixed) == 0;
     const std::span<const std::byte> driversData = driversPart(data);
     if (!fits || header.size != driversData.size() || header.checksum != checksumOf(driversData))
         return {};
@@ -98,16 +98,7 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
     std::deque<Chain> chains;
     const auto useOwn = [&](auto &own) {
         const newer::PipelineCreateInfo driverInfo{info.sType, &own};
-        VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
-        for (uint32_t way = 0; way < identifiers.ways() &&
-                               (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
-             ++way) {
-            identifiers.choose(way);
-            result = use(driverInfo, {});
-            if (result == VK_SUCCESS || result == VK_INCOMPLETE)
-                identifiers.remember(way);
-        }
-        return result;
+        return identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
     };
     if (structure && structure->sType == VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO) {
         auto own = *reinterpret_cast<const VkComputePipelineCreateInfo *>(structure);
@@ -134,6 +125,24 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
 VkResult withoutShaderError(VkResult result, VkResult instead)
 {
     return result == VK_ERROR_INVALID_SHADER_NV ? instead : result;
+}
+
+// Binaries that the driver has made are known from now on; where there is no memory for that, there are none.
+void addBinaries(DevicePipelines &device, VkDevice handle, const VkAllocationCallbacks *allocator,
+                 std::span<newer::PipelineBinary> binaries, const std::function<HiddenInBinary(size_t)> &hidden)
+{
+    Undo undo([&] {
+        for (newer::PipelineBinary &binary : binaries) {
+            if (binary)
+                destroyPipelineBinary(device, handle, binary, allocator);
+            binary = nullptr;
+        }
+    });
+    for (size_t i = 0; i < binaries.size(); ++i) {
+        if (binaries[i])
+            device.pipelineBinaries.set(binaries[i], hidden(i));
+    }
+    undo.keep();
 }
 
 // The driver makes those that fit; the handles of others are null ("all pipeline binaries ... will be attempted").
@@ -176,11 +185,9 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
     newer::PipelineBinaryCreateInfo driverInfo = info;
     driverInfo.pKeysAndDataInfo = &own;
     const VkResult drivers = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, &handles);
-    for (size_t i = 0; i < made.size(); ++i) {
-        if (made[i])
-            device.pipelineBinaries.set(made[i], hidden[i]);
+    addBinaries(device, handle, allocator, made, [&](size_t i) { return hidden[i]; });
+    for (size_t i = 0; i < made.size(); ++i)
         binaries.pPipelineBinaries[places[i]] = made[i];
-    }
     return result < 0 || drivers == VK_SUCCESS ? result : drivers;
 }
 
@@ -251,16 +258,17 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
                                 const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo *binaries)
 {
     const bool emulated = device.driver.emulated;
-    const uint32_t room = binaries->pPipelineBinaries ? binaries->pipelineBinaryCount : 0;
+    const uint32_t count = binaries->pipelineBinaryCount; // of the array, which the driver may be given again
+    const uint32_t room = binaries->pPipelineBinaries ? count : 0;
     std::fill_n(binaries->pPipelineBinaries, room, nullptr);
     if (emulated && info->pKeysAndDataInfo && binaries->pPipelineBinaries)
         return createFromData(device, handle, *info, allocator, *binaries);
+    binaries->pipelineBinaryCount = 0; // unless the driver is asked
     const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
+        binaries->pipelineBinaryCount = count;
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
-        for (uint32_t i = 0; emulated && i < room; ++i) {
-            if (binaries->pPipelineBinaries[i]) // also where others failed
-                device.pipelineBinaries.set(binaries->pPipelineBinaries[i], hidden);
-        }
+        if (emulated) // also where some failed
+            addBinaries(device, handle, allocator, {binaries->pPipelineBinaries, room}, [&](size_t) { return hidden; });
         return result;
     };
     if (info->pPipelineCreateInfo && !info->pKeysAndDataInfo) {

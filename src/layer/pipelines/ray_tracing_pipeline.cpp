@@ -38,16 +38,15 @@ void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCre
 }
 
 bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                      spirv::HiddenFlags::Way way)
+                      const spirv::HiddenFlags &hidden)
 {
-    using Way = spirv::HiddenFlags::Way;
     const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
     if (libraries == 0 && (pipelineFlags(info.pNext, info.flags) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
         return true;
-    bool alike = way == (device.rayFlagBits.inPipelines() ? Way::Carried : Way::InPayload);
+    bool alike = hidden.fixed == 0;
     for (uint32_t i = 0; i < libraries; ++i) {
         const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]);
-        alike = alike && library && library->hidden.way == way;
+        alike = alike && library && library->hidden.fixed == 0;
     }
     if (!alike)
         device.driver.report().notAvailable(

@@ -24,7 +24,7 @@ inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is al
 // How the ray flags travel that are hidden from the driver, in the code of a pipeline (spirv::HiddenFlags).
 struct HiddenInBinary {
     bool known = false;
-    spirv::HiddenFlags::Way way{};
+    uint32_t fixed = 0;
     uint32_t constant = 0;
 };
 
@@ -58,10 +58,11 @@ std::span<const uint32_t> stageCode(const DevicePipelines &device, const VkPipel
 // Sets what decides which hit records its rays may read: hasBoxes, mostStride.
 void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                     RayTracingPipeline &record);
-// Rays of one library meet shaders of the others. Of code all libraries are made in the device's way; binaries have
-// their own. Reports where a pipeline whose ray flags travel in `way` cannot be, or have, libraries.
+// Rays of one library meet shaders of the others. Those of libraries that are made of code all travel with all hidden
+// flags in the payload; binaries have their own way. Reports where a pipeline with the flags of `hidden` cannot be, or
+// have, libraries.
 bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                      spirv::HiddenFlags::Way way);
+                      const spirv::HiddenFlags &hidden);
 // Of a pipeline that the driver has made: writes the handle of the group that stands in for null ones.
 void writeStandIn(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeline &record);
 // `groups`: of the driver's pipeline, those with any-hit shaders of the layer's.

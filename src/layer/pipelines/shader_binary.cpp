@@ -2,8 +2,10 @@
 
 #include <cstring>
 #include <random>
+#include <span>
 #include <string_view>
 
+#include "core/hash.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 
@@ -14,9 +16,7 @@ const std::array<uint8_t, VK_UUID_SIZE> &rewriterUuid()
 {
     static const auto uuid = [] {
         const uint64_t linked = spirv::linkedCodeHash();
-        uint64_t version = 0xcbf29ce484222325u; // FNV-1a
-        for (const char c : std::string_view(VELLUM_VERSION))
-            version = (version ^ static_cast<uint8_t>(c)) * 0x100000001b3u;
+        const uint64_t version = Hash::of(std::as_bytes(std::span(std::string_view(VELLUM_VERSION))));
         std::array<uint8_t, VK_UUID_SIZE> bytes{};
         std::memcpy(bytes.data(), &linked, sizeof linked);
         std::memcpy(bytes.data() + sizeof linked, &version, sizeof version);

@@ -9,6 +9,7 @@
 
 #include "core/records.h"
 #include "layer/ground/judge.h"
+#include "layer/ground/undo.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/queries/device_queries.h"
 #include "layer/structures/fitted_handle.h"
@@ -208,15 +209,20 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
     if (micromaps)
         driverInfo.queryType = VK_QUERY_TYPE_OCCLUSION;
     VkResult driver = device.driver.next.CreateQueryPool(handle, &driverInfo, allocator, result);
-    if (driver == VK_SUCCESS && device.driver.translated && device.driver.asked.khr) {
+    if (driver != VK_SUCCESS)
+        return driver;
+    Undo undo([&] {
+        if (pool->micromaps)
+            device.driver.next.DestroyQueryPool(handle, pool->micromaps, nullptr);
+        device.driver.next.DestroyQueryPool(handle, *result, allocator);
+        *result = VK_NULL_HANDLE;
+    });
+    if (device.driver.translated && device.driver.asked.khr)
         driver = createMicromapPool(device, *info, pool->micromaps);
-        if (driver != VK_SUCCESS) {
-            device.driver.next.DestroyQueryPool(handle, *result, allocator);
-            *result = VK_NULL_HANDLE;
-        }
-    }
-    if (driver == VK_SUCCESS)
-        device.pools.set(*result, std::move(pool));
+    if (driver != VK_SUCCESS)
+        return driver;
+    device.pools.set(*result, pool);
+    undo.keep();
     return driver;
 }
 

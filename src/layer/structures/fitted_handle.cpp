@@ -26,6 +26,7 @@ VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationSt
     info.offset = structure.offset;
     info.size = bytes;
     info.type = structure.type;
+    structure.fitted.reserve(structure.fitted.size() + 1); // before the driver has made one
     VkAccelerationStructureKHR fitted = VK_NULL_HANDLE;
     if (device.driver.next.CreateAccelerationStructureKHR(device.driver.handle, &info, nullptr, &fitted) != VK_SUCCESS)
         return structure.handle;

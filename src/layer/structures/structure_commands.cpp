@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <mutex>
+#include <new>
 #include <string>
 
+#include "layer/ground/undo.h"
 #include "layer/objects/buffer_range.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/fitted_handle.h"
@@ -18,13 +21,41 @@ using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 
 // --- objects ---
 
-void addStructure(DeviceStructures &device, std::shared_ptr<AccelerationStructure> structure,
+void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
+{
+    leavePlace(device.objects, structure);
+    destroyFittedHandles(device, structure);
+    // Another thread may be asking for the address of the buffer, which names the micromaps in it: bufferHasAddress().
+    std::lock_guard lock(device.objects.unnamedMutex);
+    std::erase_if(device.objects.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
+        const auto other = unnamed.lock();
+        return !other || other.get() == &structure;
+    });
+    if (structure.micromapKey)
+        device.objects.root.releaseCell(structure.micromapKey);
+}
+
+// A new structure has its handle, and is known from now on; not if this throws.
+void addStructure(DeviceStructures &device, const std::shared_ptr<AccelerationStructure> &structure,
                   VkAccelerationStructureKHR handle)
 {
     structure->handle = handle;
     takePlace(device.objects, *structure);
+    Undo undo([&] { forgetStructure(device, *structure); });
     device.backend->created(structure);
-    device.objects.accelerationStructures.set(handle, std::move(structure));
+    if (isLayersOwn(*structure) && !device.backend->createMicromap(*structure))
+        throw std::bad_alloc(); // the one error that vkCreateMicromapEXT has
+    device.objects.accelerationStructures.set(handle, structure);
+    undo.keep();
+}
+
+// The same of a structure that the driver has made.
+void addDriversStructure(DeviceStructures &device, const std::shared_ptr<AccelerationStructure> &structure,
+                         VkAccelerationStructureKHR handle, const VkAllocationCallbacks *allocator)
+{
+    Undo undo([&] { device.driver.next.DestroyAccelerationStructureKHR(device.driver.handle, handle, allocator); });
+    addStructure(device, structure, handle);
+    undo.keep();
 }
 
 VkResult addMicromap(DeviceStructures &device, const Judge &judge, const BufferRange &range,
@@ -32,15 +63,9 @@ VkResult addMicromap(DeviceStructures &device, const Judge &judge, const BufferR
 {
     if (!device.backend->checkMicromap(judge, range))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    const auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
-    AccelerationStructure &micromap = *structure;
-    addStructure(device, std::move(structure), handle);
-    if (!device.backend->createMicromap(micromap)) {
-        leavePlace(device.objects, micromap);
-        device.objects.accelerationStructures.take(handle);
-        return VK_ERROR_OUT_OF_HOST_MEMORY; // the one error that vkCreateMicromapEXT has
-    }
+    addStructure(device, structure, handle);
     result = handle;
     return VK_SUCCESS;
 }
@@ -120,10 +145,10 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
         return addMicromap(device, judge, {info->buffer, info->offset, std::min(info->size, bytes - info->offset)},
                            *result);
     }
-    auto structure = newStructure({info->buffer, info->offset, info->size}, info->type);
+    const auto structure = newStructure({info->buffer, info->offset, info->size}, info->type);
     const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created == VK_SUCCESS)
-        addStructure(device, std::move(structure), *result);
+        addDriversStructure(device, structure, *result, allocator);
     return created;
 }
 
@@ -136,10 +161,10 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice,
         return VK_ERROR_VALIDATION_FAILED_EXT;
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return addMicromap(device, {device.driver.report(), "vkCreateAccelerationStructure2KHR"}, range, *result);
-    auto structure = newStructure(range, info->type);
+    const auto structure = newStructure(range, info->type);
     const VkResult created = createInRange(device.driver, *info, range, allocator, *result);
     if (created == VK_SUCCESS)
-        addStructure(device, std::move(structure), *result);
+        addDriversStructure(device, structure, *result, allocator);
     return created;
 }
 
@@ -147,12 +172,8 @@ void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkA
                                   const VkAllocationCallbacks *allocator)
 {
     const auto known = device.objects.accelerationStructures.take(structure);
-    if (known) {
-        leavePlace(device.objects, *known);
-        destroyFittedHandles(device, *known);
-        if (known->micromapKey)
-            device.objects.root.releaseCell(known->micromapKey);
-    }
+    if (known)
+        forgetStructure(device, *known);
     device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
     if (known && isLayersOwn(*known)) {
         device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));

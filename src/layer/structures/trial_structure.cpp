@@ -13,13 +13,6 @@ TrialStructure::~TrialStructure()
         context_.next->DestroyAccelerationStructureKHR(context_.device, handle_, nullptr);
 }
 
-VkDeviceAddress TrialStructure::address() const
-{
-    const VkAccelerationStructureDeviceAddressInfoKHR info{
-        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, handle_};
-    return context_.next->GetAccelerationStructureDeviceAddressKHR(context_.device, &info);
-}
-
 bool TrialStructure::makeInput(const void *data, size_t bytes)
 {
     if (input_.create(context_, bytes, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR) !=
@@ -44,31 +37,15 @@ bool TrialStructure::buildTriangle(VkCommandBuffer commands, VkGeometryFlagsKHR 
     triangles.vertexStride = 3 * sizeof(float);
     triangles.maxVertex = 2;
     triangles.indexType = VK_INDEX_TYPE_NONE_KHR;
-    return build(commands, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, geometry, spareBytes);
+    return build(commands, geometry, spareBytes);
 }
 
-bool TrialStructure::buildInstance(VkCommandBuffer commands, const TrialStructure &triangle)
-{
-    VkAccelerationStructureInstanceKHR instance{};
-    for (int i = 0; i < 3; ++i)
-        instance.transform.matrix[i][i] = 1;
-    instance.mask = 0xff;
-    instance.accelerationStructureReference = triangle.address();
-    if (!makeInput(&instance, sizeof instance))
-        return false;
-    VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
-    geometry.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR;
-    geometry.geometry.instances = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR};
-    geometry.geometry.instances.data.deviceAddress = input_.address();
-    return build(commands, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR, geometry, 0);
-}
-
-bool TrialStructure::build(VkCommandBuffer commands, VkAccelerationStructureTypeKHR type,
-                           const VkAccelerationStructureGeometryKHR &geometry, VkDeviceSize spareBytes)
+bool TrialStructure::build(VkCommandBuffer commands, const VkAccelerationStructureGeometryKHR &geometry,
+                           VkDeviceSize spareBytes)
 {
     const DeviceTable &next = *context_.next;
     VkAccelerationStructureBuildGeometryInfoKHR info{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR};
-    info.type = type;
+    info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
     info.geometryCount = 1;
     info.pGeometries = &geometry;
     const uint32_t one = 1;
@@ -82,7 +59,7 @@ bool TrialStructure::build(VkCommandBuffer commands, VkAccelerationStructureType
     VkAccelerationStructureCreateInfoKHR create{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
     create.buffer = memory_.buffer();
     create.size = size_;
-    create.type = type;
+    create.type = info.type;
     if (next.CreateAccelerationStructureKHR(context_.device, &create, nullptr, &handle_) != VK_SUCCESS)
         return false;
     info.dstAccelerationStructure = handle_;

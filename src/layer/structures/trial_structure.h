@@ -1,4 +1,4 @@
-// The smallest acceleration structures that there are, for trials (work/trials.h).
+// The smallest acceleration structure that there is, for trials (commands/trials.h).
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -21,17 +21,13 @@ public:
     // larger by `spareBytes` than the driver asks for. Commands after it may use the structure. False where the driver
     // could not make what is needed.
     bool buildTriangle(VkCommandBuffer commands, VkGeometryFlagsKHR flags, VkDeviceSize spareBytes = 0);
-    // The same of a top-level structure of one instance.
-    bool buildInstance(VkCommandBuffer commands, const TrialStructure &triangle);
 
     [[nodiscard]] VkAccelerationStructureKHR handle() const { return handle_; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
-    [[nodiscard]] VkDeviceAddress address() const;
 
 private:
     bool makeInput(const void *data, size_t bytes);
-    bool build(VkCommandBuffer commands, VkAccelerationStructureTypeKHR type,
-               const VkAccelerationStructureGeometryKHR &geometry, VkDeviceSize spareBytes);
+    bool build(VkCommandBuffer commands, const VkAccelerationStructureGeometryKHR &geometry, VkDeviceSize spareBytes);
 
     const GpuContext &context_;
     GpuBuffer input_, memory_, scratch_;

@@ -16,6 +16,7 @@ struct DeviceTranslation {
     DeviceCommands &commands;
     DeviceQueries &queries;
     DevicePipelines &pipelines;
+    HandleMap<VkShaderModule, uint64_t> tracingModules{}; // codeHash of those that trace rays by pipelines
 };
 
 } // namespace vellum::layer

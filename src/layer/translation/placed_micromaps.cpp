@@ -38,6 +38,7 @@ VkMicromapEXT PlacedMicromaps::ofSize(VkBuffer buffer, VkDeviceSize offset, VkDe
     info.offset = offset;
     info.size = bytes;
     info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    micromaps_.reserve(micromaps_.size() + 1); // before the driver has made one
     VkMicromapEXT handle = VK_NULL_HANDLE;
     if (driver_.next.CreateMicromapEXT(driver_.handle, &info, nullptr, &handle) != VK_SUCCESS)
         return VK_NULL_HANDLE;

@@ -12,6 +12,7 @@ struct DeviceTranslation;
 
 VkResult createTranslatedModule(DeviceTranslation &, VkDevice, const VkShaderModuleCreateInfo *,
                                 const VkAllocationCallbacks *, VkShaderModule *);
+void destroyTranslatedModule(DeviceTranslation &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
 VkResult createTranslatedComputePipelines(DeviceTranslation &, VkDevice, VkPipelineCache, uint32_t,
                                           const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *,
                                           VkPipeline *);

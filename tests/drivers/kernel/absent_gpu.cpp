@@ -213,8 +213,6 @@ void install(const std::string &gpu)
 
 VELLUM_EXPORTED int ioctl(int file, unsigned long request, ...);
 VELLUM_EXPORTED int drmGetDevices2(std::uint32_t flags, vellum::test::kernel::DrmDevice **devices, int most);
-// For the test layer that answers the layer's question about ray flags.
-VELLUM_EXPORTED bool vellumWriteToAbsentGpu(std::uint64_t address, const void *bytes, std::size_t size);
 VELLUM_EXPORTED int drmGetDevice2(int file, std::uint32_t flags, vellum::test::kernel::DrmDevice **device);
 
 int ioctl(int file, unsigned long request, ...)
@@ -249,10 +247,4 @@ int drmGetDevice2(int file, std::uint32_t, vellum::test::kernel::DrmDevice **dev
         return -ENODEV;
     *device = describe();
     return *device == nullptr ? -ENOMEM : 0;
-}
-
-bool vellumWriteToAbsentGpu(std::uint64_t address, const void *bytes, std::size_t size)
-{
-    using namespace vellum::test::kernel;
-    return installed && kernel().objects().write(address, {static_cast<const std::byte *>(bytes), size});
 }

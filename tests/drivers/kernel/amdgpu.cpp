@@ -124,7 +124,7 @@ public:
         case Call::WaitIdle:
         case Call::WaitSubmission: static_cast<Wait *>(argument)->out = {}; return 0;
         case Call::ImportHost: static_cast<ImportHost *>(argument)->handle = objects().newHandle(); return 0;
-        case Call::Bind: bind(*static_cast<Bind *>(argument)); return 0;
+        case Call::Bind:
         case Call::Metadata:
         case Call::Vm: return 0;
         }
@@ -132,14 +132,6 @@ public:
     }
 
 private:
-    void bind(const Bind &bind)
-    {
-        if (bind.operation == kMap || bind.operation == kReplace)
-            objects().map(bind.address, bind.size, bind.handle, bind.offset);
-        else if (bind.operation == kUnmap)
-            objects().unmap(bind.address);
-    }
-
     int context(Context &context)
     {
         const u32 operation = context.in.operation;

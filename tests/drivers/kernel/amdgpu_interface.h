@@ -69,12 +69,6 @@ struct ImportHost {
     u32 flags, handle;
 };
 
-constexpr u32 kMap = 1, kUnmap = 2, kReplace = 4;
-struct Bind {
-    u32 handle, pad, operation, flags;
-    u64 address, offset, size; // and more, in newer kernels
-};
-
 union Submit {
     struct {
         u32 context, list, count, flags;

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 
 namespace vellum::test::kernel
@@ -50,33 +49,6 @@ u32 Objects::newHandle()
 {
     std::lock_guard lock(mutex_);
     return ++last_;
-}
-
-void Objects::map(u64 address, u64 size, u32 handle, u64 offset)
-{
-    std::lock_guard lock(mutex_);
-    const auto found = pieces_.find(handle);
-    if (found != pieces_.end() && offset <= found->second.size)
-        mapped_[address] = {found->second.offset + offset, std::min(size, found->second.size - offset)};
-}
-
-void Objects::unmap(u64 address)
-{
-    std::lock_guard lock(mutex_);
-    mapped_.erase(address);
-}
-
-bool Objects::write(u64 address, std::span<const std::byte> bytes)
-{
-    std::lock_guard lock(mutex_);
-    auto found = mapped_.upper_bound(address);
-    if (found == mapped_.begin())
-        return false;
-    const auto &[start, piece] = *--found;
-    if (address - start > piece.size || bytes.size() > piece.size - (address - start))
-        return false;
-    const auto place = static_cast<off_t>(piece.offset + (address - start));
-    return pwrite(file_, bytes.data(), bytes.size(), place) == static_cast<ssize_t>(bytes.size());
 }
 
 } // namespace vellum::test::kernel

@@ -4,7 +4,6 @@
 
 #include <map>
 #include <mutex>
-#include <span>
 
 #include "drm_interface.h"
 
@@ -23,11 +22,6 @@ public:
     int close(u32 handle);
     // Of something that has no memory.
     u32 newHandle();
-    // Where a part of an object is for the GPU.
-    void map(u64 address, u64 size, u32 handle, u64 offset);
-    void unmap(u64 address);
-    // What the GPU would write. False if nothing is mapped there.
-    bool write(u64 address, std::span<const std::byte> bytes);
 
 private:
     struct Piece {
@@ -36,7 +30,6 @@ private:
     int file_;
     std::mutex mutex_;
     std::map<u32, Piece> pieces_;
-    std::map<u64, Piece> mapped_; // by the GPU's address
     u64 end_ = 0;
     u32 last_ = 0;
 };

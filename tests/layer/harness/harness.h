@@ -6,6 +6,7 @@
 
 #include "vellum/vulkan_opacity_micromap.h"
 
+#include <atomic>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -52,17 +53,6 @@ inline bool strictTests()
     return value && std::strcmp(value, "1") == 0;
 }
 
-// False: the layer takes the driver for one that drops unused ray flag bits, by its own environment variable
-// VELLUM_CARRIED_RAY_FLAGS or because it is one: the trait "emulating", whose copy of the layer uses these bits itself.
-// Then intersection shaders may not see the ray flags that are hidden from the driver, nor can they be skipped by one
-// of those (docs/limits.md).
-inline bool carriedRayFlags()
-{
-    const char *value = std::getenv("VELLUM_CARRIED_RAY_FLAGS");
-    const char *traits = std::getenv("VELLUM_TEST_TRAITS");
-    return !(value && std::strcmp(value, "off") == 0) && !(traits && std::strstr(traits, "emulating"));
-}
-
 struct Options {
     bool vellum = true;
     bool validation = true;
@@ -70,7 +60,6 @@ struct Options {
     bool spy = true;            // layers/spy.cpp: what must not reach the driver
     std::string traits = {};    // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
     std::string absentGpu{};    // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
-    bool keepsFlagBits = false; // the absent GPU gives unused ray flag bits back (answer_layer.cpp)
     bool micromaps = true;      // enable opacity micromaps on the device
     Api api = apiOfTests();     // by this extension
     bool bothApis = false;      // enable the other one, too
@@ -312,6 +301,8 @@ public:
     // As it was made, for the next test: what use() and breaks() changed is forgotten.
     void reset(const Options &options);
     void addMessage(Message message);
+    // How often the layer said that an intersection shader does not see all ray flags, which is not kept as a message.
+    [[nodiscard]] std::size_t intersectionWarnings() const { return intersectionWarnings_; }
 
 private:
     void createInstance();
@@ -336,6 +327,7 @@ private:
     std::mutex messagesMutex_; // layers speak on whichever thread calls them
     std::vector<Message> messages_;
     std::vector<std::string> broken_;
+    std::atomic<std::size_t> intersectionWarnings_ = 0;
 };
 
 // A test with a device; at its end nobody may have complained. Where the device is shared, what a test left alive is

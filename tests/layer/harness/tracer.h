@@ -20,17 +20,17 @@ inline constexpr std::uint32_t kRaySkipTriangles = 0x100;
 inline constexpr std::uint32_t kRaySkipBoxes = 0x200;
 inline constexpr std::uint32_t kRayForceTwoState = 0x400;
 
-// Whether an intersection shader may see `seen` of a ray's flags.
+// In a pipeline with micromaps whose rays have different hidden flags, intersection shaders do not see these, nor are
+// they skipped by one of them (docs/limits.md). Whether one may see `seen` of a ray's flags.
 inline bool intersectionMaySee(std::uint32_t seen, std::uint32_t flags)
 {
-    return seen == flags ||
-           (!carriedRayFlags() && seen == (flags & ~(kRayOpaque | kRayCullNoOpaque | kRayForceTwoState)));
+    return seen == flags || seen == (flags & ~(kRayOpaque | kRayCullNoOpaque | kRayForceTwoState));
 }
 
 // Whether it may run for a box that is culled.
 inline bool intersectionMayRunCulled(std::uint32_t flags)
 {
-    return !carriedRayFlags() && (flags & kRayCullNoOpaque) != 0;
+    return (flags & kRayCullNoOpaque) != 0;
 }
 
 enum Rule : std::uint32_t { kNever = 0, kAlways = 1, kHash = 2 };

@@ -6,10 +6,18 @@
 #include "core/micromap.h"
 #include "core/micromap_memory.h"
 #include "harness/expected.h"
+#include "harness/program/labels.h"
 #include "harness/states.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"MicromapCopy.*", "stacked forced"},
+                         {"MicromapCopy.RefusedCopies", "lenient strict"},
+                         {"MicromapCopy.SerializedHeader", "inside"},
+                         {"MicromapCopy.TooSmallATarget", "inside"},
+                         {"MicromapCopy.WhatIsNoMicromapBecomesUnknown", "inside"},
+                         {"MicromapCopyValidated.*", "inside"}};
 
 using namespace vt;
 

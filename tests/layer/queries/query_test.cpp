@@ -4,10 +4,16 @@
 
 #include "commands/inherited_condition.h"
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 #include "harness/test_driver.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Queries.*", "traits stacked packed"},
+                         {"Queries.AMicromapThatWasNeverBuilt", "unpacked"},
+                         {"Queries.AccelerationStructuresWithMicromaps", "serialized"},
+                         {"Queries.Wrong*", "strict"}};
 
 using namespace vt;
 

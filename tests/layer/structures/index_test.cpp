@@ -1,9 +1,12 @@
 // From a triangle of a geometry to its micromap: index buffers, strides, base triangles, special indices, null
 // micromaps, geometries of all kinds beside each other, and the shapes a micromap's own input can have.
 #include "harness/expected.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Index.*", "traits translated packed forcing"}};
 
 using namespace vt;
 

@@ -134,7 +134,6 @@ TEST_F(Environments, WrongValuesOfSettings)
                                {"VELLUM_VALIDATE", value},
                                {"VELLUM_STRICT", value},
                                {"VELLUM_ASSUME_MICROMAPS", value},
-                               {"VELLUM_CARRIED_RAY_FLAGS", value},
                                {"VELLUM_CONSTANT_RAY_FLAGS", value},
                                {"VELLUM_FORCE_EMULATION", value}})
                         .empty());

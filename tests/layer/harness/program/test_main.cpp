@@ -3,13 +3,19 @@
 // only once, and does not optimize.
 #include <array>
 #include <barrier>
+#include <cstdio>
 #include <cstdlib>
+#include <cstring>
+#include <string>
 #include <thread>
 
+#include <dlfcn.h>
 #include <sys/personality.h>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
+
+#include "harness/program/labels.h"
 
 #if defined(__SANITIZE_ADDRESS__)
 // Blocks that libraries which are not ours leave behind. Lavapipe 25 leaks one for each vkCmdBindVertexBuffers2 with a
@@ -28,7 +34,7 @@ namespace
 // shaders of a test were compiled for another one before and are in lavapipe's cache. For that the kernel may not
 // choose addresses at random, and nothing may lie at changing places between the mappings of device memory: blocks of
 // malloc, stacks of threads. Where this is not allowed, tests take longer.
-void makeAddressesRepeat(char **argv)
+[[maybe_unused]] void makeAddressesRepeat(char **argv)
 {
     constexpr const char *kDone = "VELLUM_TEST_ADDRESSES_REPEAT";
     if (std::getenv(kDone) == nullptr) {
@@ -53,11 +59,28 @@ void makeAddressesRepeat(char **argv)
         thread.join();
 }
 
+// ThreadSanitizer ends the process when a library goes that a suppression names (tests/tsan.supp), and knows no names
+// of functions in others that have gone.
+[[maybe_unused]] void keepLibrariesLoaded()
+{
+    const std::string folders = VELLUM_TEST_LAYER_PATH;
+    for (const std::string &name : {std::string("libvulkan_lvp.so"),
+                                    folders.substr(0, folders.find(':')) + "/libVkLayer_vellum_opacity_micromap.so"})
+        dlopen(name.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+}
+
 } // namespace
 
 int main(int argc, char **argv)
 {
-#if !defined(__SANITIZE_ADDRESS__)
+    if (argc == 2 && std::strcmp(argv[1], "--labels") == 0) {
+        for (const vt::Labelled &row : vt::Labels::all())
+            std::printf("%s %s\n", row.cases.c_str(), row.labels.c_str());
+        return 0;
+    }
+#if defined(__SANITIZE_THREAD__)
+    keepLibrariesLoaded();
+#elif !defined(__SANITIZE_ADDRESS__)
     makeAddressesRepeat(argv);
 #endif
     // VK_LAYER_PATH would hide VK_ADD_LAYER_PATH; implicit layers of this machine are not under test.

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "harness/pipeline_tracer.h"
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 #include "harness/tracer.h"
 
@@ -16,6 +17,8 @@ using namespace vt;
 
 namespace
 {
+
+const vt::Labels kLabels{{"Destruction.*", "forcing"}};
 
 // Memory, buffer and structure, each to be destroyed when the test says so.
 class Pieces
@@ -31,7 +34,7 @@ public:
         freeMemory();
     }
 
-    void makeRoom(VkDeviceSize bytes, VkBufferUsageFlags usage)
+    void allocate(VkDeviceSize bytes, VkBufferUsageFlags usage)
     {
         VkBufferCreateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
@@ -108,7 +111,7 @@ private:
 class Destruction : public GpuTest
 {
 protected:
-    // Validation and spy rightly complain of the order.
+    // Validation and spy rightly report the order.
     Destruction() : GpuTest({.validation = false, .spy = false, .memory = Memory::Apart}) {}
 
     std::unique_ptr<Micromap> makeMicromap(std::uint8_t state)
@@ -144,7 +147,7 @@ protected:
     std::unique_ptr<Pieces> copyOf(const Structure &source, VkAccelerationStructureTypeKHR type)
     {
         auto pieces = std::make_unique<Pieces>(gpu());
-        pieces->makeRoom(source.size(), VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+        pieces->allocate(source.size(), VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
         pieces->makeStructure(type, source.size());
         gpu().submit([&](VkCommandBuffer commands) {
             VkCopyAccelerationStructureInfoKHR info{};
@@ -182,7 +185,7 @@ TEST_F(Destruction, MicromapsBuffersAndMemoryInAnyOrder)
     for (std::uint32_t order = 0; order < 6; ++order) {
         SCOPED_TRACE(order);
         Pieces pieces(gpu());
-        pieces.makeRoom(micromap->size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
+        pieces.allocate(micromap->size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
         pieces.makeMicromap(micromap->size());
         gpu().submit([&](VkCommandBuffer commands) {
             VkCopyMicromapInfoEXT info{};

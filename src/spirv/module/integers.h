@@ -1,0 +1,32 @@
+// 32-bit integers of the application, which may be signed. The rewriter's own are uints.
+#pragma once
+
+#include "spirv/module/code.h"
+#include "spirv/module/opcodes.h"
+#include "spirv/module/types.h"
+
+namespace vellum::spirv
+{
+
+// A value as a uint. The type of what an unknown instruction made is unknown, too (0); a cast to the same type does no
+// harm.
+inline Id toUint(Types &types, Id type, Id value, Code &out)
+{
+    const Id uint = types.uint32();
+    return type == uint ? value : out.value(spv::OpBitcast, uint, {value});
+}
+
+// An instruction that makes a uint, for the result of one that makes an integer of the given type.
+inline void putUint(Types &types, Id type, Id result, std::uint32_t opcode, std::vector<std::uint32_t> operands,
+                    Code &out)
+{
+    const Id uint = types.uint32();
+    if (type == uint) {
+        operands.insert(operands.begin(), {type, result});
+        out.put(opcode, std::move(operands));
+    } else {
+        out.put(spv::OpBitcast, {type, result, out.value(opcode, uint, std::move(operands))});
+    }
+}
+
+} // namespace vellum::spirv
