@@ -44,7 +44,7 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
 
 BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, SideVariables &hitObjects,
                    const RewriteOptions &options)
-    : module_(module), types_(types), linker_(linker), prefix_(prefix), hitObjects_(hitObjects), options_(options),
+    : module_(module), types_(types), linker_(linker), prefix_(prefix), hitObjects_(hitObjects),
       stage_(options.pipelineStage)
 {
     for (const Instruction in : module.section(Section::Decorations)) {

@@ -53,7 +53,6 @@ private:
     Linker &linker_;
     PayloadPrefix &prefix_;
     SideVariables &hitObjects_;
-    const RewriteOptions &options_;
     const std::optional<PipelineStage> &stage_;
     Id knownIndex_ = 0;
     std::set<Id> customIndex_;
