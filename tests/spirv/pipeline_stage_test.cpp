@@ -211,17 +211,17 @@ TEST(PipelineStages, FlagsThatAllRaysHaveAlikeAreFixed)
 
 TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
 {
-    const auto traced = spirv::tracedFlags(loadShader("trace.rgen", "v15"));
+    const auto traced = spirv::scan(loadShader("trace.rgen", "v15")).traced;
     EXPECT_TRUE(traced.traces);
     EXPECT_EQ(traced.fixed, 0u);
-    EXPECT_FALSE(spirv::tracedFlags(loadShader("hit.rchit", "v15")).traces);
-    const auto constant = spirv::tracedFlags(loadShader("constant_trace.rgen", "v15"));
+    EXPECT_FALSE(spirv::scan(loadShader("hit.rchit", "v15")).traced.traces);
+    const auto constant = spirv::scan(loadShader("constant_trace.rgen", "v15")).traced;
     EXPECT_TRUE(constant.traces);
     EXPECT_EQ(constant, (spirv::TracedFlags{.traces = true, .constant = 0x81}));
     // Cut off anywhere, it is no longer known, or as far as it goes.
     const std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
     for (std::size_t size = 0; size < words.size(); ++size) {
-        const auto cut = spirv::tracedFlags(std::span(words).first(size));
+        const auto cut = spirv::scan(std::span(words).first(size)).traced;
         EXPECT_EQ(cut.constant & ~0x81u, 0u);
         EXPECT_EQ(~cut.fixed & cut.constant, 0u);
     }
@@ -349,7 +349,7 @@ TEST(PipelineStages, AreKnownByTheirEntryPointsToo)
 {
     const Module words = assemble(anyHitText("ShaderInvocationReorderNV", "", ""));
     EXPECT_EQ(validate(words), "");
-    EXPECT_TRUE(spirv::tracesRays(words));
+    EXPECT_TRUE(spirv::scan(words).tracesRays);
     const auto result = spirv::rewrite(words, optionsOf(kTriangles));
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(count(disassemble(result.words), "OpFunctionCall %uint %vellumResolve"), 1u);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "spirv/rewrite.h"
+#include "spirv/module/scan.h"
 
 #include <spirv-tools/libspirv.hpp>
 

@@ -298,10 +298,16 @@ private:
     std::span<const uint32_t> codeOf(const VkPipelineShaderStageCreateInfo &stage) const
     {
         if (const auto original = device_.rayTracingModules.get(stage.module))
-            return *original;
+            return original->words;
         const auto *inlined =
             findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
         return inlined ? std::span(inlined->pCode, inlined->codeSize / 4) : std::span<const uint32_t>();
+    }
+
+    spirv::TracedFlags tracedBy(const VkPipelineShaderStageCreateInfo &stage) const
+    {
+        const auto module = device_.rayTracingModules.get(stage.module);
+        return module ? module->traced : spirv::scan(codeOf(stage)).traced;
     }
 
     // How ray flags that are hidden from the driver reach the shaders of a ray. Most pipelines pass constant flags that
@@ -315,7 +321,7 @@ private:
             return {.fixed = 0};
         spirv::TracedFlags traced;
         for (uint32_t i = 0; i < info.stageCount; ++i)
-            traced.add(spirv::tracedFlags(codeOf(info.pStages[i])));
+            traced.add(tracedBy(info.pStages[i]));
         return {traced.fixed, traced.constant};
     }
 
@@ -432,8 +438,8 @@ private:
         const auto [known, isNew] = rewritten_.try_emplace(
             {stage.module, stage.stage, decides, hidden, std::string(stage.pName)}, VK_NULL_HANDLE);
         if (isNew) {
-            const uint32_t *code = original->data();
-            size_t bytes = original->size() * 4;
+            const uint32_t *code = original->words.data();
+            size_t bytes = original->words.size() * 4;
             std::vector<uint32_t> storage;
             if (!rewriteShader(device_, code, bytes, storage, target))
                 return VK_ERROR_UNKNOWN;

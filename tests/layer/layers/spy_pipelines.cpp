@@ -2,7 +2,7 @@
 #include "layers/spy.h"
 
 #include "spirv/payload_types.h"
-#include "spirv/rewrite.h"
+#include "spirv/module/scan.h"
 
 #include <algorithm>
 #include <map>
@@ -102,7 +102,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
     const std::span words(info->pCode, info->codeSize / sizeof(std::uint32_t));
     std::lock_guard lock(mutex);
     rayModules.erase(*module);
-    if (vellum::spirv::hasRayTracingStages(words))
+    if (vellum::spirv::scan(words).hasStages)
         rayModules[*module] = {words.begin(), words.end()};
     return result;
 }
