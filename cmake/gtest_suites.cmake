@@ -1,13 +1,16 @@
-# vellum_add_gtests(TARGET [PREFIX name.] [FILTER gtest_filter] [TIMEOUT seconds of one case] [COST seconds of one case]
-#                   [ENVIRONMENT NAME=value...] [SLOW suites...])
+# vellum_add_gtests(TARGET [PREFIX name.] [FILTER gtest_filter] [LABELLED] [WITH labels...] [WITHOUT labels...]
+#                   [TIMEOUT seconds of one case] [COST seconds of one case] [ENVIRONMENT NAME=value...] [SLOW suites...]
+#                   [THREADS suites...])
 # Adds a CTest test for each test suite of a GoogleTest program, <PREFIX><suite>. tests/runner/run_cases.py runs all
 # cases of it in one process, names each that fails, and survives a crash of one. The suites are looked up when ctest
-# starts. All but the SLOW ones, of which the names may be patterns, have the label "quick". Suites of the highest cost,
+# starts. WITH and WITHOUT choose cases by labels that the program has for them (run_cases.py). All but the SLOW ones and,
+# of a LABELLED program, those with the label "slow", of which the names may be patterns, have the label "quick"; the
+# THREADS ones have the label "threads", as they are run with ThreadSanitizer. Suites of the highest cost,
 # COST times cases, begin first, so that several jobs end together.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
 function(vellum_add_gtests TARGET)
-  cmake_parse_arguments(ARG "" "PREFIX;FILTER;TIMEOUT;COST" "ENVIRONMENT;SLOW" ${ARGN})
+  cmake_parse_arguments(ARG "LABELLED" "PREFIX;FILTER;TIMEOUT;COST" "ENVIRONMENT;SLOW;THREADS;WITH;WITHOUT" ${ARGN})
   set(runner ${PROJECT_SOURCE_DIR}/tests/runner/run_cases.py)
   set(program $<TARGET_FILE:${TARGET}>)
   set(words ${Python3_EXECUTABLE} ${runner} --ctest --prefix=${ARG_PREFIX})
@@ -22,6 +25,18 @@ function(vellum_add_gtests TARGET)
   endforeach()
   foreach(suite ${ARG_SLOW})
     list(APPEND words --slow=${suite})
+  endforeach()
+  foreach(suite ${ARG_THREADS})
+    list(APPEND words --threads=${suite})
+  endforeach()
+  if(ARG_LABELLED)
+    list(APPEND words --labelled)
+  endif()
+  foreach(label ${ARG_WITH})
+    list(APPEND words --with=${label})
+  endforeach()
+  foreach(label ${ARG_WITHOUT})
+    list(APPEND words --without=${label})
   endforeach()
   list(APPEND words ${program})
   if(ARG_FILTER)

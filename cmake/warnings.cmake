@@ -3,4 +3,6 @@ add_library(vellum_warnings INTERFACE)
 target_compile_options(vellum_warnings INTERFACE
   -Wall -Wextra -Werror -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor -Wimplicit-fallthrough
   # `{VK_STRUCTURE_TYPE_...}` leaves the rest of a Vulkan structure zero on purpose.
-  -Wno-missing-field-initializers)
+  -Wno-missing-field-initializers
+  # GCC's optimizer finds these in strings of its own library where that comes from a precompiled header.
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds;-Wno-restrict;-Wno-stringop-overflow;-Wno-stringop-overread>)

@@ -10,12 +10,12 @@
 
 #include "drivers/compiled.h"
 #include "shaders/compiler_bench_any_hit.h"
-#include "shaders/compiler_bench_any_hit_heavy.h"
 #include "shaders/compiler_bench_closest_hit.h"
-#include "shaders/compiler_bench_closest_hit_heavy.h"
+#include "shaders/compiler_bench_heavy_any_hit.h"
+#include "shaders/compiler_bench_heavy_closest_hit.h"
+#include "shaders/compiler_bench_heavy_query.h"
 #include "shaders/compiler_bench_miss.h"
 #include "shaders/compiler_bench_query.h"
-#include "shaders/compiler_bench_query_heavy.h"
 #include "shaders/compiler_bench_raygen.h"
 
 namespace
@@ -111,19 +111,19 @@ enum class Kind { Query, Pipeline, PipelineWithoutAnyHit };
 Compiled compile(vt::Gpu &gpu, Kind kind, bool heavy)
 {
     if (kind == Kind::Query)
-        return heavy ? Compiled::compute(gpu, compiler_bench_query_heavy)
+        return heavy ? Compiled::compute(gpu, compiler_bench_heavy_query)
                      : Compiled::compute(gpu, compiler_bench_query);
     vt::PipelineSetup setup;
     setup.stages = {{VK_SHADER_STAGE_RAYGEN_BIT_KHR, compiler_bench_raygen},
                     {VK_SHADER_STAGE_MISS_BIT_KHR, compiler_bench_miss},
                     {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, compiler_bench_closest_hit}};
     if (heavy)
-        setup.stages[2].words = compiler_bench_closest_hit_heavy;
+        setup.stages[2].words = compiler_bench_heavy_closest_hit;
     setup.groups = {{.general = 0}, {.general = 1}, {.closestHit = 2}};
     if (kind == Kind::Pipeline) {
         setup.stages.push_back({VK_SHADER_STAGE_ANY_HIT_BIT_KHR, compiler_bench_any_hit});
         if (heavy)
-            setup.stages[3].words = compiler_bench_any_hit_heavy;
+            setup.stages[3].words = compiler_bench_heavy_any_hit;
         setup.groups[2].anyHit = 3;
     }
     if (gpu.options().micromaps)

@@ -17,8 +17,7 @@
 // Paths and all other strings are UTF-8; paths are relative to the current folder. Files are not trusted: whatever is
 // in one, what is read of it obeys every rule of the extension, and so may go to a micromap build as it is. Files that
 // cannot be read or written, and files that are not what they should be, are VELLUM_ERROR_FILE, with a message that
-// names the file and the place in it. So is one that takes more memory to read than there is; but where memory is so
-// short that small allocations fail, the reader below, tinygltf, ends the program.
+// names the file and the place in it. So is one that takes more memory to read than there is.
 //
 // LIFETIMES
 // What vellumGetGltf...() points to belongs to the VellumGltf, and lives until vellumDestroyGltf(). The file itself
@@ -124,16 +123,19 @@ VELLUM_API VellumResult vellumCheckGltf(const char *path, size_t most, VellumGlt
 // ------------------------------------------------------------------------------------------------------------ baking
 
 typedef enum VellumGltfBakeFlagBits {
-    // Materials with the alphaMode BLEND are baked, too, as masks with the cutoff blendCutoff.
+    // Materials with the alphaMode BLEND are baked, too: opaque only where alpha is 1, transparent only where it is 0.
     VELLUM_GLTF_BAKE_BLEND_BIT = 1,
     // The micromaps of a .gltf go into the file itself, in a data URI, instead of into a file beside it.
-    VELLUM_GLTF_BAKE_EMBED_BIT = 2
+    VELLUM_GLTF_BAKE_EMBED_BIT = 2,
+    // With VELLUM_GLTF_BAKE_BLEND_BIT: as masks with the cutoff blendCutoff, which is wrong for renderers that blend or
+    // dither.
+    VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4
 } VellumGltfBakeFlagBits;
 
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
     uint32_t flags;    // VellumGltfBakeFlagBits; default 0
-    float blendCutoff; // any number but NaN; default 0.5
+    float blendCutoff; // any number but NaN; default 0.5; used with VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT
     // Materials and meshes whose names match one of these are left as they are. Patterns of a shell: * ? [...].
     const char *const *leaveMaterials;
     size_t leaveMaterialCount;

@@ -13,6 +13,8 @@
 #include "bake/packed.h"
 #include "bake/work.h"
 #include "core/curve.h"
+#include "core/hash.h"
+#include "core/progress.h"
 
 namespace vellum
 {
@@ -80,6 +82,8 @@ void check(const BakeInput &input, const BakeOptions &options)
         throw BakeError("what texture coordinates were computed from is not in its range");
     if (std::isnan(input.cutoff.value_or(options.cutoff)))
         throw BakeError("the alpha cutoff is not a number");
+    if (!(input.valueTolerance.value_or(0) >= 0 && std::isfinite(input.valueTolerance.value_or(0))))
+        throw BakeError("the tolerance of an input's values is not in its range");
     if (!input.levels.empty() && input.levels.size() != input.triangles.size())
         throw BakeError("there are " + std::to_string(input.levels.size()) + " levels for " +
                         std::to_string(input.triangles.size()) + " triangles");
@@ -96,14 +100,16 @@ void check(const BakeInput &input, const BakeOptions &options)
 class Material
 {
 public:
-    Material(std::span<const AlphaTexture> textures, double cutoff, double uvTerms, const BakeOptions &options)
-        : m_source(textures), m_cutoff(cutoff), m_uvTerms(uvTerms), m_options(options),
-          m_swapped(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
+    Material(const BakeInput &input, const BakeOptions &options)
+        : m_source(input.textures), m_cutoff(input.cutoff.value_or(options.cutoff)), m_uvTerms(input.uvTerms),
+          m_options(options), m_swapped(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
     {
+        std::span<const AlphaTexture> textures = input.textures;
+        m_options.valueTolerance = input.valueTolerance.value_or(options.valueTolerance);
         // alpha < cutoff is the contrary of alpha >= cutoff, and alpha <= cutoff is -alpha >= -cutoff.
-        m_options.cutoff = cutoff;
+        m_options.cutoff = m_cutoff;
         if (options.test == AlphaTest::LessOrEqual || options.test == AlphaTest::Greater) {
-            m_options.cutoff = -cutoff;
+            m_options.cutoff = -m_cutoff;
             m_negated.assign(textures.begin(), textures.end());
             for (AlphaTexture &texture : m_negated) {
                 texture.border = -texture.border;
@@ -113,13 +119,15 @@ public:
             textures = m_negated;
         }
         for (const AlphaTexture &texture : textures)
-            m_levels.push_back(std::make_unique<Classifier>(texture, m_options, uvTerms));
+            m_levels.push_back(std::make_unique<Classifier>(texture, m_options, m_uvTerms));
     }
 
-    [[nodiscard]] bool is(std::span<const AlphaTexture> textures, double cutoff, double uvTerms) const
+    [[nodiscard]] bool isOf(const BakeInput &input, const BakeOptions &options) const
     {
-        return textures.data() == m_source.data() && textures.size() == m_source.size() && cutoff == m_cutoff &&
-               uvTerms == m_uvTerms;
+        return input.textures.data() == m_source.data() && input.textures.size() == m_source.size() &&
+               input.cutoff.value_or(options.cutoff) == m_cutoff &&
+               input.valueTolerance.value_or(options.valueTolerance) == m_options.valueTolerance &&
+               input.uvTerms == m_uvTerms;
     }
     [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const { return m_levels.front()->levelFor(uvs); }
 
@@ -192,11 +200,10 @@ public:
 private:
     std::uint32_t materialOf(const BakeInput &input, const BakeOptions &options)
     {
-        const double cutoff = input.cutoff.value_or(options.cutoff);
         for (std::size_t i = 0; i < m_materials.size(); ++i)
-            if (m_materials[i]->is(input.textures, cutoff, input.uvTerms))
+            if (m_materials[i]->isOf(input, options))
                 return static_cast<std::uint32_t>(i);
-        m_materials.push_back(std::make_unique<Material>(input.textures, cutoff, input.uvTerms, options));
+        m_materials.push_back(std::make_unique<Material>(input, options));
         return static_cast<std::uint32_t>(m_materials.size() - 1);
     }
 
@@ -214,7 +221,7 @@ private:
                 key.uvs[2 * k] = std::bit_cast<std::uint32_t>(uvs[k].u);
                 key.uvs[2 * k + 1] = std::bit_cast<std::uint32_t>(uvs[k].v);
             }
-            const std::uint64_t hash = hashBytes(reinterpret_cast<const std::uint8_t *>(&key), sizeof key, 0);
+            const std::uint64_t hash = hashBytes(&key, sizeof key);
             std::size_t slot = hash & (m_slots.size() - 1);
             while (m_slots[slot] != 0 && m_keys[m_slots[slot] - 1] != key)
                 slot = (slot + 1) & (m_slots.size() - 1);
@@ -323,7 +330,7 @@ void separateSpecialIndices(std::span<const BakeInput> inputs, const BakeOptions
             const bool known = *state == State::Opaque || *state == State::Transparent;
             const Format format = known && options.format == Format::TwoState ? Format::TwoState : Format::FourState;
             const auto data = static_cast<std::uint8_t>(*state);
-            *index = assembly.add(&data, 0, format, hashBytes(&data, 1, 0), options.maxDataBytes);
+            *index = assembly.add(&data, 0, format, hashBytes(&data, 1), options.maxDataBytes);
         }
     }
 }

@@ -110,8 +110,9 @@ struct BakeInput {
     // The level and the format of each triangle. Where there are none the options decide.
     std::span<const std::uint8_t> levels{};
     std::span<const Format> formats{};
-    // Instead of that of the options.
+    // Instead of those of the options.
     std::optional<double> cutoff{};
+    std::optional<double> valueTolerance{};
     // What the coordinates were computed from in single precision: interpolationTolerance is relative to this, where it
     // is more than the largest coordinate of a triangle. Finite, and not below 0.
     double uvTerms = 0;

@@ -136,17 +136,4 @@ void foldOnce(std::uint8_t *data, std::uint32_t level)
     }
 }
 
-std::uint64_t hashBytes(const std::uint8_t *data, std::size_t bytes, std::uint64_t seed)
-{
-    constexpr std::uint64_t kOdd = 0x9e3779b97f4a7c15;
-    std::uint64_t hash = seed + bytes * kOdd;
-    for (std::size_t at = 0; at < bytes; at += 8) {
-        std::uint64_t word = 0;
-        std::memcpy(&word, data + at, std::min<std::size_t>(8, bytes - at));
-        hash = (hash ^ word) * kOdd;
-        hash ^= hash >> 32;
-    }
-    return hash;
-}
-
 } // namespace vellum

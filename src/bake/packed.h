@@ -35,7 +35,4 @@ void keepCommon(std::uint8_t *data, const std::uint8_t *other, std::uint32_t lev
 // parts are and agree.
 void foldOnce(std::uint8_t *data, std::uint32_t level);
 
-// Of 64 bits; equal data has equal hashes.
-std::uint64_t hashBytes(const std::uint8_t *data, std::size_t bytes, std::uint64_t seed);
-
 } // namespace vellum

@@ -1,48 +1,14 @@
 // Work that is divided among threads.
 #pragma once
 
-#include <atomic>
 #include <cstddef>
-#include <exception>
 #include <functional>
-#include <mutex>
-#include <thread>
-#include <vector>
 
 #include "bake/bake.h"
 #include "core/parallel.h"
 
 namespace vellum
 {
-
-// Tells of progress now and then: at most some hundred times in all, and of the end.
-class Progress
-{
-public:
-    Progress(const std::function<void(std::size_t, std::size_t)> &callback, std::size_t total)
-        : m_callback(callback), m_total(total)
-    {
-    }
-    // From any thread.
-    void done(std::size_t count)
-    {
-        if (!m_callback)
-            return;
-        const std::lock_guard lock(m_mutex);
-        m_done += count;
-        if (m_done < m_next && m_done < m_total)
-            return;
-        m_next = m_done + m_total / 256;
-        m_callback(m_done, m_total);
-    }
-
-private:
-    const std::function<void(std::size_t, std::size_t)> &m_callback;
-    std::mutex m_mutex;
-    std::size_t m_total;
-    std::size_t m_done = 0;
-    std::size_t m_next = 0;
-};
 
 // inParallel() of work that may be cancelled: then it throws BakeCancelled.
 template <typename State, typename Function>

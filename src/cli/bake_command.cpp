@@ -75,16 +75,24 @@ FileReport Bakery::bakeOne(std::size_t job, unsigned threads)
     options.bake.progress = [&](std::size_t done, std::size_t total) {
         tell(job, total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total));
     };
+    const auto failed = [&](const std::string &error) {
+        FileReport report;
+        report.job = m_jobs[job];
+        report.error = error;
+        return report;
+    };
+    const std::string prefix = m_jobs[job].input.string() + ": ";
     if (!m_jobs[job].refusal.empty())
-        return {m_jobs[job], m_jobs[job].input.string() + ": " + m_jobs[job].refusal, {}, {}, {}, {}, {}, {}};
+        return failed(prefix + m_jobs[job].refusal);
+    options.measure = true;
     try {
         return reportOf(m_jobs[job], bakeFile(m_jobs[job].input, m_jobs[job].output, options));
     } catch (const std::bad_alloc &) {
-        return {m_jobs[job], m_jobs[job].input.string() + ": out of memory", {}, {}, {}, {}, {}, {}};
+        return failed(prefix + "out of memory");
     } catch (const GltfError &error) {
-        return {m_jobs[job], error.what(), {}, {}, {}, {}, {}, {}};
+        return failed(error.what());
     } catch (const std::exception &error) {
-        return {m_jobs[job], m_jobs[job].input.string() + ": " + error.what(), {}, {}, {}, {}, {}, {}};
+        return failed(prefix + error.what());
     }
 }
 
@@ -133,10 +141,12 @@ int bakeCommand(const BakeCommandOptions &options)
     std::fflush(stdout);
     int code = 0;
     for (const FileReport &report : reports) {
-        if (report.error.empty())
-            continue;
-        std::fprintf(stderr, "vellum: %s\n", report.error.c_str());
-        code = 1;
+        for (const std::string &problem : {report.error, report.failure}) {
+            if (problem.empty())
+                continue;
+            std::fprintf(stderr, "vellum: %s\n", problem.c_str());
+            code = 1;
+        }
     }
     return code;
 }

@@ -26,7 +26,8 @@ own. What is read is never written, and the output appears whole or not at all.
 .gltf names are copied where the output is in another folder. Folders are searched with all folders in them, and what is
 found keeps its place below the output folder.
 
-Exit code: 0 if every file was baked, 1 if any was not (the others are); one line on stderr for each that was not.
+Exit code: 0 if every file was baked, 1 if any was not (the others are) or none of its alpha-tested primitives could be;
+one line on stderr for each of these.
 
 Examples:
   vellum bake tree.glb
@@ -38,7 +39,7 @@ Examples:
   vellum bake tree.glb --level 5 --budget 2M
       no finer than level 5, and no more than 2 MiB of micromaps
   vellum bake house.gltf --blend --leave-material 'glass*' -o out/
-      alphaMode BLEND, too, but for glass)";
+      alphaMode BLEND, too, but not glass)";
 
 struct RawBakeOptions {
     std::string level = "auto";
@@ -59,24 +60,35 @@ void declareWhat(CLI::App &command, BakeCommandOptions &options)
                        "The file to write, or a folder, which is made; a folder for several inputs\n"
                        "[NAME.omm.glb or NAME.omm.gltf beside the input]");
     command.add_flag("--embed", options.bake.embed, "Put the micromaps of a .gltf into the file itself (data URI)");
-    command.add_flag("--blend", options.bake.blend, "Bake alphaMode BLEND, too, as if it were MASK");
-    command.add_flag("--fallback-images", options.bake.fallbackImages,
-                     "Bake from the PNG or JPEG of textures that also have a KTX2, AVIF or DDS image,\n"
-                     "which renderers that read it take instead");
-    command.add_option("--blend-cutoff", options.bake.blendCutoff, "The alpha cutoff for --blend [0.5]");
-    command
-        .add_option("--leave-material", options.bake.leaveMaterials,
-                    "Leave primitives with a material of this name, a shell pattern; may be\n"
-                    "given several times")
-        ->allow_extra_args(false)
-        ->type_name("PATTERN");
-    command.add_option("--leave-mesh", options.bake.leaveMeshes, "The same by the name of the mesh")
-        ->allow_extra_args(false)
-        ->type_name("PATTERN");
     command.add_option("-j,--threads", options.threads, "Threads to work with [one for each processor]")
         ->check(CLI::Range(0, 1024).description(""));
     command.add_flag("--report", options.report, "Print a table of what each primitive got");
     command.add_flag("--json", options.json, "Print the same as JSON, and nothing else, to stdout");
+}
+
+void declareWhich(CLI::App &command, DocumentBakeOptions &options)
+{
+    CLI::Option &blend = *command.add_flag("--blend", options.blend,
+                                           "Bake alphaMode BLEND, too: opaque only where alpha is 1, and transparent\n"
+                                           "only where it is 0");
+    command
+        .add_option("--blend-cutoff", options.blendCutoff,
+                    "With --blend: as a mask with this cutoff, which is wrong for renderers that\n"
+                    "blend or dither")
+        ->needs(&blend)
+        ->type_name("NUMBER");
+    command.add_flag("--fallback-images", options.fallbackImages,
+                     "Bake from the PNG or JPEG of textures that also have a KTX2, AVIF or DDS image,\n"
+                     "which renderers that read it take instead");
+    command
+        .add_option("--leave-material", options.leaveMaterials,
+                    "Leave primitives with a material of this name, a shell pattern; may be\n"
+                    "given several times")
+        ->allow_extra_args(false)
+        ->type_name("PATTERN");
+    command.add_option("--leave-mesh", options.leaveMeshes, "The same by the name of the mesh")
+        ->allow_extra_args(false)
+        ->type_name("PATTERN");
 }
 
 void declareHow(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
@@ -118,9 +130,9 @@ void declareHow(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
         exact.excludes(command.get_option(tolerance));
 }
 
-void finishBake(BakeCommandOptions &options, const RawBakeOptions &raw)
+void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
 {
-    BakeOptions &bake = options.bake.bake;
+    BakeOptions &bake = options.bake;
     if (raw.level != "auto") {
         unsigned level = 0;
         const char *end = raw.level.data() + raw.level.size();
@@ -135,13 +147,21 @@ void finishBake(BakeCommandOptions &options, const RawBakeOptions &raw)
     bake.twoStateRule = kRules.at(raw.rule);
     if (raw.exact)
         bake.exactly();
-    if (!std::isfinite(options.bake.blendCutoff))
+    if (!std::isfinite(options.blendCutoff.value_or(0)))
         throw Error("--blend-cutoff must be a number");
-    if (options.report && options.json)
-        throw Error("--report and --json are one or the other");
 }
 
 } // namespace
+
+std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &options, const std::string &group)
+{
+    const auto raw = std::make_shared<RawBakeOptions>();
+    if (!group.empty())
+        command.option_defaults()->group(group);
+    declareWhich(command, options);
+    declareHow(command, options.bake, *raw);
+    return [&options, raw] { finishBaking(options, *raw); };
+}
 
 std::uint64_t parseBytes(const std::string &text)
 {
@@ -163,18 +183,16 @@ std::uint64_t parseBytes(const std::string &text)
 
 std::function<int()> declareBakeCommand(CLI::App &app)
 {
-    struct Options {
-        BakeCommandOptions options;
-        RawBakeOptions raw;
-    };
-    const auto all = std::make_shared<Options>();
+    const auto options = std::make_shared<BakeCommandOptions>();
     CLI::App &command = *app.add_subcommand("bake", "Bakes opacity micromaps into glTF files");
     command.footer(kBakeDetails);
-    declareWhat(command, all->options);
-    declareHow(command, all->options.bake.bake, all->raw);
-    return [all] {
-        finishBake(all->options, all->raw);
-        return bakeCommand(all->options);
+    declareWhat(command, *options);
+    const std::function<void()> finish = declareBaking(command, options->bake);
+    return [options, finish] {
+        finish();
+        if (options->report && options->json)
+            throw Error("--report and --json are one or the other");
+        return bakeCommand(*options);
     };
 }
 

@@ -125,7 +125,8 @@ Conflicts::Conflicts(const std::vector<BakeJob> &jobs) : m_jobs(jobs), m_beside(
             continue; // whoever bakes it says so
         }
         try {
-            m_beside[i] = filesBeside(container->json(), jobs[i].input, jobs[i].output);
+            const JsonTree tree(container->json());
+            m_beside[i] = filesBeside(tree.root(), jobs[i].input, jobs[i].output);
         } catch (const GltfError &error) {
             m_refusals[i] = error.what();
         }

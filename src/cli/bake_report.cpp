@@ -3,33 +3,14 @@
 #include <algorithm>
 #include <fmt/format.h>
 #include <numeric>
-#include <rapidjson/prettywriter.h>
-#include <rapidjson/stringbuffer.h>
 
 #include "cli/base/numbers.h"
-#include "gltf/file/utf8.h"
+#include "cli/surface_report.h"
 
 namespace vellum::cli
 {
 namespace
 {
-
-constexpr const char *kStateNames[] = {"transparent", "opaque", "unknownTransparent", "unknownOpaque"};
-
-// Shares of the states in each triangle of a micromap.
-std::vector<std::array<double, 4>> sharesOf(const StoredMicromap &micromap)
-{
-    std::vector<std::array<double, 4>> shares;
-    for (const MicromapTriangle &triangle : micromap.triangles) {
-        std::array<double, 4> &share = shares.emplace_back();
-        const std::uint32_t count = microTriangleCount(triangle.subdivisionLevel);
-        for (std::uint32_t i = 0; i < count; ++i) {
-            const State state = readState(micromap.data.data() + triangle.dataOffset, i, triangle.format);
-            share[static_cast<std::size_t>(state)] += 1.0 / count;
-        }
-    }
-    return shares;
-}
 
 PrimitiveReport reportOf(const BakedPrimitive &primitive, const StoredMicromap &micromap,
                          const std::vector<std::array<double, 4>> &shares)
@@ -39,6 +20,7 @@ PrimitiveReport reportOf(const BakedPrimitive &primitive, const StoredMicromap &
     report.triangles = primitive.micromap.indices.size();
     report.varying = primitive.varying;
     report.micromap = primitive.micromap.micromap;
+    report.caution = primitive.caution;
     for (const std::int32_t index : primitive.micromap.indices) {
         if (const auto special = specialState(index)) {
             ++report.special[static_cast<std::size_t>(*special)];
@@ -91,19 +73,23 @@ std::string summary(const FileReport &file)
     std::size_t triangles = 0;
     for (const PrimitiveReport &primitive : file.primitives)
         triangles += primitive.triangles;
-    std::string text =
-        file.primitives.empty()
-            ? "nothing to bake"
-            : fmt::format("{} primitive{}, {} triangles, {} known, {} bytes of micromaps", file.primitives.size(),
-                          file.primitives.size() == 1 ? "" : "s", grouped(triangles),
-                          percent(knownShare(file.primitives)), grouped(micromapBytes(file)));
+    std::string text = file.primitives.empty()
+                           ? "nothing to bake"
+                           : fmt::format("{}, {}, {} of triangles known, {} of micromaps",
+                                         counted(file.primitives.size(), "primitive"), counted(triangles, "triangle"),
+                                         percent(knownShare(file.primitives)), counted(micromapBytes(file), "byte"));
     if (!file.left.empty())
-        text +=
-            fmt::format("; {} alpha-tested primitive{} left out", file.left.size(), file.left.size() == 1 ? "" : "s");
+        text += fmt::format("; {} left out", counted(file.left.size(), "alpha-tested primitive"));
     const auto lost =
         std::count_if(file.left.begin(), file.left.end(), [](const LeftReport &l) { return l.hadMicromap; });
     if (lost != 0)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
+    if (file.surface)
+        text += "; " + describe(*file.surface);
+    const auto cautions = std::count_if(file.primitives.begin(), file.primitives.end(),
+                                        [](const PrimitiveReport &p) { return !p.caution.empty(); });
+    if (cautions != 0)
+        text += fmt::format("; {}, see --report", counted(static_cast<std::size_t>(cautions), "caution"));
     return text;
 }
 
@@ -124,101 +110,91 @@ void printRows(const std::vector<Row> &rows)
     }
 }
 
-using JsonOut = rapidjson::PrettyWriter<rapidjson::StringBuffer>;
-
-void putString(JsonOut &out, const char *name, const std::string &value)
+// An object with a member for each State.
+template <typename Values>
+void writeStates(const char *name, const Values &values, JsonWriter &json)
 {
-    out.Key(name);
-    const std::string text = toUtf8(value);
-    out.String(text.c_str(), static_cast<rapidjson::SizeType>(text.size()));
-}
-
-void putNumber(JsonOut &out, const char *name, std::uint64_t value)
-{
-    out.Key(name);
-    out.Uint64(value);
-}
-
-void putPrimitive(JsonOut &out, const PrimitiveReport &primitive)
-{
-    out.StartObject();
-    putString(out, "name", primitive.name);
-    putString(out, "material", primitive.material);
-    putNumber(out, "triangles", primitive.triangles);
-    putNumber(out, "micromap", primitive.micromap);
-    putNumber(out, "varyingAlpha", primitive.varying);
-    out.Key("special");
-    out.StartObject();
+    json.key(name).beginObject();
     for (std::size_t s = 0; s < 4; ++s)
-        putNumber(out, kStateNames[s], primitive.special[s]);
-    out.EndObject();
-    out.Key("levels");
-    out.StartObject();
+        json.member(kStateNames[s], values[s]);
+    json.end();
+}
+
+void write(const PrimitiveReport &primitive, JsonWriter &json)
+{
+    json.beginObject().member("name", primitive.name).member("material", primitive.material);
+    json.member("triangles", primitive.triangles).member("micromap", primitive.micromap);
+    json.member("varyingAlpha", primitive.varying);
+    if (!primitive.caution.empty())
+        json.member("caution", primitive.caution);
+    writeStates("special", primitive.special, json);
+    json.key("levels").beginObject();
     for (std::size_t level = 0; level < primitive.levels.size(); ++level)
         if (primitive.levels[level] != 0)
-            putNumber(out, std::to_string(level).c_str(), primitive.levels[level]);
-    out.EndObject();
-    out.Key("states");
-    out.StartObject();
-    for (std::size_t s = 0; s < 4; ++s) {
-        out.Key(kStateNames[s]);
-        out.Double(primitive.states[s]);
-    }
-    out.EndObject();
-    out.EndObject();
+            json.member(std::to_string(level), primitive.levels[level]);
+    json.end();
+    writeStates("states", primitive.states, json);
+    json.end();
 }
 
-void putFile(JsonOut &out, const FileReport &file)
+void write(const FileReport &file, JsonWriter &json)
 {
-    out.StartObject();
-    putString(out, "input", file.job.input.string());
+    json.beginObject().member("input", file.job.input.string());
     if (!file.error.empty()) {
-        putString(out, "error", file.error);
-        out.EndObject();
+        json.member("error", file.error).end();
         return;
     }
-    putString(out, "output", file.job.output.string());
-    putNumber(out, "inputBytes", file.inputBytes);
-    putNumber(out, "outputBytes", file.outputBytes);
-    out.Key("replaced");
-    out.Bool(file.replaced);
-    out.Key("micromaps");
-    out.StartArray();
-    for (const MicromapReport &micromap : file.micromaps) {
-        out.StartObject();
-        putNumber(out, "triangles", micromap.triangles);
-        putNumber(out, "bytes", micromap.bytes);
-        out.EndObject();
-    }
-    out.EndArray();
-    out.Key("primitives");
-    out.StartArray();
-    for (const PrimitiveReport &primitive : file.primitives)
-        putPrimitive(out, primitive);
-    out.EndArray();
-    out.Key("left");
-    out.StartArray();
-    for (const LeftReport &left : file.left) {
-        out.StartObject();
-        putString(out, "name", left.name);
-        putString(out, "material", left.material);
-        putString(out, "reason", left.reason);
-        out.Key("hadMicromap");
-        out.Bool(left.hadMicromap);
-        out.EndObject();
-    }
-    out.EndArray();
-    out.EndObject();
+    json.member("output", file.job.output.string());
+    json.member("inputBytes", file.inputBytes).member("outputBytes", file.outputBytes);
+    if (!file.failure.empty())
+        json.member("failure", file.failure);
+    json.member("replaced", file.replaced);
+    if (!file.replacedLoss.empty())
+        json.member("replacedLoss", file.replacedLoss);
+    cli::write(file.surface, json.key("surface"));
+    json.list("micromaps", file.micromaps, [&](const MicromapReport &micromap) {
+        json.beginObject().member("triangles", micromap.triangles).member("bytes", micromap.bytes).end();
+    });
+    json.list("primitives", file.primitives, [&](const PrimitiveReport &primitive) { write(primitive, json); });
+    json.list("left", file.left, [&](const LeftReport &left) {
+        json.beginObject().member("name", left.name).member("material", left.material);
+        json.member("reason", left.reason).member("hadMicromap", left.hadMicromap).end();
+    });
+    json.end();
+}
+
+// Where everything that was to be baked is something that is not supported.
+std::string failureOf(const BakeJob &job, const FileBake &result)
+{
+    const std::vector<LeftPrimitive> &left = result.bake.left;
+    const auto first = std::find_if(left.begin(), left.end(), [](const LeftPrimitive &l) { return l.unreadable; });
+    if (!result.bake.primitives.empty() || first == left.end())
+        return "";
+    return fmt::format("{}: none of its alpha-tested primitives could be baked: {}: {}", job.input.string(),
+                       result.leftNames[static_cast<std::size_t>(first - left.begin())], first->reason);
+}
+
+// What is said of a file in every form for people.
+void printNotes(const FileReport &file)
+{
+    if (!file.replacedLoss.empty())
+        fmt::print("  replaced: {}\n", file.replacedLoss);
 }
 
 } // namespace
 
 FileReport reportOf(const BakeJob &job, const FileBake &result)
 {
-    FileReport report{job, "", result.replaced, result.inputBytes, result.outputBytes, {}, {}, {}};
+    FileReport report;
+    report.job = job;
+    report.replaced = result.replaced;
+    report.replacedLoss = result.replacedLoss;
+    report.inputBytes = result.inputBytes;
+    report.outputBytes = result.outputBytes;
+    report.surface = result.surface;
     std::vector<std::vector<std::array<double, 4>>> shares;
     for (const StoredMicromap &micromap : result.bake.micromaps) {
-        shares.push_back(sharesOf(micromap));
+        shares.push_back(stateShares(micromap.triangles, micromap.data));
         report.micromaps.push_back(
             {micromap.triangles.size(), micromap.data.size() + sizeof(MicromapTriangle) * micromap.triangles.size()});
     }
@@ -231,14 +207,17 @@ FileReport reportOf(const BakeJob &job, const FileBake &result)
     for (std::size_t i = 0; i < result.bake.left.size(); ++i)
         report.left.push_back({result.leftNames[i], result.bake.left[i].material, result.bake.left[i].reason,
                                result.bake.left[i].hadMicromap});
+    report.failure = failureOf(job, result);
     return report;
 }
 
 void printLines(const std::vector<FileReport> &files)
 {
     for (const FileReport &file : files)
-        if (file.error.empty())
+        if (file.error.empty()) {
             fmt::print("{}: {}\n", file.job.output.string(), summary(file));
+            printNotes(file);
+        }
 }
 
 void printTable(const std::vector<FileReport> &files)
@@ -249,6 +228,7 @@ void printTable(const std::vector<FileReport> &files)
         fmt::print("{} -> {}: {}\n", file.job.input.string(), file.job.output.string(), summary(file));
         fmt::print("  {} bytes became {}{}\n", grouped(file.inputBytes), grouped(file.outputBytes),
                    file.replaced ? ", its micromaps were replaced" : "");
+        printNotes(file);
         std::vector<Row> rows = {{"primitive", "material", "triangles", "with data", "levels", "transparent", "opaque",
                                   "unknown", "micromap"}};
         for (const PrimitiveReport &p : file.primitives)
@@ -256,15 +236,21 @@ void printTable(const std::vector<FileReport> &files)
                             grouped(std::accumulate(p.levels.begin(), p.levels.end(), std::size_t{0})), levelsText(p),
                             percent(p.states[0]), percent(p.states[1]), percent(p.states[2] + p.states[3]),
                             std::to_string(p.micromap)});
-        if (rows.size() > 1)
+        if (rows.size() > 1) {
             printRows(rows);
+            fmt::print("  shares are of triangles, each counted alike\n");
+        }
         for (std::size_t i = 0; i < file.micromaps.size(); ++i)
-            fmt::print("  micromap {}: {} triangles, {} bytes\n", i, grouped(file.micromaps[i].triangles),
-                       grouped(file.micromaps[i].bytes));
+            fmt::print("  micromap {}: {}, {}\n", i, counted(file.micromaps[i].triangles, "triangle"),
+                       counted(file.micromaps[i].bytes, "byte"));
         for (const PrimitiveReport &p : file.primitives)
             if (p.varying != 0)
-                fmt::print("  {}: {} triangles are unknown, the alphas of their vertices (COLOR_0) differ\n", p.name,
-                           grouped(p.varying));
+                fmt::print("  {}: {} unknown, the alphas of {} vertices (COLOR_0) differ\n", p.name,
+                           counted(p.varying, "triangle is", "triangles are"), p.varying == 1 ? "its" : "their");
+        for (const PrimitiveReport &p : file.primitives)
+            if (!p.caution.empty())
+                fmt::print("  caution: {}{}: {}\n", p.name, p.material.empty() ? "" : fmt::format(" ({})", p.material),
+                           p.caution);
         for (const LeftReport &left : file.left)
             fmt::print("  left out: {}{}: {}{}\n", left.name,
                        left.material.empty() ? "" : fmt::format(" ({})", left.material), left.reason,
@@ -274,17 +260,9 @@ void printTable(const std::vector<FileReport> &files)
 
 void printJson(const std::vector<FileReport> &files)
 {
-    rapidjson::StringBuffer buffer;
-    JsonOut out(buffer);
-    out.SetIndent(' ', 2);
-    out.StartObject();
-    out.Key("files");
-    out.StartArray();
-    for (const FileReport &file : files)
-        putFile(out, file);
-    out.EndArray();
-    out.EndObject();
-    fmt::print("{}\n", buffer.GetString());
+    JsonWriter json;
+    json.beginObject().list("files", files, [&](const FileReport &file) { write(file, json); });
+    fmt::print("{}\n", json.end().text());
 }
 
 } // namespace vellum::cli

@@ -3,10 +3,12 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "cli/bake_command.h"
+#include "gltf/micromaps/known_surface.h"
 
 namespace vellum::cli
 {
@@ -20,6 +22,7 @@ struct PrimitiveReport {
     std::array<std::size_t, 13> levels{}; // the other triangles by level
     std::array<double, 4> states{};       // shares of State, each triangle counted alike
     std::size_t micromap = 0;             // the number of its micromap
+    std::string caution;                  // of which renderers it is not true; empty where it is true of all
 };
 
 struct MicromapReport {
@@ -37,12 +40,16 @@ struct LeftReport {
 struct FileReport {
     BakeJob job;
     std::string error; // empty where all went well, and the rest is empty otherwise
+    // Why none of the primitives that should have been baked was, although the output was written; empty where one was.
+    std::string failure;
     bool replaced = false;
+    std::string replacedLoss; // the data that the replaced ones had lost; empty where they had not
     std::uint64_t inputBytes = 0;
     std::uint64_t outputBytes = 0;
     std::vector<PrimitiveReport> primitives;
     std::vector<MicromapReport> micromaps;
     std::vector<LeftReport> left;
+    std::optional<SurfaceShares> surface;
 };
 
 FileReport reportOf(const BakeJob &job, const FileBake &result);

@@ -14,6 +14,7 @@
 #include "cli/renderer/state_table.h"
 #include "cli/scene/baked_scene.h"
 #include "cli/scene/grove.h"
+#include "cli/surface_report.h"
 #include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
@@ -38,8 +39,8 @@ std::string describeInstances(const RenderOptions &options, const RenderScene &s
 {
     std::string text;
     if (scene.scene.instances.size() > scene.scene.meshes.size())
-        text = fmt::format(", {} instances of {} meshes", grouped(scene.scene.instances.size()),
-                           grouped(scene.scene.meshes.size()));
+        text = fmt::format(", {} of {}", counted(scene.scene.instances.size(), "instance"),
+                           counted(scene.scene.meshes.size(), "mesh", "meshes"));
     if (options.instances > 1)
         text += fmt::format(", {} copies", options.instances);
     return text;
@@ -59,19 +60,21 @@ void printScene(const RenderOptions &options, const DeviceInfo &device, const Re
     std::fflush(stdout);
 }
 
-void printMicromaps(const RenderOptions &options, const BakedScene &baked)
+void printMicromaps(const RenderOptions &options, const Scene &scene, const BakedScene &baked)
 {
     const auto shares = baked.stateShares();
-    const std::string states = fmt::format("{:.1f} % transparent, {:.1f} % opaque, {:.1f} % unknown", 100 * shares[0],
-                                           100 * shares[1], 100 * (shares[2] + shares[3]));
+    const std::string states = fmt::format("{} transparent, {} opaque, {} unknown, of micro-triangles",
+                                           percent(shares[0]), percent(shares[1]), percent(shares[2] + shares[3]));
     if (baked.extension.empty())
         fmt::print("baked       level {}, {} distinct triangles: {}\n",
                    options.bake.level ? std::to_string(*options.bake.level) : "by density", baked.distinctTriangles(),
                    states);
     else
-        fmt::print("in the file {} by {}, {} micromap triangles: {}\n",
-                   baked.count() == 1 ? "1 geometry" : fmt::format("{} geometries", baked.count()), baked.extension,
-                   baked.distinctTriangles(), states);
+        fmt::print("in the file {} by {}, {}: {}\n", counted(baked.count(), "geometry", "geometries"), baked.extension,
+                   counted(baked.distinctTriangles(), "micromap triangle"), states);
+    const std::vector<const Micromap *> micromaps = baked.micromaps();
+    if (const auto surface = surfaceShares(scene, [&](std::size_t geometry) { return micromaps[geometry]; }))
+        fmt::print("surface     {}\n", describe(*surface));
     std::fflush(stdout);
 }
 
@@ -83,7 +86,7 @@ void printTestedOnly(const RenderScene &scene, const BakedScene &baked)
         without += scene.scene.materials[scene.scene.geometries[i].material].masked() && !baked.results[i] ? 1u : 0u;
     if (without != 0)
         fmt::print("alpha test  alone for {} without micromaps{}\n",
-                   without == 1 ? "1 masked geometry" : fmt::format("{} masked geometries", without),
+                   counted(without, "masked geometry", "masked geometries"),
                    baked.extension.empty() ? ", whose vertices have alphas" : "; --bake makes some");
 }
 
@@ -326,7 +329,7 @@ int renderCommand(const RenderOptions &options)
     }
     const BakedScene baked =
         stored.extension.empty() ? bakeWithProgress(options, scene.scene) : storedScene(scene.scene, stored);
-    printMicromaps(options, baked);
+    printMicromaps(options, scene.scene, baked);
     printTestedOnly(scene, baked);
     if (options.mode == Mode::Compare)
         return renderBoth(options, info, scene, baked);

@@ -29,7 +29,7 @@ Exit codes, of several the smallest:
   2  the structure is broken
   3  wrong claims
   4  with --strict: claims outside the margins or left open, or cautions (animated alpha, variants, morph targets,
-     other images or data for other renderers)
+     other images or data for other renderers, a cutoff for alphaMode BLEND)
   5  with --strict: needlessly unknown
   6  with --strict: no micromaps
 
@@ -67,7 +67,10 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
     command.add_flag("--strict-2-state", options.file.strictTwoState,
                      "Takes claims of 2-state data at their word: those that do not hold all over\n"
                      "the micro-triangle are wrong");
-    command.add_option("--blend-cutoff", options.file.blendCutoff, "The cutoff of materials of alphaMode BLEND [0.5]")
+    command
+        .add_option("--blend-cutoff", options.file.blendCutoff,
+                    "The cutoff of materials of alphaMode BLEND [none: opaque where alpha is 1,\n"
+                    "transparent where it is 0]")
         ->type_name("NUMBER");
     command.add_option("-j,--threads", options.file.threads, "Threads to work with [one for each processor]")
         ->check(CLI::Range(0, 1024).description(""));
@@ -93,18 +96,21 @@ void finishVerify(VerifyOptions &options)
     for (const double tolerance : {t.value, t.subtexel, t.barycentric, t.interpolation})
         if (!(tolerance >= 0 && tolerance <= 1024))
             throw Error("tolerances must be numbers from 0 to 1024");
-    if (!std::isfinite(options.file.blendCutoff))
+    if (!std::isfinite(options.file.blendCutoff.value_or(0)))
         throw Error("--blend-cutoff must be a number");
 }
 
 VerifiedFile verifyFile(const std::string &path, const VerifyOptions &options)
 {
-    VerifiedFile file{path, {}, {}};
+    VerifiedFile file{path, {}, {}, {}};
     Progress progress("verifying " + path);
     verify::FileOptions fileOptions = options.file;
     fileOptions.progress = [&](std::size_t done, std::size_t total) { progress.update(done, total); };
     try {
-        file.report = verify::verifyDocument(Document(path), fileOptions);
+        const Document document(path);
+        file.report = verify::verifyDocument(document, fileOptions);
+        if (file.report.offences.empty() && !file.report.extension.empty())
+            file.surface = surfaceShares(document, readMicromaps(document));
     } catch (const GltfError &error) {
         file.error = error.what();
     }

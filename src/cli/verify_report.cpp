@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
-#include <rapidjson/prettywriter.h>
-#include <rapidjson/stringbuffer.h>
 
 #include "cli/base/numbers.h"
-#include "gltf/file/utf8.h"
+#include "cli/surface_report.h"
 
 namespace vellum::cli
 {
@@ -54,8 +52,8 @@ void print(const PrimitiveReport &primitive, const Finding &f)
     const char *what = f.kind == Kind::Wrong            ? "wrong"
                        : f.kind == Kind::OutsideMargins ? "outside the margins"
                                                         : "needlessly unknown";
-    fmt::print("  {}: {}, {}: {}, {}, cutoff {:.9g}\n", what, primitive.name, placeOf(f), nameOf(f.state), value,
-               primitive.cutoff);
+    const std::string test = primitive.cutoff ? fmt::format("cutoff {:.9g}", *primitive.cutoff) : "alphaMode BLEND";
+    fmt::print("  {}: {}, {}: {}, {}, {}\n", what, primitive.name, placeOf(f), nameOf(f.state), value, test);
 }
 
 // As wide as it is printed, as far as that can be told.
@@ -80,15 +78,15 @@ void printTable(const std::vector<Row> &rows)
     std::size_t width = 9;
     for (const Row &row : rows)
         width = std::max(width, codePoints(row.name));
-    fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", "primitive", width, "triangles",
-               "micro-triangles", "opaque", "transparent", "unknown", "wrong", "outside", "needlessly");
-    fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", "", width, "", "", "", "", "",
+    fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", "primitive", width, "triangles",
+               "micro-triangles", "transparent", "opaque", "unknown", "wrong", "outside", "needlessly");
+    fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", "", width, "", "", "", "", "",
                "claims", "margins", "unknown");
     for (const Row &row : rows) {
         const Counts &c = row.counts;
         const std::uint64_t all = c.opaque + c.transparent + c.unknown;
-        fmt::print("  {:<{}} {:>11} {:>16} {:>8} {:>11} {:>8} {:>8} {:>9} {:>10}\n", row.name, width,
-                   grouped(row.triangles), grouped(c.microTriangles()), share(c.opaque, all), share(c.transparent, all),
+        fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", row.name, width,
+                   grouped(row.triangles), grouped(c.microTriangles()), share(c.transparent, all), share(c.opaque, all),
                    share(c.unknown, all), grouped(c.of(Kind::Wrong)), grouped(c.of(Kind::OutsideMargins)),
                    grouped(c.of(Kind::Needless)));
     }
@@ -111,8 +109,10 @@ void printPrimitives(const verify::FileReport &report)
         rows.push_back(
             {report.primitives.size() == rows.size() ? "all" : fmt::format("all {}", report.primitives.size()),
              triangles, report.counts()});
-    if (!rows.empty())
-        printTable(rows);
+    if (rows.empty())
+        return;
+    printTable(rows);
+    fmt::print("  shares are of micro-triangles\n");
 }
 
 void printTwoState(const Counts &c)
@@ -159,137 +159,65 @@ void printFindings(const verify::FileReport &report)
         fmt::print("  and {} more (--max lists more)\n", grouped(all - shown));
 }
 
-class JsonReport
+void writeLevel(const char *name, int level, JsonWriter &json)
 {
-public:
-    JsonReport() : m_writer(m_buffer) { m_writer.SetIndent(' ', 2); }
-    std::string write(const std::vector<VerifiedFile> &files, bool strict);
-
-private:
-    void name(const char *text) { m_writer.Key(text); }
-    void add(const std::string &value)
-    {
-        const std::string text = toUtf8(value);
-        m_writer.String(text.c_str(), static_cast<rapidjson::SizeType>(text.size()));
-    }
-    void add(std::uint64_t value) { m_writer.Uint64(value); }
-    void add(bool value) { m_writer.Bool(value); }
-    // JSON has no word for what is not a number.
-    void add(double value) { std::isfinite(value) ? m_writer.Double(value) : m_writer.Null(); }
-    template <typename T>
-    void member(const char *text, const T &value)
-    {
-        name(text);
-        add(value);
-    }
-    template <typename List, typename Add>
-    void list(const char *text, const List &elements, Add &&addElement)
-    {
-        name(text);
-        m_writer.StartArray();
-        for (const auto &element : elements) {
-            m_writer.StartObject();
-            addElement(element);
-            m_writer.EndObject();
-        }
-        m_writer.EndArray();
-    }
-    void level(const char *text, int value);
-    void counts(const Counts &c);
-    void finding(const Finding &f);
-    void primitive(const PrimitiveReport &p);
-    void file(const VerifiedFile &file, bool strict);
-
-    rapidjson::StringBuffer m_buffer;
-    rapidjson::PrettyWriter<rapidjson::StringBuffer> m_writer;
-};
-
-void JsonReport::level(const char *text, int value)
-{
-    name(text);
-    value < 0 ? m_writer.Null() : m_writer.Int(value);
+    json.key(name);
+    level < 0 ? json.null() : json.value(level);
 }
 
-void JsonReport::counts(const Counts &c)
+void write(const Counts &c, JsonWriter &json)
 {
-    member("microTriangles", c.microTriangles());
-    member("opaque", c.opaque);
-    member("transparent", c.transparent);
-    member("unknown", c.unknown);
+    json.member("microTriangles", c.microTriangles());
+    json.member("transparent", c.transparent).member("opaque", c.opaque).member("unknown", c.unknown);
     for (std::size_t kind = 0; kind < verify::kKinds; ++kind)
-        member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
-    member("open", c.open);
-    name("twoState");
-    m_writer.StartObject();
-    member("true", c.twoStateTrue);
-    member("mixed", c.twoStateMixed);
-    member("reversed", c.twoStateReversed);
-    m_writer.EndObject();
+        json.member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
+    json.member("open", c.open).key("twoState").beginObject();
+    json.member("true", c.twoStateTrue).member("mixed", c.twoStateMixed).member("reversed", c.twoStateReversed).end();
 }
 
-void JsonReport::finding(const Finding &f)
+void write(const Finding &f, JsonWriter &json)
 {
-    member("kind", std::string(nameOf(f.kind)));
-    member("triangle", std::uint64_t{f.triangle});
-    member("microTriangle", std::uint64_t{f.microTriangle});
-    member("level", std::uint64_t{f.level});
-    member("special", f.special);
-    member("state", std::string(nameOf(f.state)));
-    name("uv");
-    m_writer.StartArray();
-    add(f.u);
-    add(f.v);
-    m_writer.EndArray();
-    member("value", f.value);
+    json.beginObject().member("kind", nameOf(f.kind)).member("triangle", f.triangle);
+    json.member("microTriangle", f.microTriangle).member("level", f.level).member("special", f.special);
+    json.member("state", nameOf(f.state)).values("uv", std::array{f.u, f.v}).member("value", f.value).end();
 }
 
-void JsonReport::primitive(const PrimitiveReport &p)
+void write(const PrimitiveReport &p, JsonWriter &json)
 {
-    member("mesh", std::uint64_t{p.place.mesh});
-    member("primitive", std::uint64_t{p.place.primitive});
-    member("name", p.name);
-    member("material", p.material);
+    json.beginObject().member("mesh", p.place.mesh).member("primitive", p.place.primitive);
+    json.member("name", p.name).member("material", p.material);
     if (!p.caution.empty())
-        member("caution", p.caution);
-    member("cutoff", p.cutoff);
-    member("triangles", std::uint64_t{p.triangles});
-    member("specialIndices", std::uint64_t{p.special});
-    counts(p.result.counts);
-    list("findings", p.result.findings, [this](const Finding &f) { finding(f); });
+        json.member("caution", p.caution);
+    json.key("cutoff");
+    p.cutoff ? json.value(*p.cutoff) : json.null();
+    json.member("triangles", p.triangles).member("specialIndices", p.special);
+    write(p.result.counts, json);
+    json.list("findings", p.result.findings, [&](const Finding &f) { write(f, json); });
+    json.end();
 }
 
-void JsonReport::file(const VerifiedFile &file, bool strict)
+void write(const VerifiedFile &file, bool strict, JsonWriter &json)
 {
     const verify::FileReport &r = file.report;
-    member("file", file.path);
-    member("code", static_cast<std::uint64_t>(judgementOf(file, strict)));
+    json.beginObject().member("file", file.path).member("code", static_cast<int>(judgementOf(file, strict)));
     if (!file.error.empty()) {
-        member("error", file.error);
+        json.member("error", file.error).end();
         return;
     }
-    member("extension", r.extension);
-    member("micromaps", std::uint64_t{r.micromaps});
-    level("level2State", r.level2State);
-    level("level4State", r.level4State);
-    member("mixedSpecialIndices", r.mixedSpecialIndices);
-    list("offences", r.offences, [this](const MicromapOffence &o) {
-        member("place", o.place);
-        member("message", o.message);
+    json.member("extension", r.extension).member("micromaps", r.micromaps);
+    writeLevel("level2State", r.level2State, json);
+    writeLevel("level4State", r.level4State, json);
+    json.member("mixedSpecialIndices", r.mixedSpecialIndices);
+    json.list("offences", r.offences, [&](const MicromapOffence &o) {
+        json.beginObject().member("place", o.place).member("message", o.message).end();
     });
-    list("unverified", r.unverified, [this](const verify::Unverified &u) {
-        member("place", u.name);
-        member("reason", u.reason);
+    json.list("unverified", r.unverified, [&](const verify::Unverified &u) {
+        json.beginObject().member("place", u.name).member("reason", u.reason).end();
     });
-    counts(r.counts());
-    list("primitives", r.primitives, [this](const PrimitiveReport &p) { primitive(p); });
-}
-
-std::string JsonReport::write(const std::vector<VerifiedFile> &files, bool strict)
-{
-    m_writer.StartObject();
-    list("files", files, [&](const VerifiedFile &f) { file(f, strict); });
-    m_writer.EndObject();
-    return m_buffer.GetString();
+    write(r.counts(), json);
+    cli::write(file.surface, json.key("surface"));
+    json.list("primitives", r.primitives, [&](const PrimitiveReport &p) { write(p, json); });
+    json.end();
 }
 
 } // namespace
@@ -335,10 +263,11 @@ void printVerified(const VerifiedFile &file)
         fmt::print("{}: no micromaps\n", file.path);
         return;
     }
-    fmt::print("{}: {}, {} micromap{}, structure all right\n", file.path, report.extension, report.micromaps,
-               report.micromaps == 1 ? "" : "s");
+    fmt::print("{}: {}, {}, structure all right\n", file.path, report.extension, counted(report.micromaps, "micromap"));
     printDevice(report);
     printPrimitives(report);
+    if (file.surface)
+        fmt::print("  {}\n", describe(*file.surface));
     const Counts sum = report.counts();
     printTwoState(sum);
     for (const PrimitiveReport &p : report.primitives)
@@ -353,7 +282,9 @@ void printVerified(const VerifiedFile &file)
 
 std::string verifiedJson(const std::vector<VerifiedFile> &files, bool strict)
 {
-    return JsonReport().write(files, strict);
+    JsonWriter json;
+    json.beginObject().list("files", files, [&](const VerifiedFile &file) { write(file, strict, json); });
+    return json.end().text();
 }
 
 } // namespace vellum::cli

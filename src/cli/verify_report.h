@@ -1,9 +1,11 @@
 // What `vellum verify` prints of a file.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "gltf/micromaps/known_surface.h"
 #include "verify/file.h"
 
 namespace vellum::cli
@@ -14,6 +16,7 @@ struct VerifiedFile {
     std::string path;
     std::string error; // in one line; empty where it was read
     verify::FileReport report;
+    std::optional<SurfaceShares> surface;
 };
 
 // What a process can tell by its exit code; of several the smallest that is not 0.

@@ -170,6 +170,8 @@ VELLUM_CONST uint kNoticeMicromapOverlap = 12u;  // source and target of a copy 
 VELLUM_CONST uint kNotices = 13u;
 VELLUM_CONST uint kNoticeTotal = kNotices; // counts all of them, after the one's own counter
 VELLUM_CONST uint kNoticeCounters = kNotices + 1u;
+// The word after the counters: the greatest instanceShaderBindingTableRecordOffset of all instances that were built.
+VELLUM_CONST uint kGreatestRecordOffset = kNoticeCounters;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted

@@ -1,38 +1,23 @@
 #include "gltf/document.h"
 
-#include "gltf/file/container.h"
-#include "gltf/file/model.h"
 #include "gltf/file/printable.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
 
-Document::Document(const std::filesystem::path &path)
-    : m_path(path), m_model(std::make_unique<tinygltf::Model>()), m_bufferViews(std::make_unique<BufferViews>(*m_model))
+Document::Document(const std::filesystem::path &path) : m_path(path)
 {
     named([&] {
-        Container container = readContainer(path);
-        readModel(container, path.parent_path(), *m_model);
-        m_bytes = std::move(container.bytes);
-        m_jsonOffset = container.jsonOffset;
-        m_jsonSize = container.jsonSize;
-        m_binary = container.binary;
+        m_container = std::make_unique<Container>(readContainer(path));
+        m_tree = std::make_unique<JsonTree>(m_container->json());
+        m_model = std::make_unique<gltf_json::Model>(gltf_json::readModel(*m_container, *m_tree, path.parent_path()));
+        m_bufferViews = std::make_unique<BufferViews>(*m_model);
     });
-}
-
-Document::~Document() = default;
-Document::Document(Document &&) noexcept = default;
-Document &Document::operator=(Document &&) noexcept = default;
-
-std::string_view Document::json() const
-{
-    return {reinterpret_cast<const char *>(m_bytes.data()) + m_jsonOffset, m_jsonSize};
 }
 
 std::span<const std::uint8_t> Document::otherChunks() const
 {
-    return std::span(m_bytes).subspan(m_jsonOffset + m_jsonSize);
+    return bytes().subspan(m_container->jsonOffset + m_container->jsonSize);
 }
 
 std::string Document::nameOf(PrimitivePlace place) const
@@ -41,6 +26,26 @@ std::string Document::nameOf(PrimitivePlace place) const
     if (place.mesh < m_model->meshes.size() && !m_model->meshes[place.mesh].name.empty())
         name += " \"" + printable(m_model->meshes[place.mesh].name) + "\"";
     return name + " primitive " + std::to_string(place.primitive);
+}
+
+std::string Document::reasonOf(const GltfError &error) const
+{
+    const std::string text = error.what();
+    const std::string prefix = m_path.string() + ": ";
+    return text.starts_with(prefix) ? text.substr(prefix.size()) : text;
+}
+
+std::string Document::reasonOf(PrimitivePlace place, const GltfError &error) const
+{
+    std::string text = reasonOf(error);
+    const std::string name = nameOf(place);
+    if (!text.starts_with(name))
+        return text;
+    text.erase(0, name.size());
+    if (text.starts_with(": "))
+        return text.substr(2);
+    return text.starts_with(" is ") || text.starts_with(" has ") ? "it" + text
+                                                                 : text.substr(text.find_first_not_of(' '));
 }
 
 // The path once: functions that read call each other. In one line of a length that a person reads, whatever the names

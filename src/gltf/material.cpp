@@ -1,9 +1,10 @@
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "gltf/data/image.h"
 #include "gltf/file/outside_file.h"
 #include "gltf/file/printable.h"
-#include "gltf/file/tinygltf.h"
 #include "gltf/primitive.h"
 
 namespace vellum
@@ -11,55 +12,46 @@ namespace vellum
 namespace
 {
 
-double numberOr(const tinygltf::Value &value, double other)
-{
-    return value.IsNumber() ? value.GetNumberAsDouble() : other;
-}
-
 // KHR_texture_transform: "Overview" gives the matrix, translation * rotation * scale.
-void readTransform(const tinygltf::TextureInfo &texture, Material &material)
+void readTransform(const gltf_json::Material &source, Material &material)
 {
-    material.uvSet = texture.texCoord;
-    const auto found = texture.extensions.find("KHR_texture_transform");
-    if (found == texture.extensions.end() || !found->second.IsObject())
+    material.uvSet = source.texCoord;
+    const JsonValue extension = source.textureExtensions["KHR_texture_transform"];
+    if (!extension.isObject())
         return;
-    const tinygltf::Value &extension = found->second;
     const auto pair = [&](const char *name, double other) {
         std::array<double, 2> values{other, other};
-        const tinygltf::Value &value = extension.Get(name);
-        if (value.IsArray() && value.ArrayLen() == 2)
-            for (std::size_t i = 0; i < 2; ++i)
-                values[i] = numberOr(value.Get<tinygltf::Value::Array>()[i], values[i]);
+        const std::vector<JsonValue> elements = extension[name].children();
+        for (std::size_t i = 0; i < 2 && elements.size() == 2; ++i)
+            values[i] = elements[i].number().value_or(other);
         return values;
     };
     const std::array<double, 2> offset = pair("offset", 0);
     const std::array<double, 2> scale = pair("scale", 1);
-    const double rotation = numberOr(extension.Get("rotation"), 0);
+    const double rotation = extension["rotation"].number().value_or(0);
     const double c = rotation == 0 ? 1 : std::cos(rotation);
     const double s = rotation == 0 ? 0 : std::sin(rotation);
     material.uvTransform = {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
     // Overrides that of the texture, for those who read the extension.
-    if (const tinygltf::Value &texCoord = extension.Get("texCoord"); texCoord.IsInt())
-        material.uvSet = texCoord.Get<int>();
+    if (const auto texCoord = gltf_json::indexIn(extension, "texCoord", "KHR_texture_transform"))
+        material.uvSet = *texCoord;
 }
 
 Wrap wrapOf(int mode)
 {
     switch (mode) {
-    case TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE: return Wrap::Clamp;
-    case TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT: return Wrap::Mirror;
+    case gltf_json::kClampToEdge: return Wrap::Clamp;
+    case gltf_json::kMirroredRepeat: return Wrap::Mirror;
     default: return Wrap::Repeat;
     }
 }
 
 // The image that a renderer takes which reads what is read here: that of EXT_texture_webp; the texture's own, also in
 // place of what is not read here; else one of the latter, so that the error is about it.
-int imageOf(const tinygltf::Texture &texture, int index, Material &material)
+int imageOf(const gltf_json::Texture &texture, int index, Material &material)
 {
     const auto sourceOf = [&](const char *extension) {
-        const auto found = texture.extensions.find(extension);
-        const bool there = found != texture.extensions.end() && found->second.Get("source").IsInt();
-        return there ? found->second.Get("source").Get<int>() : -1;
+        return gltf_json::indexIn(texture.extensions[extension], "source", extension).value_or(-1);
     };
     constexpr std::array kUnread = {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"};
     const int webp = sourceOf("EXT_texture_webp");
@@ -80,36 +72,46 @@ int imageOf(const tinygltf::Texture &texture, int index, Material &material)
     throw GltfUnsupported("texture " + std::to_string(index) + " has no image that is known here");
 }
 
-void readTexture(const tinygltf::Model &model, const tinygltf::TextureInfo &info, Material &material)
+void readTexture(const gltf_json::Model &model, const gltf_json::Material &source, Material &material)
 {
-    if (static_cast<std::size_t>(info.index) >= model.textures.size())
-        throw GltfError("texture " + std::to_string(info.index) + " does not exist");
-    const tinygltf::Texture &texture = model.textures[static_cast<std::size_t>(info.index)];
-    material.image = imageOf(texture, info.index, material);
+    const int index = source.baseColorTexture;
+    if (static_cast<std::size_t>(index) >= model.textures.size())
+        throw GltfError("texture " + std::to_string(index) + " does not exist");
+    const gltf_json::Texture &texture = model.textures[static_cast<std::size_t>(index)];
+    material.image = imageOf(texture, index, material);
     if (static_cast<std::size_t>(material.image) >= model.images.size())
         throw GltfError("image " + std::to_string(material.image) + " does not exist");
-    readTransform(info, material);
+    readTransform(source, material);
     if (texture.sampler < 0)
         return;
     if (static_cast<std::size_t>(texture.sampler) >= model.samplers.size())
         throw GltfError("sampler " + std::to_string(texture.sampler) + " does not exist");
-    const tinygltf::Sampler &sampler = model.samplers[static_cast<std::size_t>(texture.sampler)];
+    const gltf_json::Sampler &sampler = model.samplers[static_cast<std::size_t>(texture.sampler)];
     material.wrapU = wrapOf(sampler.wrapS);
     material.wrapV = wrapOf(sampler.wrapT);
-    material.filter = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? Filter::Nearest : Filter::Bilinear;
+    material.filter = sampler.magFilter == gltf_json::kNearest ? Filter::Nearest : Filter::Bilinear;
 }
 
-Image readImageFile(const Document &document, const std::string &uri, const std::string &what)
+EncodedImage readEncodedFile(const Document &document, const std::string &uri, const std::string &what)
 {
-    std::vector<std::uint8_t> encoded;
     try {
-        encoded = readWholeFile(fileOfUri(document.path().parent_path(), uri));
+        return {readWholeFile(fileOfUri(document.path().parent_path(), uri)), {}};
     } catch (const GltfUnsupported &error) {
         throw GltfUnsupported(what + ": " + error.what());
     } catch (const GltfError &error) {
         throw GltfError(what + ": " + error.what());
     }
-    return decodeImage(encoded, what);
+}
+
+// For messages: `image 3 (leaf.png)`.
+std::string nameOfImage(const Document &document, int index)
+{
+    const auto &images = document.model().images;
+    const std::string what = "image " + std::to_string(index);
+    if (index < 0 || static_cast<std::size_t>(index) >= images.size())
+        throw GltfError(what + " does not exist");
+    const std::string &uri = images[static_cast<std::size_t>(index)].uri;
+    return uri.empty() ? what : what + " (" + uri + ")";
 }
 
 } // namespace
@@ -120,11 +122,10 @@ Material readMaterial(const Document &document, int index)
     if (index < 0)
         return material;
     return document.named([&] {
-        const tinygltf::Model &model = document.model();
+        const gltf_json::Model &model = document.model();
         if (static_cast<std::size_t>(index) >= model.materials.size())
             throw GltfError("material " + std::to_string(index) + " does not exist");
-        const tinygltf::Material &source = model.materials[static_cast<std::size_t>(index)];
-        const tinygltf::PbrMetallicRoughness &pbr = source.pbrMetallicRoughness;
+        const gltf_json::Material &source = model.materials[static_cast<std::size_t>(index)];
         material.name = source.name.empty() ? std::to_string(index) : printable(source.name);
         if (source.alphaMode == "MASK") {
             material.alphaMode = AlphaMode::Mask;
@@ -132,42 +133,61 @@ Material readMaterial(const Document &document, int index)
         } else if (source.alphaMode == "BLEND") {
             material.alphaMode = AlphaMode::Blend;
         }
-        for (std::size_t i = 0; i < 4 && i < pbr.baseColorFactor.size(); ++i)
-            material.baseColor[i] = static_cast<float>(pbr.baseColorFactor[i]);
-        if (pbr.baseColorTexture.index >= 0)
-            readTexture(model, pbr.baseColorTexture, material);
+        for (std::size_t i = 0; i < 4 && i < source.baseColorFactor.size(); ++i)
+            material.baseColor[i] = static_cast<float>(source.baseColorFactor[i]);
+        if (source.baseColorTexture >= 0)
+            readTexture(model, source, material);
         return material;
+    });
+}
+
+EncodedImage readEncodedImage(const Document &document, int index)
+{
+    return document.named([&]() -> EncodedImage {
+        const std::string what = nameOfImage(document, index);
+        const gltf_json::Image &image = document.model().images[static_cast<std::size_t>(index)];
+        if (!image.uri.empty())
+            return readEncodedFile(document, image.uri, what);
+        return {{}, image.bufferView >= 0 ? document.bufferViews().bytes(image.bufferView, what) : image.data};
     });
 }
 
 Image readImage(const Document &document, int index)
 {
-    return document.named([&] {
-        const tinygltf::Model &model = document.model();
-        const std::string what = "image " + std::to_string(index);
-        if (index < 0 || static_cast<std::size_t>(index) >= model.images.size())
-            throw GltfError(what + " does not exist");
-        const tinygltf::Image &image = model.images[static_cast<std::size_t>(index)];
-        if (!image.uri.empty())
-            return readImageFile(document, image.uri, what + " (" + image.uri + ")");
-        std::span<const std::uint8_t> encoded(image.image);
-        if (image.bufferView >= 0)
-            encoded = document.bufferViews().bytes(image.bufferView, what);
-        return decodeImage(encoded, what);
-    });
+    const EncodedImage encoded = readEncodedImage(document, index);
+    return document.named([&] { return decodeImage(encoded.bytes(), nameOfImage(document, index)); });
 }
 
 AlphaTexture alphaTexture(const Material &material, const Image &image)
 {
     const std::uint8_t full = 255;
-    AlphaTexture texture =
-        material.image < 0
-            ? AlphaTexture::fromUnorm8(1, 1, &full, 1, material.baseColor[3])
-            : AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4, material.baseColor[3]);
+    const float factor = material.baseColor[3];
+    AlphaTexture texture = material.image < 0 ? AlphaTexture::fromUnorm8(1, 1, &full, 1, factor)
+                           : image.alpha16.empty()
+                               ? AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4, factor)
+                               : AlphaTexture::fromUnorm16(image.width, image.height, image.alpha16.data(), 1, factor);
     texture.wrapU = material.wrapU;
     texture.wrapV = material.wrapV;
     texture.filter = material.filter;
     return texture;
+}
+
+std::string blendCaution(double cutoff, const std::string &done)
+{
+    std::array<char, 32> digits{};
+    std::snprintf(digits.data(), digits.size(), "%.9g", cutoff);
+    return "its alphaMode is BLEND, and was " + done + " as a mask with the cutoff " + digits.data() +
+           ", which is wrong for renderers that blend or dither";
+}
+
+std::optional<State> onlyOutcome(const Material &material, double cutoff)
+{
+    const double factor = material.baseColor[3];
+    if (std::min(0.0, factor) >= cutoff)
+        return State::Opaque;
+    if (std::max(0.0, factor) < cutoff)
+        return State::Transparent;
+    return std::nullopt;
 }
 
 } // namespace vellum

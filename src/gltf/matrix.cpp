@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "gltf/file/tinygltf.h"
-
 namespace vellum
 {
 
@@ -32,7 +30,7 @@ Matrix compose(const std::array<double, 3> &translation, const std::array<double
     return m;
 }
 
-Matrix localMatrix(const tinygltf::Node &node)
+Matrix localMatrix(const gltf_json::Node &node)
 {
     if (node.matrix.size() == 16) {
         Matrix m = kIdentity;

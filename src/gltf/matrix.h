@@ -4,10 +4,7 @@
 #include <array>
 #include <vector>
 
-namespace tinygltf
-{
-struct Node;
-}
+#include "gltf/file/model.h"
 
 namespace vellum
 {
@@ -23,7 +20,7 @@ Matrix compose(const std::array<double, 3> &translation, const std::array<double
                const std::array<double, 3> &scale);
 
 // A node's own.
-Matrix localMatrix(const tinygltf::Node &node);
+Matrix localMatrix(const gltf_json::Node &node);
 
 std::array<double, 3> transformed(const Matrix &matrix, const std::array<double, 3> &point);
 

@@ -3,22 +3,15 @@
 #include <algorithm>
 
 #include "gltf/data/accessor.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
 namespace
 {
 
-const tinygltf::Primitive &primitiveAt(const Document &document, PrimitivePlace place)
+const gltf_json::Primitive &primitiveAt(const Document &document, PrimitivePlace place)
 {
     return document.model().meshes.at(place.mesh).primitives.at(place.primitive);
-}
-
-int attribute(const tinygltf::Primitive &primitive, const std::string &name)
-{
-    const auto found = primitive.attributes.find(name);
-    return found == primitive.attributes.end() ? -1 : found->second;
 }
 
 // `components` values for each vertex.
@@ -43,7 +36,7 @@ std::vector<double> morphWeights(const Document &document, std::uint32_t mesh, c
 void morph(const Document &document, PrimitivePlace place, const std::vector<double> &weights,
            std::vector<Vec3> &positions)
 {
-    const tinygltf::Primitive &primitive = primitiveAt(document, place);
+    const gltf_json::Primitive &primitive = primitiveAt(document, place);
     for (std::size_t target = 0; target < std::min(weights.size(), primitive.targets.size()); ++target) {
         const auto found = primitive.targets[target].find("POSITION");
         if (weights[target] == 0 || found == primitive.targets[target].end())
@@ -58,11 +51,11 @@ void morph(const Document &document, PrimitivePlace place, const std::vector<dou
 
 std::vector<Matrix> jointMatrices(const Document &document, int index, const std::vector<Matrix> &world)
 {
-    const tinygltf::Model &model = document.model();
+    const gltf_json::Model &model = document.model();
     const std::string what = "skin " + std::to_string(index);
     if (index < 0 || static_cast<std::size_t>(index) >= model.skins.size())
         throw GltfError(what + " does not exist");
-    const tinygltf::Skin &skin = model.skins[static_cast<std::size_t>(index)];
+    const gltf_json::Skin &skin = model.skins[static_cast<std::size_t>(index)];
     std::vector<float> inverse;
     if (skin.inverseBindMatrices >= 0)
         inverse = readFloats(document.bufferViews(), skin.inverseBindMatrices, 16, what + " inverseBindMatrices");
@@ -89,9 +82,9 @@ void moveBySkin(const Document &document, PrimitivePlace place, const std::vecto
     struct Set { // four for each vertex
         std::vector<float> joints, weights;
     };
-    const tinygltf::Primitive &primitive = primitiveAt(document, place);
+    const gltf_json::Primitive &primitive = primitiveAt(document, place);
     std::vector<Set> sets;
-    for (int n = 0; attribute(primitive, "JOINTS_" + std::to_string(n)) >= 0; ++n) {
+    for (int n = 0; primitive.attribute("JOINTS_" + std::to_string(n)) >= 0; ++n) {
         const auto read = [&](const std::string &name) { return readAttribute(document, place, name, 4); };
         sets.push_back({read("JOINTS_" + std::to_string(n)), read("WEIGHTS_" + std::to_string(n))});
     }

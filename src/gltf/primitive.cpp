@@ -8,7 +8,6 @@
 
 #include "gltf/data/accessor.h"
 #include "gltf/data/draco_mesh.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -18,8 +17,8 @@ namespace
 // The corners of triangles, three for each, in the order and winding of glTF 2.0, 3.7.2.1 ("Overview" of meshes).
 std::vector<std::uint32_t> unfold(int mode, std::vector<std::uint32_t> corners)
 {
-    const bool strip = mode == TINYGLTF_MODE_TRIANGLE_STRIP;
-    if (!strip && mode != TINYGLTF_MODE_TRIANGLE_FAN)
+    const bool strip = mode == gltf_json::kTriangleStrip;
+    if (!strip && mode != gltf_json::kTriangleFan)
         return corners;
     std::vector<std::uint32_t> indices;
     indices.reserve(corners.size() < 3 ? 0 : 3 * (corners.size() - 2));
@@ -33,17 +32,17 @@ std::vector<std::uint32_t> unfold(int mode, std::vector<std::uint32_t> corners)
 }
 
 // How the accessor of an attribute that Draco has compressed says its values become floats.
-DracoMesh::As dracoTypeOf(const tinygltf::Model &model, int accessor, const std::string &what)
+DracoMesh::As dracoTypeOf(const gltf_json::Model &model, int accessor, const std::string &what)
 {
     static_cast<void>(accessorCount(model, accessor, what)); // that it exists
-    const tinygltf::Accessor &source = model.accessors[static_cast<std::size_t>(accessor)];
+    const gltf_json::Accessor &source = model.accessors[static_cast<std::size_t>(accessor)];
     if (!source.normalized)
         return DracoMesh::As::IntegersOrFloats;
     switch (source.componentType) {
-    case TINYGLTF_COMPONENT_TYPE_BYTE: return DracoMesh::As::Signed8;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return DracoMesh::As::Unsigned8;
-    case TINYGLTF_COMPONENT_TYPE_SHORT: return DracoMesh::As::Signed16;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return DracoMesh::As::Unsigned16;
+    case gltf_json::kByte: return DracoMesh::As::Signed8;
+    case gltf_json::kUnsignedByte: return DracoMesh::As::Unsigned8;
+    case gltf_json::kShort: return DracoMesh::As::Signed16;
+    case gltf_json::kUnsignedShort: return DracoMesh::As::Unsigned16;
     default: return DracoMesh::As::IntegersOrFloats;
     }
 }
@@ -61,7 +60,7 @@ public:
     std::vector<float> readOne(const std::string &name, std::uint32_t components);
 
 private:
-    [[nodiscard]] int attribute(const std::string &name) const;
+    [[nodiscard]] int attribute(const std::string &name) const { return m_source.attribute(name); }
     [[nodiscard]] std::string named(const std::string &part) const { return m_what + " " + part; }
     void readDraco();
     [[nodiscard]] std::size_t countVertices() const;
@@ -79,8 +78,8 @@ private:
     const Document &m_document;
     const BufferViews &m_views;
     std::string m_what;
-    const tinygltf::Primitive &m_source;
-    const tinygltf::Value *m_dracoAttributes = nullptr; // where it is compressed
+    const gltf_json::Primitive &m_source;
+    JsonValue m_dracoAttributes; // where it is compressed
     std::optional<DracoMesh> m_draco;
     std::size_t m_vertices = 0;
     Primitive m_primitive;
@@ -90,28 +89,27 @@ private:
 // own.
 void PrimitiveReader::readDraco()
 {
-    const auto found = m_source.extensions.find("KHR_draco_mesh_compression");
-    if (found == m_source.extensions.end())
+    const JsonValue extension = m_source.extensions["KHR_draco_mesh_compression"];
+    if (!extension.exists())
         return;
-    const tinygltf::Value &extension = found->second;
-    const tinygltf::Value &view = extension.Get("bufferView");
-    m_dracoAttributes = &extension.Get("attributes");
-    if (!view.IsInt() || !m_dracoAttributes->IsObject())
+    const auto view = gltf_json::indexIn(extension, "bufferView", m_what + ": KHR_draco_mesh_compression");
+    m_dracoAttributes = extension["attributes"];
+    if (!view || !m_dracoAttributes.isObject())
         throw GltfError(m_what + ": KHR_draco_mesh_compression has no buffer view, or no attributes");
-    if (m_source.mode != TINYGLTF_MODE_TRIANGLES)
+    if (m_source.mode != gltf_json::kTriangles)
         throw GltfUnsupported(m_what + " is a strip or fan compressed by Draco");
-    m_draco.emplace(m_views.bytes(view.Get<int>(), m_what), m_what);
+    m_draco.emplace(m_views.bytes(*view, m_what), m_what);
 }
 
 // -1 where the attribute is not compressed.
 std::int64_t PrimitiveReader::dracoAttribute(const std::string &name) const
 {
-    if (!m_draco || !m_dracoAttributes->Has(name))
+    if (!m_draco || !m_dracoAttributes[name].exists())
         return -1;
-    const tinygltf::Value &id = m_dracoAttributes->Get(name);
-    if (!id.IsInt() || id.Get<int>() < 0)
+    const auto id = m_dracoAttributes[name].integer();
+    if (!id || *id < 0)
         throw GltfError(named(name) + ": KHR_draco_mesh_compression has no integer for it");
-    return id.Get<int>();
+    return *id;
 }
 
 std::vector<float> PrimitiveReader::floatsOf(const std::string &name, std::uint32_t components) const
@@ -146,12 +144,6 @@ std::vector<std::uint32_t> PrimitiveReader::readCorners() const
     std::vector<std::uint32_t> corners(m_vertices);
     std::iota(corners.begin(), corners.end(), 0u);
     return corners;
-}
-
-int PrimitiveReader::attribute(const std::string &name) const
-{
-    const auto found = m_source.attributes.find(name);
-    return found == m_source.attributes.end() ? -1 : found->second;
 }
 
 bool PrimitiveReader::morphs(const std::string &name) const
@@ -247,7 +239,7 @@ void PrimitiveReader::readColors()
 // Of what decides a micromap: the triangles, their order and corners, and where the texture is read.
 bool PrimitiveReader::differsFromFallback(const Material &material) const
 {
-    const tinygltf::Model &model = m_document.model();
+    const gltf_json::Model &model = m_document.model();
     const std::string uvName = "TEXCOORD_" + std::to_string(material.uvSet);
     const int uvAccessor = attribute(uvName);
     std::vector<int> accessors{m_source.indices, uvAccessor, attribute("COLOR_0")};
@@ -257,9 +249,7 @@ bool PrimitiveReader::differsFromFallback(const Material &material) const
         return std::any_of(accessors.begin(), accessors.end(), [&](int a) {
             return viewOf(a) >= 0 && m_views.differsFromFallback(viewOf(a), named("fallback"));
         });
-    const auto &required = model.extensionsRequired;
-    if (std::find(required.begin(), required.end(), "KHR_draco_mesh_compression") != required.end() ||
-        m_source.indices < 0 || viewOf(m_source.indices) < 0)
+    if (model.isRequired("KHR_draco_mesh_compression") || m_source.indices < 0 || viewOf(m_source.indices) < 0)
         return false;
     const std::vector<std::uint32_t> corners = m_draco->indices();
     const std::vector<std::uint32_t> others = vellum::readIndices(m_views, m_source.indices, named("indices"));
@@ -309,8 +299,7 @@ std::vector<float> PrimitiveReader::readOne(const std::string &name, std::uint32
 bool isMadeOfTriangles(const Document &document, PrimitivePlace place)
 {
     const int mode = document.model().meshes.at(place.mesh).primitives.at(place.primitive).mode;
-    return mode == -1 || mode == TINYGLTF_MODE_TRIANGLES || mode == TINYGLTF_MODE_TRIANGLE_STRIP ||
-           mode == TINYGLTF_MODE_TRIANGLE_FAN;
+    return mode == gltf_json::kTriangles || mode == gltf_json::kTriangleStrip || mode == gltf_json::kTriangleFan;
 }
 
 std::vector<PrimitivePlace> trianglePrimitives(const Document &document)

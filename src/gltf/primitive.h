@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,6 +42,13 @@ struct Material {
 
     [[nodiscard]] bool masked() const { return alphaMode != AlphaMode::Opaque; }
 };
+
+// alphaMode BLEND without a cutoff: opaque from 1 on, and transparent below 2^-52, which of a texture's values only 0
+// is. As a cutoff, and a distance within which values are neither.
+constexpr double kBlendCutoff = 0.5 + 0x1p-53;
+constexpr double kBlendBand = 0.5 - 0x1p-53;
+// Of what a cutoff for it is not true; `done` is what was done with the primitive.
+std::string blendCaution(double cutoff, const std::string &done);
 
 struct Primitive {
     int material = -1; // materials[] of the file; -1: glTF's default material, which is opaque
@@ -86,11 +95,23 @@ Primitive readPrimitive(const Document &document, PrimitivePlace place, Position
 std::vector<float> readAttribute(const Document &document, PrimitivePlace place, const std::string &name,
                                  std::uint32_t components);
 
+// An image's bytes as they are stored.
+struct EncodedImage {
+    std::vector<std::uint8_t> ofFile;       // read from a file of its own
+    std::span<const std::uint8_t> inMemory; // else: of the document
+    [[nodiscard]] std::span<const std::uint8_t> bytes() const { return ofFile.empty() ? inMemory : ofFile; }
+};
+EncodedImage readEncodedImage(const Document &document, int image);
+
 Image readImage(const Document &document, int image);
 
 // The alpha of a material's texture as its sampler reads it, times the base colour factor's; one texel of that factor
 // where there is no texture. `image` is what readImage gives for material.image, unread without a texture.
 AlphaTexture alphaTexture(const Material &material, const Image &image);
+
+// Opaque or Transparent where an alpha test with this cutoff has but one outcome, whatever the texture says and however
+// it is filtered: it has values from 0 to 1, times the base colour factor's alpha and that of vertices, from 0 to 1.
+std::optional<State> onlyOutcome(const Material &material, double cutoff);
 
 // The corners' coordinates for each triangle. All zero where the primitive has none.
 std::vector<TriangleUvs> triangleUvs(const Primitive &primitive);

@@ -5,7 +5,6 @@
 #include <tuple>
 
 #include "gltf/data/accessor.h"
-#include "gltf/file/tinygltf.h"
 #include "gltf/matrix.h"
 #include "gltf/pose.h"
 #include "gltf/scene.h"
@@ -36,7 +35,7 @@ Transform toTransform(const Matrix &matrix, const std::string &what)
 class Reader
 {
 public:
-    explicit Reader(const Document &document) : m_document(document), m_model(document.model()) {}
+    Reader(const Document &document, SceneUse use) : m_document(document), m_model(document.model()), m_use(use) {}
 
     Scene read();
 
@@ -48,7 +47,7 @@ private:
     void findNodes(int index, const Matrix &parent, int depth);
     void addNode(int index);
     void addInstance(std::uint32_t mesh, const Matrix &matrix, const std::string &what);
-    [[nodiscard]] std::vector<Matrix> gpuInstances(const tinygltf::Node &node, const std::string &what) const;
+    [[nodiscard]] std::vector<Matrix> gpuInstances(const gltf_json::Node &node, const std::string &what) const;
     // Nothing for a mesh without triangles.
     std::optional<std::uint32_t> useMesh(const MeshKey &key);
     void addPrimitive(PrimitivePlace place, const MeshKey &key, const std::vector<Matrix> &joints);
@@ -56,7 +55,8 @@ private:
     int useImage(const Material &material);
 
     const Document &m_document;
-    const tinygltf::Model &m_model;
+    const gltf_json::Model &m_model;
+    SceneUse m_use;
     Scene m_scene;
     std::vector<Matrix> m_world; // by node
     std::vector<bool> m_seen;    // by node
@@ -92,7 +92,7 @@ std::uint32_t Reader::useMaterial(int index)
     if (const auto known = m_materials.find(index); known != m_materials.end())
         return known->second;
     Material material = readMaterial(m_document, index);
-    if (material.image >= 0 || material.masked())
+    if (m_use == SceneUse::Drawing && (material.image >= 0 || material.masked()))
         material.image = useImage(material);
     const auto place = static_cast<std::uint32_t>(m_scene.materials.size());
     m_scene.materials.push_back(std::move(material));
@@ -107,7 +107,8 @@ void Reader::addPrimitive(PrimitivePlace place, const MeshKey &key, const std::v
         return;
     const std::uint32_t use = useMaterial(primitive.material);
     const Material &material = m_scene.materials[use];
-    if (primitive.uvs.empty() && material.masked() && readMaterial(m_document, primitive.material).image >= 0)
+    if (m_use == SceneUse::Drawing && primitive.uvs.empty() && material.masked() &&
+        readMaterial(m_document, primitive.material).image >= 0)
         throw GltfError(what + " has the masked material \"" + material.name + "\" but no texture coordinates (" +
                         "TEXCOORD_" + std::to_string(material.uvSet) + ")");
     m_vertices += primitive.positions.size();
@@ -177,19 +178,16 @@ void Reader::addInstance(std::uint32_t mesh, const Matrix &matrix, const std::st
 }
 
 // EXT_mesh_gpu_instancing: one instance for each element of its accessors, which all have the same number of them.
-std::vector<Matrix> Reader::gpuInstances(const tinygltf::Node &node, const std::string &what) const
+std::vector<Matrix> Reader::gpuInstances(const gltf_json::Node &node, const std::string &what) const
 {
-    const auto found = node.extensions.find("EXT_mesh_gpu_instancing");
-    if (found == node.extensions.end())
-        return {kIdentity};
-    const tinygltf::Value &attributes = found->second.Get("attributes");
+    const JsonValue attributes = node.extensions["EXT_mesh_gpu_instancing"]["attributes"];
     std::optional<std::size_t> count;
     const auto read = [&](const char *name, std::uint32_t components) {
-        const tinygltf::Value &accessor = attributes.Get(name);
-        if (!accessor.IsInt())
-            return std::vector<float>();
         const std::string where = what + " EXT_mesh_gpu_instancing " + name;
-        const std::size_t elements = accessorCount(m_model, accessor.GetNumberAsInt(), where);
+        const auto accessor = gltf_json::indexIn(attributes, name, what + " EXT_mesh_gpu_instancing");
+        if (!accessor)
+            return std::vector<float>();
+        const std::size_t elements = accessorCount(m_model, *accessor, where);
         if (count && elements != *count)
             throw GltfError(where + " has " + std::to_string(elements) + " elements, another attribute has " +
                             std::to_string(*count));
@@ -197,7 +195,7 @@ std::vector<Matrix> Reader::gpuInstances(const tinygltf::Node &node, const std::
             throw GltfError(where + " has " + std::to_string(elements) + " elements, more than " +
                             std::to_string(kMostInstances));
         count = elements;
-        return readFloats(m_document.bufferViews(), accessor.GetNumberAsInt(), components, where);
+        return readFloats(m_document.bufferViews(), *accessor, components, where);
     };
     const std::vector<float> translations = read("TRANSLATION", 3);
     const std::vector<float> rotations = read("ROTATION", 4);
@@ -223,7 +221,7 @@ std::vector<Matrix> Reader::gpuInstances(const tinygltf::Node &node, const std::
 
 void Reader::addNode(int index)
 {
-    const tinygltf::Node &node = m_model.nodes[static_cast<std::size_t>(index)];
+    const gltf_json::Node &node = m_model.nodes[static_cast<std::size_t>(index)];
     const std::string what = "node " + std::to_string(index);
     const bool exists = static_cast<std::size_t>(node.mesh) < m_model.meshes.size();
     const bool skinned = node.skin >= 0;
@@ -250,7 +248,7 @@ void Reader::findNodes(int index, const Matrix &parent, int depth)
     m_seen[place] = true;
     if (depth > kDeepest)
         throw GltfError("the nodes are nested too deeply");
-    const tinygltf::Node &node = m_model.nodes[place];
+    const gltf_json::Node &node = m_model.nodes[place];
     m_world[place] = multiply(parent, localMatrix(node));
     if (node.mesh >= 0)
         m_nodes.push_back(index);
@@ -261,13 +259,13 @@ void Reader::findNodes(int index, const Matrix &parent, int depth)
 std::vector<int> Reader::roots() const
 {
     if (!m_model.scenes.empty()) {
-        const int wanted = m_model.defaultScene < 0 ? 0 : m_model.defaultScene;
+        const int wanted = std::max(m_model.scene, 0);
         if (static_cast<std::size_t>(wanted) >= m_model.scenes.size())
             throw GltfError("scene " + std::to_string(wanted) + " does not exist");
-        return m_model.scenes[static_cast<std::size_t>(wanted)].nodes;
+        return m_model.scenes[static_cast<std::size_t>(wanted)];
     }
     std::vector<bool> isChild(m_model.nodes.size());
-    for (const tinygltf::Node &node : m_model.nodes)
+    for (const gltf_json::Node &node : m_model.nodes)
         for (const int child : node.children)
             if (static_cast<std::size_t>(child) < isChild.size())
                 isChild[static_cast<std::size_t>(child)] = true;
@@ -324,9 +322,9 @@ void Scene::makeOneMesh()
     instances = {{0, kInPlace}};
 }
 
-Scene readScene(const Document &document)
+Scene readScene(const Document &document, SceneUse use)
 {
-    return document.named([&] { return Reader(document).read(); });
+    return document.named([&] { return Reader(document, use).read(); });
 }
 
 Scene readGltf(const std::filesystem::path &path)

@@ -59,7 +59,9 @@ struct Scene {
 // masked where its kind is not supported.
 // Throws GltfError for a file that cannot be read, contradicts itself, has no triangles, has masked triangles without
 // texture coordinates for their texture, or asks for more than 2^20 instances or 2^26 vertices.
-Scene readScene(const Document &document);
+// For measuring, there are no images, and masked triangles may lack texture coordinates.
+enum class SceneUse : std::uint8_t { Drawing, Measuring };
+Scene readScene(const Document &document, SceneUse use = SceneUse::Drawing);
 Scene readGltf(const std::filesystem::path &path);
 
 } // namespace vellum

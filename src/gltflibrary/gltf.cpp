@@ -25,7 +25,7 @@ VellumGltfBakeOptions Structure<VellumGltfBakeOptions>::defaults()
 {
     VellumGltfBakeOptions options{};
     options.structSize = sizeof options;
-    options.blendCutoff = DocumentBakeOptions().blendCutoff;
+    options.blendCutoff = 0.5f;
     return options;
 }
 } // namespace vellum::library
@@ -113,15 +113,17 @@ FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfB
                       ", not VELLUM_COMPARE_OP_GREATER_OR_EQUAL, which is glTF's");
     if (bake.flags != 0)
         throw invalid("flags of VellumBakeOptions is " + std::to_string(bake.flags) + ", not 0");
-    constexpr std::uint32_t kFlags =
-        std::uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} | std::uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT};
+    constexpr std::uint32_t kFlags = std::uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} |
+                                     std::uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT} |
+                                     std::uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT};
     if ((given.flags & ~kFlags) != 0)
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
     options.embed = (given.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
     if (std::isnan(given.blendCutoff))
         throw invalid("blendCutoff is not a number");
-    options.blendCutoff = given.blendCutoff;
+    if ((given.flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
+        options.blendCutoff = given.blendCutoff;
     options.leaveMaterials = patterns("leaveMaterials", given.leaveMaterials, given.leaveMaterialCount);
     options.leaveMeshes = patterns("leaveMeshes", given.leaveMeshes, given.leaveMeshCount);
     return options;

@@ -1,13 +1,11 @@
 #include "verify/file.h"
 
 #include <algorithm>
-#include <functional>
 #include <map>
 #include <optional>
 #include <set>
-#include <string_view>
 
-#include "gltf/file/tinygltf.h"
+#include "core/hash.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 
@@ -90,9 +88,7 @@ void FileVerifier::describe()
 
 void FileVerifier::leave(PrimitivePlace place, const std::string &reason)
 {
-    const std::string prefix = m_document.path().string() + ": ";
-    m_report.unverified.push_back(
-        {place, m_document.nameOf(place), reason.starts_with(prefix) ? reason.substr(prefix.size()) : reason});
+    m_report.unverified.push_back({place, m_document.nameOf(place), reason});
 }
 
 std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &primitive, const Material &material) const
@@ -103,6 +99,8 @@ std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &prim
         add("a morph target changes its texture coordinates or alpha");
     if (const auto reason = m_changing.reason(place))
         add(*reason);
+    if (material.alphaMode == AlphaMode::Blend && m_options.blendCutoff)
+        add(blendCaution(*m_options.blendCutoff, "verified"));
     if (primitive.twofold)
         add("its uncompressed data has other triangles than its compressed data");
     if (material.masked() && !material.unreadImage.empty())
@@ -116,11 +114,10 @@ const PrimitiveReport *FileVerifier::twinOf(PrimitivePlace place, const std::vec
                                             const Material &material)
 {
     const PrimitiveMicromap &stored = m_stored.primitives.at(place);
-    const auto hash = [](const auto &values) {
-        return std::hash<std::string_view>()(
-            {reinterpret_cast<const char *>(values.data()), values.size() * sizeof(values.front())});
+    const auto hash = [](const auto &values, std::uint64_t seed) {
+        return hashBytes(values.data(), values.size() * sizeof(values.front()), seed);
     };
-    const std::uint64_t key = hash(triangles) ^ (hash(stored.indices) * 31 + stored.micromap);
+    const std::uint64_t key = hash(stored.indices, hash(triangles, stored.micromap));
     const auto [found, isNew] = m_verified.try_emplace(key, m_report.primitives.size());
     if (isNew)
         return nullptr;
@@ -147,9 +144,16 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     const PrimitiveReport *twin = twinOf(place, triangles, material);
     Options options = m_options;
     // Without an alpha test everything is opaque.
-    options.cutoff = material.alphaMode == AlphaMode::Mask    ? double{material.alphaCutoff}
-                     : material.alphaMode == AlphaMode::Blend ? m_options.blendCutoff
-                                                              : 0.5;
+    const std::optional<double> cutoff = material.alphaMode == AlphaMode::Mask    ? double{material.alphaCutoff}
+                                         : material.alphaMode == AlphaMode::Blend ? m_options.blendCutoff
+                                                                                  : 0.5;
+    options.cutoff = cutoff.value_or(kBlendCutoff);
+    options.band = cutoff ? 0 : kBlendBand;
+    // A filter makes no value that is above the largest texel or below the smallest, however it rounds.
+    const bool inRange = std::all_of(primitive.alphas.begin(), primitive.alphas.end(),
+                                     [](float alpha) { return alpha >= 0 && alpha <= 1; });
+    if (material.masked() && (!cutoff || (inRange && onlyOutcome(material, *cutoff))))
+        options.tolerances.value = 0;
     if (m_options.progress)
         options.progress = [&](std::size_t done, std::size_t total) {
             m_options.progress(m_done + stored.indices.size() * done / std::max<std::size_t>(total, 1), m_total);
@@ -158,7 +162,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     report.place = place;
     report.name = m_document.nameOf(place);
     report.material = material.name;
-    report.cutoff = options.cutoff;
+    report.cutoff = cutoff;
     report.triangles = stored.indices.size();
     report.caution = cautionFor(place, primitive, material);
     report.special = static_cast<std::size_t>(
@@ -182,7 +186,7 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
     Material material;
     AlphaTexture texture;
     std::optional<Texels> texels;
-    std::string reason;
+    std::optional<GltfError> unreadable;
     try {
         material = readMaterial(m_document, number);
         if (material.masked()) {
@@ -193,7 +197,7 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
         }
         texels.emplace(texture);
     } catch (const GltfError &error) {
-        reason = error.what();
+        unreadable = error;
     }
     m_verified.clear();
     for (const PrimitivePlace place : places) {
@@ -201,9 +205,9 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
             if (texels)
                 verifyPrimitive(place, material, *texels);
             else
-                leave(place, reason);
+                leave(place, m_document.reasonOf(place, *unreadable));
         } catch (const GltfError &error) {
-            leave(place, error.what());
+            leave(place, m_document.reasonOf(place, error));
         }
         m_done += m_stored.primitives.at(place).indices.size();
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,8 +14,9 @@ namespace vellum::verify
 {
 
 struct FileOptions : Options {
-    // The cutoff is the material's; that of alphaMode BLEND, which has none, is this.
-    double blendCutoff = 0.5;
+    // The cutoff is the material's. alphaMode BLEND has none: opaque is what has an alpha of 1, and transparent what
+    // has one of 0, unless this is to be its cutoff.
+    std::optional<double> blendCutoff;
     // The most work for a file, beside what the size of its micromaps is worth: a small file that says one thing of
     // many triangles could take hours. About a minute; what is left then is not verified.
     std::uint64_t fileWork = std::uint64_t{1} << 29;
@@ -27,7 +29,7 @@ struct PrimitiveReport {
     PrimitivePlace place;
     std::string name; // `mesh 2 "leaves" primitive 0`
     std::string material;
-    double cutoff = 0;
+    std::optional<double> cutoff; // none: alphaMode BLEND
     std::size_t triangles = 0;
     std::size_t special = 0; // triangles with a special index
     // Why its alpha can become another than the one that was verified; empty where it cannot.

@@ -78,8 +78,9 @@ double filtered(const Texels &texels, const Point &at)
 
 } // namespace
 
-Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tolerances &tolerances, double cutoff)
-    : m_texels(texels), m_triangle(triangle), m_cutoff(cutoff),
+Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tolerances &tolerances,
+               const AlphaRule &rule)
+    : m_texels(texels), m_triangle(triangle), m_rule(rule),
       m_even(triangle.alpha[0] == triangle.alpha[1] && triangle.alpha[0] == triangle.alpha[2])
 {
     const AlphaTexture &texture = texels.texture();
@@ -108,8 +109,8 @@ Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tole
     }
     m_far = !(furthest < kFar);
     // It is the filtered value that is not exact.
-    m_low = cutoff - tolerances.value * largestFactor;
-    m_high = cutoff + tolerances.value * largestFactor;
+    m_low = rule.transparentBelow - tolerances.value * largestFactor;
+    m_high = rule.opaqueFrom + tolerances.value * largestFactor;
     // With u = 2^-53 and m the furthest corner: a corner of a micro-triangle is off by 12 u m, that of a part by u m
     // more for each of fewer than 60 divisions, that of a widened polygon by 64 u m more.
     m_slack = 0x1p-45 * std::max(furthest + m_marginX + m_marginY, 1.0);
@@ -117,7 +118,7 @@ Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tole
     // times that for each texel of way. Polygons reach 3 times the slack out of a cell along both axes, and the cell
     // beside it has another function: less than 64 in all. The values themselves have fewer than 32 roundings.
     const double largest = texels.largest() * largestFactor;
-    m_valueSlack = 64 * m_slack * largest + 0x1p-46 * (largest + std::abs(cutoff));
+    m_valueSlack = 64 * m_slack * largest + 0x1p-46 * (largest + std::max(std::abs(m_low), std::abs(m_high)));
 }
 
 Region::Part Region::part(const MicroCorners &corners, std::uint32_t level) const
@@ -388,12 +389,17 @@ void Region::decideExactly(Search &search, const MicroCorners &corners, std::uin
             return;
         }
         work -= kExactWork;
-        const Outcomes outcomes = part.outcomesIn(m_texels, cell.x, cell.y, m_triangle.alpha[0], m_cutoff);
+        const auto outcomesBy = [&](double cutoff) {
+            return part.outcomesIn(m_texels, cell.x, cell.y, m_triangle.alpha[0], cutoff);
+        };
+        const Outcomes outcomes = outcomesBy(m_rule.opaqueFrom);
+        const bool twoThresholds = m_rule.transparentBelow != m_rule.opaqueFrom;
+        const bool notTransparent = twoThresholds ? outcomesBy(m_rule.transparentBelow).opaque : outcomes.opaque;
         if (outcomes.transparent && verdict.notOpaque != Answer::Yes) {
             verdict.notOpaque = Answer::Yes;
             verdict.belowOpaque = cell.least;
         }
-        if (outcomes.opaque && verdict.notTransparent != Answer::Yes) {
+        if (notTransparent && verdict.notTransparent != Answer::Yes) {
             verdict.notTransparent = Answer::Yes;
             verdict.aboveTransparent = cell.most;
         }

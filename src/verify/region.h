@@ -22,10 +22,17 @@ struct Tolerances {
     double interpolation = 16.0 / (1 << 24); // of a texture coordinate, relative to the triangle's largest
 };
 
+// Which values are opaque, and which are transparent. Those between are neither, and nothing but unknown is true of
+// them.
+struct AlphaRule {
+    double transparentBelow = 0.5;
+    double opaqueFrom = 0.5;
+};
+
 enum class Answer : std::uint8_t { No, Yes, Open };
 
 // Whether there is a place whose value is below the upper threshold ("not opaque"), and one whose value is not below
-// the lower one ("not transparent"). Without tolerances both thresholds are the cutoff.
+// the lower one ("not transparent"). Without tolerances they are those of the rule.
 struct Verdict {
     Answer notOpaque = Answer::No;
     Answer notTransparent = Answer::No;
@@ -39,7 +46,7 @@ enum class Ask : std::uint8_t { NotOpaque = 1, NotTransparent = 2, Both = 3 };
 class Region
 {
 public:
-    Region(const Texels &texels, const TriangleCorners &triangle, const Tolerances &tolerances, double cutoff);
+    Region(const Texels &texels, const TriangleCorners &triangle, const Tolerances &tolerances, const AlphaRule &rule);
 
     // Coordinates are finite, and so near that there are numbers for what lies between texels. Nothing below may be
     // called otherwise.
@@ -99,7 +106,7 @@ private:
 
     const Texels &m_texels;
     TriangleCorners m_triangle;
-    double m_cutoff;
+    AlphaRule m_rule;
     double m_low;
     double m_high;
     bool m_measurable = true;

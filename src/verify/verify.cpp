@@ -1,15 +1,13 @@
 #include "verify/verify.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstring>
-#include <exception>
-#include <mutex>
 #include <numeric>
 #include <stdexcept>
 #include <thread>
 
 #include "core/parallel.h"
+#include "core/progress.h"
 #include "verify/walk.h"
 
 namespace vellum::verify
@@ -55,29 +53,6 @@ Claims claimsOf(const Micromap &micromap, std::uint32_t triangle)
     const MicromapTriangle &t = micromap.triangles[static_cast<std::uint32_t>(index) + micromap.baseTriangle];
     return {micromap.data.data() + t.dataOffset, State::Opaque, t.subdivisionLevel, t.format};
 }
-
-class Telling
-{
-public:
-    Telling(const Options &options, std::size_t total) : m_options(options), m_total(total) {}
-    void done()
-    {
-        if (!m_options.progress)
-            return;
-        const std::lock_guard lock(m_mutex);
-        if (++m_done < m_next && m_done < m_total)
-            return;
-        m_next = m_done + m_total / 256;
-        m_options.progress(m_done, m_total);
-    }
-
-private:
-    const Options &m_options;
-    std::size_t m_total;
-    std::mutex m_mutex;
-    std::size_t m_done = 0;
-    std::size_t m_next = 0;
-};
 
 // What became of a group.
 struct Looked {
@@ -155,7 +130,7 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
 
     const Groups groups = groupsOf(triangles, micromap);
     std::vector<Looked> looked(groups.first.size());
-    Telling telling(options, looked.size());
+    Progress progress(options.progress, looked.size());
     const unsigned threads = options.threads == 0 ? std::max(1u, std::thread::hardware_concurrency()) : options.threads;
     const auto claims = [&](std::size_t group) { return claimsOf(micromap, groups.first[group]); };
     Result result;
@@ -174,7 +149,7 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
             TriangleWalk walk(texels, triangles[t], claims(first + i), options, group.limit, nullptr);
             group.counts = walk();
             group.work = walk.worked();
-            telling.done();
+            progress.done(1);
         });
         for (std::size_t i = first; i < first + count; ++i)
             result.work += looked[i].work;

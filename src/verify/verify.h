@@ -21,6 +21,8 @@ namespace vellum::verify
 struct Options {
     // A value is opaque where it is at least this.
     double cutoff = 0.5;
+    // Values that are nearer to the cutoff are neither opaque nor transparent (alphaMode BLEND).
+    double band = 0;
     // For margins, and for what is needlessly unknown; the baker's defaults. A claim is wrong without any.
     Tolerances tolerances;
     // Claims of 2-state data count as those of 4-state data: as wrong unless they hold all over the micro-triangle.
@@ -35,6 +37,8 @@ struct Options {
     std::uint64_t work = ~std::uint64_t{0};
     // Called now and then, by one thread at a time, with triangles done and in all.
     std::function<void(std::size_t done, std::size_t total)> progress;
+
+    [[nodiscard]] AlphaRule rule() const { return {cutoff - band, cutoff + band}; }
 };
 
 enum class Kind : std::uint8_t {

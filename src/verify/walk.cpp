@@ -45,7 +45,7 @@ std::array<MicroCorners, 4> childrenOnCurve(const MicroCorners &corners)
 TriangleWalk::TriangleWalk(const Texels &texels, const TriangleCorners &triangle, const Claims &claims,
                            const Options &options, std::uint64_t work, std::vector<Finding> *list)
     : m_texels(texels), m_claims(claims), m_options(options), m_list(list),
-      m_region(texels, triangle, options.tolerances, options.cutoff), m_bare(texels, triangle, kNone, options.cutoff),
+      m_region(texels, triangle, options.tolerances, options.rule()), m_bare(texels, triangle, kNone, options.rule()),
       m_work(std::min(work, kWork + kWorkForMicroTriangle * microTriangleCount(claims.level)))
 {
     m_region.work = m_bare.work = m_work;
@@ -227,7 +227,7 @@ void TriangleWalk::judgeUnmeasurable()
     const std::uint32_t number = microTriangleCount(m_claims.level);
     for (std::uint32_t i = 0; i < number; ++i) {
         const State state = stateOf(i);
-        const bool holds = even && (state == State::Opaque ? all.low >= m_options.cutoff : all.high < m_options.cutoff);
+        const bool holds = even && (state == State::Opaque ? all.low >= m_bare.high() : all.high < m_bare.low());
         if (approximate()) {
             ++(holds ? m_counts.twoStateTrue : m_counts.twoStateMixed);
             continue;

@@ -40,24 +40,6 @@ Bytes slowGlb()
          {R"("magFilter": 9728, "wrapS": 33071, "wrapT": 33648)", R"("magFilter": 9729)"}});
 }
 
-// Writes a card with data.bin and disc.png beside it, and returns its text.
-std::string writeGltf(const fs::path &path, const Bytes &png = discPng())
-{
-    const Bytes glb = cardGlb();
-    std::uint32_t length = 0;
-    std::memcpy(&length, &glb[12], sizeof length);
-    std::string json(glb.begin() + 20, glb.begin() + 20 + length);
-    const std::size_t view = json.rfind("\"byteLength\": ") + 14;
-    const auto bytes = static_cast<std::ptrdiff_t>(std::stoul(json.substr(view)));
-    json.replace(json.find(R"("buffers": [{)"), 13, R"("buffers": [{"uri": "data.bin", )");
-    json.replace(json.find(R"({"mimeType": "image/png", "bufferView": 3})"), 42, R"({"uri": "disc.png"})");
-    fs::create_directories(path.parent_path());
-    writeFile(path.parent_path() / "data.bin", {glb.begin() + 28 + length, glb.begin() + 28 + length + bytes});
-    writeFile(path.parent_path() / "disc.png", png);
-    writeFile(path, {json.begin(), json.end()});
-    return json;
-}
-
 } // namespace
 
 TEST(BakeCommand, WritesBesideTheInput)
@@ -176,7 +158,7 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     const TemporaryFolder folder;
     fs::create_directories(folder / "in/textures");
     fs::create_directories(folder / "out");
-    std::string json = writeGltf(folder / "in/tree.gltf");
+    std::string json = writeCardGltf(folder / "in/tree.gltf");
     json.replace(json.find("disc.png"), 8, "textures/a%20disc.png");
     fs::rename(folder / "in/disc.png", folder / "in/textures/a disc.png");
     writeFile(folder / "in/tree.gltf", {json.begin(), json.end()});
@@ -227,7 +209,7 @@ TEST(BakeCommand, NothingThatIsReadIsWritten)
         EXPECT_EQ(bakedPrimitives(folder / "b/x.glb"), 1u); // the other one is baked
     }
     // What another input names is read, too.
-    std::string json = writeGltf(folder / "c/tree.gltf");
+    std::string json = writeCardGltf(folder / "c/tree.gltf");
     json.replace(json.find("disc.png"), 8, "disc.glb");
     fs::rename(folder / "c/disc.png", folder / "c/disc.glb");
     writeFile(folder / "c/tree.gltf", {json.begin(), json.end()});
@@ -246,9 +228,9 @@ TEST(BakeCommand, TheFirstOfTwoDifferentFilesWins)
     longer.push_back(0);
     for (const char *threads : {"1", "4"}) {
         const TemporaryFolder folder;
-        writeGltf(folder / "a/a.gltf", longer);
-        writeGltf(folder / "b/b.gltf", png);
-        writeGltf(folder / "c/c.gltf", longer);
+        writeCardGltf(folder / "a/a.gltf", longer);
+        writeCardGltf(folder / "b/b.gltf", png);
+        writeCardGltf(folder / "c/c.gltf", longer);
         const Outcome outcome = runVellum({"bake", (folder / "a").string(), (folder / "b").string(),
                                            (folder / "c").string(), "-o", (folder / "out").string(), "-j", threads});
         EXPECT_EQ(outcome.exitCode, 1);
@@ -264,7 +246,7 @@ TEST(BakeCommand, TheFirstOfTwoDifferentFilesWins)
 TEST(BakeCommand, WhatWasBakedMayLieBesideIt)
 {
     const TemporaryFolder folder;
-    writeGltf(folder / "in/tree.gltf");
+    writeCardGltf(folder / "in/tree.gltf");
     EXPECT_EQ(runVellum({"bake", (folder / "in/tree.gltf").string(), "--level", "2"}).exitCode, 0);
     const Outcome outcome = runVellum({"bake", (folder / "in").string(), "-o", (folder / "out").string()});
     EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;

@@ -18,6 +18,9 @@ struct Outcome {
     [[nodiscard]] int errorLines() const;
 };
 
+// The line of the output that begins so; empty where there is none.
+std::string lineOf(const Outcome &outcome, const std::string &beginning);
+
 // Runs it with these arguments, and these variables added to the environment.
 Outcome runVellum(const std::vector<std::string> &arguments,
                   const std::vector<std::pair<std::string, std::string>> &environment = {});

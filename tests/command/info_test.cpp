@@ -120,7 +120,7 @@ TEST_F(Info, FilesBeforeAndAfterABake)
     ASSERT_EQ(runVellum({"bake", in("card.glb"), "--level", "4"}).exitCode, 0);
     const Outcome after = runVellum({"info", in("card.omm.glb")});
     EXPECT_EQ(after.exitCode, 0) << after.errors;
-    EXPECT_EQ(lineOf(after, "micromaps"), "micromaps   1 by EXT_mesh_opacity_micromap, on 1 primitives");
+    EXPECT_EQ(lineOf(after, "micromaps"), "micromaps   1 by EXT_mesh_opacity_micromap, on 1 primitive");
     EXPECT_TRUE(has(lineOf(after, "micromap 0"), "of level 4 with 4 states")) << after.output;
 }
 

@@ -3,14 +3,6 @@
 namespace vellum::test
 {
 
-std::string lineOf(const Outcome &outcome, const std::string &beginning)
-{
-    const std::size_t at = outcome.output.find("\n" + beginning);
-    if (at == std::string::npos)
-        return {};
-    return outcome.output.substr(at + 1, outcome.output.find('\n', at + 1) - at - 1);
-}
-
 Outcome Rendering::render(std::vector<std::string> options)
 {
     options.insert(options.begin(), {"render", "--size", "96x64"});

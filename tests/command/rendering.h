@@ -12,9 +12,6 @@
 namespace vellum::test
 {
 
-// The line of the output that begins so; empty where there is none.
-std::string lineOf(const Outcome &outcome, const std::string &beginning);
-
 class Rendering : public testing::Test
 {
 protected:

@@ -1,13 +1,12 @@
 #include "modules.h"
 
 #include <algorithm>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <stdexcept>
 
 #include <spirv/unified1/spirv.hpp>
+
+#include "spirv/module_file.h"
 
 namespace vellum::test
 {
@@ -125,14 +124,8 @@ std::vector<ModuleFile> modulesIn(const std::filesystem::path &folder)
 {
     std::vector<ModuleFile> all;
     for (const auto &entry : std::filesystem::directory_iterator(folder)) {
-        if (entry.path().extension() != ".spv")
-            continue;
-        std::ifstream file(entry.path(), std::ios::binary);
-        const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-        ModuleFile &made = all.emplace_back();
-        made.name = entry.path().stem().string();
-        made.words.resize(bytes.size() / 4);
-        std::memcpy(made.words.data(), bytes.data(), made.words.size() * 4);
+        if (isModuleFile(entry.path()))
+            all.push_back({entry.path().stem().string(), readModule(entry.path())});
     }
     if (all.empty())
         throw std::runtime_error("no SPIR-V modules in " + folder.string());

@@ -31,7 +31,7 @@ struct ModuleFacts {
 // Of a valid module.
 ModuleFacts factsOf(std::span<const std::uint32_t> words);
 
-// A file with the suffix .spv.
+// A file that spirv/module_file.h reads.
 struct ModuleFile {
     std::string name;
     std::vector<std::uint32_t> words;

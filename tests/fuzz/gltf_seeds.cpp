@@ -1,6 +1,6 @@
-// Writes where fuzzing of the glTF reader begins: files with a bit of everything. usage: gltf_seeds FOLDER
+#include "seeds.h"
+
 #include <cstdio>
-#include <filesystem>
 #include <png.h>
 
 #include "compressed.h"
@@ -53,13 +53,8 @@ const char *const kCompressed =
 
 } // namespace
 
-int main(int argc, char **argv)
+void writeGltfSeeds(const std::filesystem::path &folder)
 {
-    if (argc != 2)
-        return 2;
-    const std::filesystem::path folder = argv[1];
-    std::filesystem::remove_all(folder);
-    std::filesystem::create_directories(folder);
     const Bytes rgba(8 * 8 * 4, 99);
     const std::vector<std::uint32_t> indices = {0, 1, 2, 2, 1, 3};
     const auto seed = [&](std::uint8_t kind, const char *name, Bytes bytes, const Bytes &head = {}) {
@@ -84,5 +79,4 @@ int main(int argc, char **argv)
     seed(4, "attributes.meshopt", meshoptAttributes(Bytes(64), 16), {0, 3, 4, 0});
     seed(4, "triangles.meshopt", meshoptTriangles(indices), {1, 0, 6, 0});
     seed(4, "indices.meshopt", meshoptIndices(indices), {2, 1, 6, 0});
-    return 0;
 }

@@ -1,20 +1,26 @@
 #!/bin/sh
-# usage: run.sh [--anew] <build directory> <target> <work directory> [libFuzzer arguments]
-# Fuzzes from the target's seeds and from what earlier runs left in the work directory's corpus; with --anew, that is
-# thrown away first. Inputs that fail are written to the work directory's findings, and the exit status is not 0.
+# usage: run.sh [--anew] <program> <seeds> <work directory> [libFuzzer arguments]
+# Fuzzes from the target's folder among the seeds, if it has one, and from what earlier runs left in the work directory's
+# corpus; with --anew, that is thrown away first. Inputs that fail are written to the work directory's findings, and the exit
+# status is not 0.
 set -eu
 anew=
 if [ "$1" = --anew ]; then
   anew=yes
   shift
 fi
-build=$1 target=$2 work=$3
+program=$1 seeds=$2 work=$3
 shift 3
+target=$(basename "$program")
+if [ ! -d "$seeds" ]; then
+  echo "run.sh: no seeds in $seeds; the target fuzz_seeds of the preset release makes them" >&2
+  exit 1
+fi
 [ -z "$anew" ] || rm -rf "$work/corpus"
-mkdir -p "$work/corpus" "$work/findings" "$build/seeds/$target"
+mkdir -p "$work/corpus" "$work/findings" "$seeds/$target"
 longest=2048
 [ "$target" != spirv_fuzz ] || longest=65536
 [ "$target" != gltf_fuzz ] || longest=8192
 UBSAN_OPTIONS=print_stacktrace=1 \
-  exec "$build/bin/$target" -artifact_prefix="$work/findings/" -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=1024 \
-  -max_len=$longest -len_control=0 "$@" "$work/corpus" "$build/seeds/$target"
+  exec "$program" -artifact_prefix="$work/findings/" -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=1024 \
+  -max_len=$longest -len_control=0 "$@" "$work/corpus" "$seeds/$target"

@@ -120,6 +120,16 @@ TEST(DocumentBake, BlendOnRequest)
     EXPECT_EQ(reasonFor(blend), "its alphaMode is BLEND");
     DocumentBakeOptions options = optionsOf();
     options.blend = true;
+    // Only what has an alpha of 0 is known: the factor of the base colour is 0.75.
+    const DocumentBake blended = bakeCard(blend, options);
+    std::array<std::size_t, 4> states{};
+    for (const MicromapTriangle &t : blended.micromaps.at(0).triangles)
+        for (std::uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i)
+            ++states[static_cast<std::size_t>(readState(&blended.micromaps[0].data[t.dataOffset], i, t.format))];
+    EXPECT_GT(states[static_cast<std::size_t>(State::Transparent)], 10u);
+    EXPECT_EQ(states[static_cast<std::size_t>(State::Opaque)], 0u);
+    EXPECT_EQ(blended.primitives.at(0).caution, "");
+    options.blendCutoff = 0.5f;
     expectSame(bakeCard(blend, options), bakeDirectly(0.5));
     options.blendCutoff = 0.875f;
     EXPECT_EQ(bakeCard(blend, options).primitives.at(0).micromap.indices, bakeDirectly(0.875).indices);

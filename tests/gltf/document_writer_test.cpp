@@ -282,7 +282,7 @@ TEST(DocumentWriter, StripsAndFansBecomeLists)
         const Document after(bench.folder / "out.glb");
         EXPECT_EQ(readPrimitive(after, {0, 0}, Positions::Read).indices,
                   readPrimitive(before, {0, 0}, Positions::Read).indices);
-        EXPECT_EQ(JsonTree(after.json()).root()["meshes"].children()[0]["primitives"].children()[0]["mode"].integer(),
+        EXPECT_EQ(after.root()["meshes"].children()[0]["primitives"].children()[0]["mode"].integer(),
                   4);
         EXPECT_EQ(readMicromaps(after).primitives.at({0, 0}).indices.size(), 2u);
     }

@@ -124,6 +124,23 @@ Bytes cardGlb(const Replacements &replacements)
     return packGlb(json, binary);
 }
 
+std::string writeCardGltf(const std::filesystem::path &path, const Bytes &png, const Replacements &replacements)
+{
+    const Bytes glb = cardGlb(replacements);
+    std::uint32_t length = 0;
+    std::memcpy(&length, &glb[12], sizeof length);
+    std::string json(glb.begin() + 20, glb.begin() + 20 + length);
+    const std::size_t view = json.rfind("\"byteLength\": ") + 14;
+    const auto bytes = static_cast<std::ptrdiff_t>(std::stoul(json.substr(view)));
+    replaceOnce(json, R"("buffers": [{)", R"("buffers": [{"uri": "data.bin", )");
+    replaceOnce(json, R"({"mimeType": "image/png", "bufferView": 3})", R"({"uri": "disc.png"})");
+    std::filesystem::create_directories(path.parent_path());
+    writeFile(path.parent_path() / "data.bin", {glb.begin() + 28 + length, glb.begin() + 28 + length + bytes});
+    writeFile(path.parent_path() / "disc.png", png);
+    writeFile(path, {json.begin(), json.end()});
+    return json;
+}
+
 void writeFile(const std::filesystem::path &path, const Bytes &bytes)
 {
     std::ofstream file(path, std::ios::binary);

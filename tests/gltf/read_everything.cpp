@@ -4,7 +4,6 @@
 #include <stdexcept>
 
 #include "gltf/file/json_tree.h"
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/document_writer.h"
 #include "gltf/micromaps/stored_micromaps.h"
 #include "gltf/primitive.h"
@@ -38,7 +37,7 @@ void rewrite(const Document &document, const DocumentBake &bake)
     try {
         written = withMicromaps(document, bake, "micromaps");
     } catch (const GltfError &) {
-        return; // the JSON is not what tinygltf made of it
+        return; // it would be too large
     }
     std::vector<std::uint8_t> bytes;
     for (const auto &piece : written.file.pieces())

@@ -1,14 +1,14 @@
 // Baked files as another reader sees them: what NVIDIA's vk_gltf_renderer checks before it hands a file's micromaps to
-// Vulkan (its rules, from its source), with tinygltf alone, and what Vulkan then demands of a micromap build. Where
-// that reader skips a micromap or a primitive with a warning, this one fails.
+// Vulkan (its rules, from its source), with a JSON parser alone, and what Vulkan then demands of a micromap build.
+// Where that reader skips a micromap or a primitive with a warning, this one fails.
 #include <cstring>
 #include <gtest/gtest.h>
 #include <map>
+#include <rapidjson/document.h>
 #include <span>
 
 #include "core/curve.h"
 #include "glb_file.h"
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/file_bake.h"
 #include "gltf/micromaps/stored_micromaps.h"
 
@@ -41,18 +41,13 @@ struct Link { // of a primitive
 class Renderer
 {
 public:
-    explicit Renderer(const std::filesystem::path &path)
+    explicit Renderer(const std::filesystem::path &path) : m_file(readFile(path))
     {
-        tinygltf::TinyGLTF loader;
-        loader.SetImageLoader([](tinygltf::Image *, const int, std::string *, std::string *, int, int,
-                                 const unsigned char *, int, void *) { return true; },
-                              nullptr);
-        std::string error;
-        std::string warning;
-        const bool loaded = path.extension() == ".glb"
-                                ? loader.LoadBinaryFromFile(&m_model, &error, &warning, path.string())
-                                : loader.LoadASCIIFromFile(&m_model, &error, &warning, path.string());
-        EXPECT_TRUE(loaded) << error;
+        std::uint32_t length = 0;
+        std::memcpy(&length, &m_file[12], sizeof length);
+        m_json.Parse(reinterpret_cast<const char *>(m_file.data()) + 20, length);
+        EXPECT_FALSE(m_json.HasParseError());
+        m_binary = std::span(m_file).subspan(28 + length);
         readMicromaps();
         readPrimitives();
     }
@@ -61,100 +56,100 @@ public:
     std::vector<Link> links;
 
 private:
-    [[nodiscard]] bool validView(int view) const
+    using Json = rapidjson::Value;
+
+    [[nodiscard]] static std::size_t number(const Json &object, const char *name, std::size_t otherwise)
     {
-        return view >= 0 && static_cast<std::size_t>(view) < m_model.bufferViews.size() &&
-               m_model.bufferViews[static_cast<std::size_t>(view)].buffer >= 0 &&
-               static_cast<std::size_t>(m_model.bufferViews[static_cast<std::size_t>(view)].buffer) <
-                   m_model.buffers.size();
+        return object.HasMember(name) ? object[name].GetUint64() : otherwise;
     }
-    [[nodiscard]] const tinygltf::BufferView &view(int index) const
+    // An element of an array of the root, by its index; null where there is none.
+    [[nodiscard]] const Json *element(const char *array, const Json &index) const
     {
-        return m_model.bufferViews[static_cast<std::size_t>(index)];
+        if (!index.IsUint() || !m_json.HasMember(array) || index.GetUint() >= m_json[array].Size())
+            return nullptr;
+        return &m_json[array][index.GetUint()];
     }
-    [[nodiscard]] std::span<const std::uint8_t> bytes(int index) const
+    // All of these files have one buffer, the binary chunk.
+    [[nodiscard]] std::span<const std::uint8_t> bytes(const Json &view) const
     {
-        const auto &buffer = m_model.buffers[static_cast<std::size_t>(view(index).buffer)].data;
-        EXPECT_LE(view(index).byteOffset + view(index).byteLength, buffer.size());
-        return std::span(buffer).subspan(view(index).byteOffset, view(index).byteLength);
+        EXPECT_EQ(view["buffer"].GetUint(), 0u);
+        const std::size_t offset = number(view, "byteOffset", 0);
+        const std::size_t length = view["byteLength"].GetUint64();
+        EXPECT_LE(offset + length, m_json["buffers"][0]["byteLength"].GetUint64());
+        return m_binary.subspan(offset, length);
     }
 
     void readMicromaps()
     {
-        const auto root = m_model.extensions.find(kExtension);
-        ASSERT_NE(root, m_model.extensions.end());
-        ASSERT_TRUE(root->second.Has("micromaps"));
-        const tinygltf::Value &list = root->second.Get("micromaps");
-        for (int i = 0; i < static_cast<int>(list.ArrayLen()); ++i) {
-            const tinygltf::Value &micromap = list.Get(i);
+        ASSERT_TRUE(m_json.HasMember("extensions") && m_json["extensions"].HasMember(kExtension));
+        ASSERT_TRUE(m_json["extensions"][kExtension].HasMember("micromaps"));
+        for (const Json &micromap : m_json["extensions"][kExtension]["micromaps"].GetArray()) {
             for (const char *name : {"data", "triangles", "usageCounts", "usageLevels", "usageFormats"})
-                ASSERT_TRUE(micromap.Has(name)) << name;
-            const int data = micromap.Get("data").GetNumberAsInt();
-            const int triangles = micromap.Get("triangles").GetNumberAsInt();
-            ASSERT_TRUE(validView(data) && validView(triangles));
-            const tinygltf::Value &counts = micromap.Get("usageCounts");
-            const tinygltf::Value &levels = micromap.Get("usageLevels");
-            const tinygltf::Value &formats = micromap.Get("usageFormats");
+                ASSERT_TRUE(micromap.HasMember(name)) << name;
+            const Json *data = element("bufferViews", micromap["data"]);
+            const Json *triangles = element("bufferViews", micromap["triangles"]);
+            ASSERT_TRUE(data != nullptr && triangles != nullptr);
+            const Json &counts = micromap["usageCounts"];
+            const Json &levels = micromap["usageLevels"];
+            const Json &formats = micromap["usageFormats"];
             ASSERT_TRUE(counts.IsArray() && levels.IsArray() && formats.IsArray());
-            ASSERT_EQ(counts.ArrayLen(), levels.ArrayLen());
-            ASSERT_EQ(counts.ArrayLen(), formats.ArrayLen());
-            Input input{bytes(data), bytes(triangles), 8, {}};
-            if (view(triangles).byteStride != 0)
-                input.stride = view(triangles).byteStride;
-            for (int u = 0; u < static_cast<int>(counts.ArrayLen()); ++u)
-                input.usages.push_back({static_cast<std::uint32_t>(counts.Get(u).GetNumberAsInt()),
-                                        static_cast<std::uint32_t>(levels.Get(u).GetNumberAsInt()),
-                                        static_cast<std::uint32_t>(formats.Get(u).GetNumberAsInt())});
+            ASSERT_EQ(counts.Size(), levels.Size());
+            ASSERT_EQ(counts.Size(), formats.Size());
+            Input input{bytes(*data), bytes(*triangles), number(*triangles, "byteStride", 8), {}};
+            for (rapidjson::SizeType u = 0; u < counts.Size(); ++u)
+                input.usages.push_back({counts[u].GetUint(), levels[u].GetUint(), formats[u].GetUint()});
             // Loaded into memory as they are, both addresses are multiples of 256.
-            EXPECT_EQ(view(data).byteOffset % 256, 0u);
-            EXPECT_EQ(view(triangles).byteOffset % 256, 0u);
+            EXPECT_EQ(number(*data, "byteOffset", 0) % 256, 0u);
+            EXPECT_EQ(number(*triangles, "byteOffset", 0) % 256, 0u);
             micromaps.push_back(std::move(input));
         }
     }
 
     void readPrimitives()
     {
-        for (const tinygltf::Mesh &mesh : m_model.meshes)
-            for (const tinygltf::Primitive &primitive : mesh.primitives)
-                if (const auto found = primitive.extensions.find(kExtension); found != primitive.extensions.end())
-                    readPrimitive(primitive, found->second);
+        for (const Json &mesh : m_json["meshes"].GetArray())
+            for (const Json &primitive : mesh["primitives"].GetArray())
+                if (primitive.HasMember("extensions") && primitive["extensions"].HasMember(kExtension))
+                    readPrimitive(primitive, primitive["extensions"][kExtension]);
     }
 
-    void readPrimitive(const tinygltf::Primitive &primitive, const tinygltf::Value &extension)
+    void readPrimitive(const Json &primitive, const Json &extension)
     {
-        ASSERT_TRUE(extension.Has("micromap"));
-        const int micromap = extension.Get("micromap").GetNumberAsInt();
-        ASSERT_TRUE(micromap >= 0 && static_cast<std::size_t>(micromap) < micromaps.size());
-        const int base =
-            extension.Has("micromapBaseTriangle") ? extension.Get("micromapBaseTriangle").GetNumberAsInt() : 0;
-        ASSERT_GE(base, 0);
-        ASSERT_TRUE(extension.Has("micromapIndices"));
-        const int index = extension.Get("micromapIndices").GetNumberAsInt();
-        ASSERT_TRUE(index >= 0 && static_cast<std::size_t>(index) < m_model.accessors.size());
-        const tinygltf::Accessor &accessor = m_model.accessors[static_cast<std::size_t>(index)];
+        ASSERT_TRUE(extension.HasMember("micromap"));
+        const std::size_t micromap = extension["micromap"].GetUint();
+        ASSERT_LT(micromap, micromaps.size());
+        const std::size_t base = number(extension, "micromapBaseTriangle", 0);
+        ASSERT_TRUE(extension.HasMember("micromapIndices"));
+        const Json *accessor = element("accessors", extension["micromapIndices"]);
+        ASSERT_NE(accessor, nullptr);
         // Of the types that it takes, those that VK_EXT_opacity_micromap does, too.
-        ASSERT_TRUE(accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT ||
-                    accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT);
-        const std::uint32_t size = accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT ? 2 : 4;
-        ASSERT_TRUE(validView(accessor.bufferView));
-        const tinygltf::BufferView &source = view(accessor.bufferView);
-        const std::size_t stride = source.byteStride != 0 ? source.byteStride : size;
-        const auto &buffer = m_model.buffers[static_cast<std::size_t>(source.buffer)].data;
-        const std::size_t begin = source.byteOffset + accessor.byteOffset;
-        ASSERT_GT(accessor.count, 0u);
-        ASSERT_LE(begin + (accessor.count - 1) * stride + size, buffer.size());
-        EXPECT_EQ(begin % size, 0u);
-        const tinygltf::Accessor &corners = m_model.accessors[static_cast<std::size_t>(
-            primitive.indices >= 0 ? primitive.indices : primitive.attributes.at("POSITION"))];
-        EXPECT_EQ(accessor.count, corners.count / 3);
-        EXPECT_TRUE(primitive.mode == TINYGLTF_MODE_TRIANGLES || primitive.mode == -1);
-        Link link{static_cast<std::size_t>(micromap), static_cast<std::uint32_t>(base), size, {}};
-        for (std::size_t e = 0; e < accessor.count; ++e)
-            link.indices.insert(link.indices.end(), &buffer[begin + e * stride], &buffer[begin + e * stride] + size);
+        const unsigned type = (*accessor)["componentType"].GetUint();
+        ASSERT_TRUE(type == 5123 || type == 5125);
+        const std::uint32_t size = type == 5123 ? 2 : 4;
+        const Json *source = element("bufferViews", (*accessor)["bufferView"]);
+        ASSERT_NE(source, nullptr);
+        const std::size_t stride = number(*source, "byteStride", size);
+        const std::size_t offset = number(*accessor, "byteOffset", 0);
+        const std::size_t count = (*accessor)["count"].GetUint64();
+        const std::span<const std::uint8_t> elements = bytes(*source);
+        ASSERT_GT(count, 0u);
+        ASSERT_LE(offset + (count - 1) * stride + size, elements.size());
+        EXPECT_EQ((number(*source, "byteOffset", 0) + offset) % size, 0u);
+        const Json *corners = element(
+            "accessors", primitive.HasMember("indices") ? primitive["indices"] : primitive["attributes"]["POSITION"]);
+        ASSERT_NE(corners, nullptr);
+        EXPECT_EQ(count, (*corners)["count"].GetUint64() / 3);
+        EXPECT_EQ(number(primitive, "mode", 4), 4u);
+        Link link{micromap, static_cast<std::uint32_t>(base), size, {}};
+        for (std::size_t e = 0; e < count; ++e)
+            link.indices.insert(link.indices.end(), &elements[offset + e * stride],
+                                &elements[offset + e * stride] + size);
         links.push_back(std::move(link));
     }
 
-    tinygltf::Model m_model;
+    Bytes m_file;
+    std::span<const std::uint8_t> m_binary;
+    rapidjson::Document m_json;
 };
 
 template <typename T>

@@ -8,11 +8,23 @@
 #include "cli/inspect/encoding.h"
 #include "cli/inspect/page_data.h"
 #include "cli/inspect/tally.h"
+#include "gltf/file/json_writer.h"
+#include "gltf/file/outside_file.h"
 #include "made_up_file.h"
 
 using namespace vellum;
 using namespace vellum::cli;
 using namespace vellum::test;
+
+namespace
+{
+
+std::string jsonString(std::string_view text)
+{
+    return quotedJson(text, JsonStyle::Html);
+}
+
+} // namespace
 
 TEST(StateCounter, CountsEveryRange)
 {
@@ -136,7 +148,7 @@ TEST(PageData, AHundredThousandTriangles)
 TEST(InspectEncoding, Base64)
 {
     const auto of = [](std::string_view text) {
-        return base64({reinterpret_cast<const std::uint8_t *>(text.data()), text.size()});
+        return base64Encoded({reinterpret_cast<const std::uint8_t *>(text.data()), text.size()});
     };
     EXPECT_EQ(of(""), "");
     EXPECT_EQ(of("f"), "Zg==");

@@ -89,7 +89,7 @@ class Installation(unittest.TestCase):
             f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-D{compiler}",
             f"-DCMAKE_{'CXX' if example == 'cpp' else 'C'}_FLAGS={' '.join(WARNINGS + flags())}",
             # Programs that use the library do not need what it is made of.
-            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("TinyGLTF", "PNG", "Vulkan")))
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("PNG", "Vulkan")))
         run(options.cmake, "--build", folder)
         return run(folder / program, *arguments)
 
@@ -230,13 +230,14 @@ class Installation(unittest.TestCase):
     def test_exports(self):
         self.check_exports("libvellum", "VELLUM_0.1", "vellum.h", FUNCTIONS, "")
         self.check_exports("libvellum_gltf", "VELLUM_GLTF_0.1", "gltf.h", GLTF_FUNCTIONS,
-                           "|libtinygltf|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg")
+                           "|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg")
 
     def test_layer_and_command(self):
         manifest = self.prefix / "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"
         layer = json.loads(manifest.read_text())["layer"]
         self.assertEqual(layer["name"], "VK_LAYER_VELLUM_opacity_micromap")
         self.assertTrue((manifest.parent / layer["library_path"]).exists(), layer["library_path"])
+        self.assertIn("strict", [setting["key"] for setting in layer["features"]["settings"]])
         self.assertIn("render", run(self.prefix / "bin/vellum", "--help"))
         self.assertTrue((self.prefix / "include/vellum/vulkan_opacity_micromap.h").exists())
 
@@ -252,12 +253,31 @@ class Installation(unittest.TestCase):
                     r"share/doc/vellum/examples/(c|cpp|gltf|python)/[\w.]+")
         self.assertEqual([path for path in sorted(there) if not any(re.fullmatch(p, path) for p in patterns)], [])
 
+    def test_what_is_not_built_is_not_installed(self):
+        """A build by `scripts/build run` has the command, the layer and libvellum, and nothing else."""
+        folder = options.scratch / "run"
+        run(options.cmake, "-S", options.source, "-B", folder, "-G", options.generator, "-DVELLUM_TESTS=OFF",
+            "-DVELLUM_EXAMPLES=OFF", "-DVELLUM_BENCH=OFF", f"-DCMAKE_C_COMPILER={options.cc}",
+            f"-DCMAKE_CXX_COMPILER={options.cxx}")
+        for built in ("bin/vellum", "lib/libVkLayer_vellum_opacity_micromap.so",
+                      *(f"lib/{path.name}" for path in (options.build / "lib").glob("libvellum.so*"))):
+            (folder / built).parent.mkdir(exist_ok=True)
+            shutil.copy(options.build / built, folder / built, follow_symlinks=False)
+        prefix = options.scratch / "run-installed"
+        run(options.cmake, "--install", folder, "--prefix", prefix)
+        self.assertIn("render", run(prefix / "bin/vellum", "--help"))
+        self.assertTrue((prefix / options.libdir / "libvellum.so").exists())
+        self.assertTrue((prefix / options.libdir / "cmake/Vellum/VellumTargets.cmake").exists())
+        self.assertFalse((prefix / options.libdir / "cmake/Vellum/VellumGltfTargets.cmake").exists())
+        self.assertFalse((prefix / "include/vellum/gltf.h").exists())
+        self.assertFalse((prefix / "share/man/man1/vellum.1").exists())
+
     def test_the_library_alone_needs_nothing(self):
         """Configuring succeeds where none of the project's other dependencies is to be found."""
         folder = options.scratch / "library-only"
         run(options.cmake, "-S", options.source, "-B", folder, "-G", options.generator, "-DVELLUM_LIBRARY_ONLY=ON",
             f"-DCMAKE_C_COMPILER={options.cc}", f"-DCMAKE_CXX_COMPILER={options.cxx}",
-            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("Vulkan", "PNG", "fmt", "TinyGLTF", "GTest",
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("Vulkan", "PNG", "fmt", "GTest",
                                                                     "Python3")))
 
 

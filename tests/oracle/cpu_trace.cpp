@@ -211,7 +211,7 @@ private:
         double from = 0, to = 0;
         hit.certain = slab(mesh.boxes[hit.primitive], -2e-3, from, to);
         hit.t = from;
-        add(instance, mesh, hit, vt::kNoMicromap);
+        add(instance, mesh, hit, vt::kBox);
     }
 
     const Scene &scene_;

@@ -7,6 +7,9 @@ a process of its own, to find out which ones it is. The output of each case that
 failure was and how to run that case alone. The exit status is 0 if nothing failed and 77 if all cases were skipped.
 With --ctest it prints the tests of the program for CTest instead of running them: one for each test suite.
 
+Cases may have labels (tests/layer/harness/program/labels.h), which a program prints with --labels: a pattern of cases and its
+labels on each line. --with and --without choose cases by them; the label "slow" is that of --slow.
+
 usage: run_cases.py [options] PROGRAM [--gtest_filter=...]
 """
 import argparse
@@ -196,6 +199,31 @@ def list_cases(program, chosen):
     return cases
 
 
+class Labels:
+    """The labels of a program's cases."""
+
+    def __init__(self, program, cases):
+        self.of = {case: set() for case in cases}
+        listing = subprocess.run(program + ["--labels"], stdout=subprocess.PIPE, check=True, text=True).stdout
+        for line in listing.splitlines():
+            pattern, *labels = line.split()
+            named = [case for case in cases if fnmatch.fnmatchcase(case, pattern)]
+            if not named:
+                sys.exit(f"{program[0]}: no case is called {pattern}, which has labels")
+            for case in named:
+                self.of[case].update(labels)
+
+    def has(self, case, labels):
+        return not self.of[case].isdisjoint(labels)
+
+    def choose(self, cases, wanted, unwanted):
+        unknown = set(wanted + unwanted) - set().union(*self.of.values())
+        if unknown:
+            sys.exit(f"no case has the label {', '.join(sorted(unknown))}")
+        return [case for case in cases
+                if (not wanted or self.has(case, wanted)) and not self.has(case, unwanted)]
+
+
 def by_suite(cases):
     suites = collections.OrderedDict()
     for case in cases:
@@ -207,7 +235,11 @@ def quoted(text):
     return "[==[" + text + "]==]"
 
 
-def print_for_ctest(options, cases):
+def matches(suite, patterns):
+    return any(fnmatch.fnmatchcase(suite, pattern) for pattern in patterns)
+
+
+def print_for_ctest(options, cases, labels):
     """In CTest's own language. What costs most begins first, so that several jobs end together."""
     suites, whole = by_suite(cases), by_suite(list_cases(options.program, ""))
     for suite, members in suites.items():
@@ -217,11 +249,14 @@ def print_for_ctest(options, cases):
                    f"--prefix={options.prefix}", *options.program,
                    "--gtest_filter=" + (f"{suite}.*" if members == whole[suite] else ":".join(members))]
         print(f"add_test({quoted(name)} {' '.join(map(quoted, command))})")
-        slow = any(fnmatch.fnmatchcase(suite, pattern) for pattern in options.slow)
+        slow = (matches(suite, options.slow)
+                or labels is not None and any(labels.has(case, ["slow"]) for case in members))
+        ctest_labels = [] if slow else ["quick"]
+        ctest_labels += ["threads"] if matches(suite, options.threads) else []
         properties = ["SKIP_RETURN_CODE", str(ALL_SKIPPED), "COST", f"{cost:g}",
                       "TIMEOUT", f"{options.timeout * (len(members) + 1):g}"]
-        if not slow:
-            properties += ["LABELS", "quick"]
+        if ctest_labels:
+            properties += ["LABELS", ";".join(ctest_labels)]
         if options.environment:
             properties += ["ENVIRONMENT", ";".join(options.environment)]
         print(f"set_tests_properties({quoted(name)} PROPERTIES {' '.join(map(quoted, properties))})")
@@ -234,15 +269,25 @@ def main():
     parser.add_argument("--ctest", action="store_true", help="print the tests for CTest")
     parser.add_argument("--environment", action="append", default=[], help="with --ctest: NAME=VALUE")
     parser.add_argument("--slow", action="append", default=[], help="with --ctest: suites without the label quick")
+    parser.add_argument("--threads", action="append", default=[], help="with --ctest: suites with the label threads")
     parser.add_argument("--cost", type=float, default=0.2, help="with --ctest: seconds that a case takes, about")
+    parser.add_argument("--labelled", action="store_true", help="the program prints labels")
+    parser.add_argument("--with", dest="wanted", action="append", default=[], metavar="LABEL",
+                        help="only cases with this label, or with one of these")
+    parser.add_argument("--without", dest="unwanted", action="append", default=[], metavar="LABEL",
+                        help="no cases with this label")
     parser.add_argument("program")
     parser.add_argument("--gtest_filter", dest="filter", default="")
     options = parser.parse_args()
     options.program = [options.program]
 
     cases = list_cases(options.program, options.filter)
+    labels = None
+    if options.labelled or options.wanted or options.unwanted:
+        labels = Labels(options.program, list_cases(options.program, ""))
+        cases = labels.choose(cases, options.wanted, options.unwanted)
     if options.ctest:
-        print_for_ctest(options, cases)
+        print_for_ctest(options, cases, labels)
         return 0
     if not cases:
         sys.exit(f"{options.program[0]}: no case matches {options.filter!r}")

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Tests run_cases.py with a program whose cases pass, fail, crash, hang and skip. usage: run_cases_test.py PROGRAM"""
+import os
 import pathlib
 import subprocess
 import sys
@@ -10,10 +11,11 @@ RUNNER = pathlib.Path(__file__).resolve().with_name("run_cases.py")
 PROGRAM = sys.argv.pop(1)
 
 
-def run(chosen, *options):
+def run(chosen, *options, environment=None):
     return subprocess.run([sys.executable, str(RUNNER), "--timeout=10", "--prefix=p.", *options, PROGRAM,
                            f"--gtest_filter={chosen}"],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120, check=False)
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120, check=False,
+                          env={**os.environ, **(environment or {})})
 
 
 def failures(result):
@@ -74,10 +76,35 @@ class RunCases(unittest.TestCase):
         for name in ("p.Bad.Fails", "p.Some/WithParameter.IsTwo/0"):
             self.assertIn(f"FAILED: {name}", result.stdout)
 
+    def test_cases_by_label(self):
+        listing = run("*", "--ctest", "--with=fine", "--with=odd", "--without=broken").stdout
+        filters = [line.split("--gtest_filter=")[1].split("]==]")[0] for line in listing.splitlines()
+                   if line.startswith("add_test")]
+        self.assertEqual(filters, ["Good.*", "Bad.PassesAfterTheFailure:Bad.PassesAfterTheCrash"])
+
+    def test_slow_by_label(self):
+        listing = run("Good.*:Late.*", "--ctest", "--labelled").stdout
+        quick = [line.split("]==]")[0].split("[==[")[1] for line in listing.splitlines() if "[==[quick]==]" in line]
+        self.assertEqual(quick, ["p.Good"])
+
+    def test_label_that_no_case_has(self):
+        result = run("*", "--ctest", "--with=nosuch")
+        self.assertNotEqual(result.returncode, 0)
+        self.assertIn("no case has the label nosuch", result.stdout)
+
+    def test_label_of_no_case(self):
+        result = run("*", "--ctest", "--labelled", environment={"VELLUM_SAMPLE_LABELS": "NoSuch.* fine"})
+        self.assertNotEqual(result.returncode, 0)
+        self.assertIn("no case is called NoSuch.*", result.stdout)
+
     def test_labels(self):
         listing = run("Good.*:Bad.*:Some/*", "--ctest", "--slow=Some/*").stdout
         quick = [line.split("]==]")[0].split("[==[")[1] for line in listing.splitlines() if "[==[quick]==]" in line]
         self.assertEqual(quick, ["p.Good", "p.Bad"])
+        listing = run("Good.*:Bad.*", "--ctest", "--threads=Go*").stdout
+        labels = [line.split("[==[LABELS]==] ")[1].split("[==[")[1].split("]==]")[0]
+                  for line in listing.splitlines() if "LABELS" in line]
+        self.assertEqual(labels, ["quick;threads", "quick"])
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
+#include <string_view>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -82,6 +83,13 @@ INSTANTIATE_TEST_SUITE_P(Some, WithParameter, testing::Values(1, 2));
 
 int main(int argc, char **argv)
 {
+    if (argc == 2 && std::string_view(argv[1]) == "--labels") {
+        const char *labels = std::getenv("VELLUM_SAMPLE_LABELS");
+        std::cout << (labels != nullptr
+                          ? labels
+                          : "Good.* fine\nBad.* odd\nBad.[!P]* broken\nBad.PassesInTheEnd broken\nLate.* slow\n");
+        return 0;
+    }
     testing::InitGoogleTest(&argc, argv);
     const int result = RUN_ALL_TESTS();
     return atExitFails ? 23 : result;

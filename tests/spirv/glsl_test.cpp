@@ -119,6 +119,19 @@ TEST(Modules, CarryTheRootAddress)
     EXPECT_EQ(count(old, "\"SPV_KHR_physical_storage_buffer\""), 1u);
 }
 
+// Vulkan 1.1 has SPIR-V 1.3, which ray queries do not need more than.
+TEST(Modules, OfSpirv13StayWhatTheyAre)
+{
+    std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n");
+    const std::string interface = "\"main\" %scene %out";
+    ASSERT_NE(text.find(interface), std::string::npos);
+    text.replace(text.find(interface), interface.size(), "\"main\""); // neither input nor output
+    Module words = assemble(text);
+    words[1] = 0x10300;
+    const std::string rewritten = disassemble(rewriteValid(words));
+    EXPECT_EQ(count(rewritten, "\"SPV_KHR_physical_storage_buffer\""), 1u);
+}
+
 TEST(Flags, ThatAreConstantAreTakenOutAndPutBack)
 {
     const std::string text = disassemble(rewriteValid(loadShader("constant_flags.comp", "v15")));

@@ -31,6 +31,7 @@ std::string rewriteStage(const Stage &stage, const char *variant = "v15")
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
     EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
+    expectNoMoreNeeds(loadShader(stage.shader, variant), result.words);
     return disassemble(result.words);
 }
 
@@ -127,6 +128,7 @@ std::string rewriteHiding(const Stage &stage, spirv::HiddenFlags hidden, const c
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << stage.shader << ' ' << variant << '\n' << disassemble(result.words);
     EXPECT_EQ(validate(optimize(result.words)), "") << stage.shader << ' ' << variant;
+    expectNoMoreNeeds(loadShader(stage.shader, variant), result.words);
     return disassemble(result.words);
 }
 
@@ -207,6 +209,22 @@ TEST(PipelineStages, FlagsThatAllRaysHaveAlikeAreFixed)
     EXPECT_EQ(all, (spirv::TracedFlags{.traces = true, .fixed = kAllFixed & ~1u, .constant = 0x80}));
     all.add({.traces = true, .fixed = 0x400, .constant = 0x400});
     EXPECT_EQ(all, (spirv::TracedFlags{.traces = true, .fixed = 0}));
+}
+
+// How far apart the hit records of an instance's geometries are.
+TEST(PipelineStages, TheGreatestStrideOfRaysIsKnown)
+{
+    std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
+    EXPECT_EQ(spirv::scan(words).traced.mostStride, 0u);
+    EXPECT_EQ(spirv::scan(loadShader("hit.rchit", "v15")).traced.mostStride, 0u);
+    EXPECT_EQ(spirv::scan({}).traced.mostStride, 15u);
+    std::size_t ray = 5;
+    while ((words[ray] & 0xffff) != spv::OpTraceRayKHR)
+        ray += words[ray] >> 16;
+    words[ray + 5] = words[ray + 2]; // its flags, 0x85
+    EXPECT_EQ(spirv::scan(words).traced.mostStride, 5u);
+    words[ray + 5] = words[ray + 1]; // no constant
+    EXPECT_EQ(spirv::scan(words).traced.mostStride, 15u);
 }
 
 TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)

@@ -1,34 +1,39 @@
 #include "support.h"
 
+#include "module_file.h"
+
 #include <gtest/gtest.h>
 #include <spirv-tools/optimizer.hpp>
 
 #include <algorithm>
 #include <cstdlib>
-#include <cstring>
 #include <fstream>
 #include <iterator>
+#include <set>
+#include <sstream>
 
 namespace vellum::test
 {
 namespace
 {
 
-spv_target_env environmentOf(const Module &words)
+// The lines of a module that say what it needs.
+std::set<std::string> needsOf(const Module &words)
 {
-    return words.size() > 1 && words[1] >= 0x10600 ? SPV_ENV_VULKAN_1_3 : SPV_ENV_VULKAN_1_2;
+    std::istringstream text(disassemble(words));
+    std::set<std::string> needs;
+    for (std::string line; std::getline(text, line);) {
+        if (line.find("OpCapability ") != std::string::npos || line.find("OpExtension ") != std::string::npos)
+            needs.insert(line.substr(line.find("Op")));
+    }
+    return needs;
 }
 
 } // namespace
 
 Module loadShader(const std::string &name, const std::string &variant)
 {
-    std::ifstream file(std::string(SHADER_DIRECTORY) + "/" + name + "." + variant + ".spv", std::ios::binary);
-    EXPECT_TRUE(file) << name << " " << variant;
-    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-    Module words(bytes.size() / 4);
-    std::memcpy(words.data(), bytes.data(), words.size() * 4);
-    return words;
+    return readModule(std::string(SHADER_DIRECTORY) + "/" + name + "." + variant + ".spv");
 }
 
 Module optimize(const Module &words)
@@ -61,20 +66,6 @@ std::string disassemble(const Module &words)
     return text;
 }
 
-std::string validate(const Module &words)
-{
-    spvtools::SpirvTools tools(environmentOf(words));
-    std::string messages;
-    tools.SetMessageConsumer([&](spv_message_level_t, const char *, const spv_position_t &, const char *message) {
-        messages += std::string(message) + "\n";
-    });
-    spvtools::ValidatorOptions options;
-    options.SetScalarBlockLayout(true);
-    if (tools.Validate(words.data(), words.size(), options))
-        return "";
-    return messages.empty() ? "invalid" : messages;
-}
-
 namespace
 {
 
@@ -95,6 +86,16 @@ void writeModule(const Module &words)
 
 } // namespace
 
+void expectNoMoreNeeds(const Module &words, const Module &rewritten)
+{
+    EXPECT_EQ(rewritten.at(1), words.at(1)); // the version
+    const std::set<std::string> before = needsOf(words);
+    for (const std::string &need : needsOf(rewritten))
+        EXPECT_TRUE(before.contains(need) || need == "OpCapability PhysicalStorageBufferAddresses" ||
+                    need == "OpExtension \"SPV_KHR_physical_storage_buffer\"")
+            << need;
+}
+
 Module rewriteValid(const Module &words)
 {
     writeModule(words);
@@ -103,9 +104,11 @@ Module rewriteValid(const Module &words)
     const auto result = spirv::rewrite(words, {.rootAddress = 0xfedcba9876543210});
     EXPECT_EQ(result.status, spirv::RewriteResult::Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+    expectNoMoreNeeds(words, result.words);
     const auto kept = spirv::rewrite(words, {.constantQueryFlags = false});
     EXPECT_EQ(kept.status, spirv::RewriteResult::Status::Rewritten) << kept.error;
     EXPECT_EQ(validate(kept.words), "") << disassemble(kept.words);
+    expectNoMoreNeeds(words, kept.words);
     return result.words;
 }
 

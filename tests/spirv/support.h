@@ -1,8 +1,9 @@
 // What the tests of the rewriter share: shaders, SPIR-V Tools, and a view of what came out.
 #pragma once
 
-#include "spirv/rewrite.h"
 #include "spirv/module/scan.h"
+#include "spirv/rewrite.h"
+#include "validate.h"
 
 #include <spirv-tools/libspirv.hpp>
 
@@ -12,8 +13,6 @@
 
 namespace vellum::test
 {
-
-using Module = std::vector<std::uint32_t>;
 
 // spirv::HiddenFlags::fixed: all rays have the hidden flags alike, or they lie in the payload.
 inline constexpr std::uint32_t kAllFixed = spirv::HiddenFlags{}.fixed, kNoneFixed = 0;
@@ -27,11 +26,12 @@ Module optimize(const Module &words);
 Module assemble(const std::string &text);
 std::string disassemble(const Module &words);
 
-// Empty if valid, else what spirv-val says. Picks the environment by the module's version.
-std::string validate(const Module &words);
+// A module that was rewritten has the version it had, and needs no more of a device than it did, but for what the layer
+// enables on every device.
+void expectNoMoreNeeds(const Module &words, const Module &rewritten);
 
-// Rewrites, and fails the test unless the result is a valid Rewritten module. The same where constant ray flags are kept
-// like others; that module is not returned.
+// Rewrites, and fails the test unless the result is a valid Rewritten module. The same where constant ray flags are
+// kept like others; that module is not returned.
 Module rewriteValid(const Module &words);
 
 std::size_t count(const std::string &text, const std::string &part);

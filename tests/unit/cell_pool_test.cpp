@@ -1,6 +1,5 @@
 // Cells on memory that the host may only write while nothing on the same page is in use.
-#include <cstdlib>
-#include <map>
+#include <algorithm>
 #include <set>
 #include <vector>
 
@@ -8,6 +7,7 @@
 
 #include "core/records.h"
 #include "layer/objects/cell_pool.h"
+#include "memory_device.h"
 
 namespace
 {
@@ -17,77 +17,9 @@ using namespace vellum::shared;
 
 constexpr std::uintptr_t kPage = 4096;
 
-// A device that consists of memory.
-template <typename Handle>
-Handle newHandle()
-{
-    static std::uint64_t next = 1;
-    return reinterpret_cast<Handle>(next++);
-}
-
-struct Memory {
-    void *bytes = nullptr;
-};
-std::map<VkDeviceMemory, Memory> memories;
-
-VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice, const VkBufferCreateInfo *info, const VkAllocationCallbacks *,
-                                            VkBuffer *buffer)
-{
-    *buffer = reinterpret_cast<VkBuffer>(info->size); // the size is all that is asked of it
-    return VK_SUCCESS;
-}
-VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice, VkBuffer, const VkAllocationCallbacks *) {}
-VKAPI_ATTR void VKAPI_CALL getRequirements(VkDevice, VkBuffer buffer, VkMemoryRequirements *requirements)
-{
-    *requirements = {reinterpret_cast<VkDeviceSize>(buffer), kPage, 1};
-}
-VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice, const VkMemoryAllocateInfo *info, const VkAllocationCallbacks *,
-                                              VkDeviceMemory *memory)
-{
-    *memory = newHandle<VkDeviceMemory>();
-    memories[*memory] = {std::aligned_alloc(kPage, info->allocationSize)};
-    return VK_SUCCESS;
-}
-VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice, VkDeviceMemory memory, const VkAllocationCallbacks *)
-{
-    std::free(memories[memory].bytes);
-    memories.erase(memory);
-}
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize)
-{
-    return VK_SUCCESS;
-}
-VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice, VkDeviceMemory memory, VkDeviceSize, VkDeviceSize, VkMemoryMapFlags,
-                                         void **data)
-{
-    *data = memories[memory].bytes;
-    return VK_SUCCESS;
-}
-VKAPI_ATTR VkDeviceAddress VKAPI_CALL getAddress(VkDevice, const VkBufferDeviceAddressInfo *)
-{
-    return 65536;
-}
-
 class CellPools : public ::testing::Test
 {
 protected:
-    CellPools()
-    {
-        table_.CreateBuffer = createBuffer;
-        table_.DestroyBuffer = destroyBuffer;
-        table_.GetBufferMemoryRequirements = getRequirements;
-        table_.AllocateMemory = allocateMemory;
-        table_.FreeMemory = freeMemory;
-        table_.BindBufferMemory = bindBufferMemory;
-        table_.MapMemory = mapMemory;
-        table_.GetBufferDeviceAddress = getAddress;
-        context_.next = &table_;
-        context_.memory.memoryHeapCount = 1;
-        context_.memory.memoryHeaps[0].size = 1u << 30;
-        context_.memory.memoryTypeCount = 1;
-        context_.memory.memoryTypes[0].propertyFlags =
-            VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
-    }
     // As the device: all words of a cell.
     void write(std::uint32_t cell, std::uint32_t value) { std::fill_n(pool_.words(cell), kCellWords, value); }
     [[nodiscard]] bool holds(std::uint32_t cell, std::uint32_t value) const
@@ -96,8 +28,8 @@ protected:
     }
     static std::uintptr_t pageOf(const std::uint32_t *words) { return reinterpret_cast<std::uintptr_t>(words) / kPage; }
 
-    DeviceTable table_{};
-    GpuContext context_{};
+    const vellum::test::MemoryDevice device_;
+    const GpuContext &context_ = device_.context();
     CellPool pool_;
 };
 
@@ -147,7 +79,7 @@ TEST_F(CellPools, ACellIsNotGivenOutAgainWhileItsPageIsInUse)
     pool_.release(kept);
     for (const std::uint32_t cell : others)
         pool_.release(cell);
-    const std::size_t allocations = memories.size();
+    const long allocations = vellum::test::MemoryDevice::alive();
     for (int round = 0; round < 5; ++round) {
         std::vector<std::uint32_t> cells;
         for (int i = 0; i < 10000; ++i)
@@ -155,7 +87,7 @@ TEST_F(CellPools, ACellIsNotGivenOutAgainWhileItsPageIsInUse)
         for (const std::uint32_t cell : cells)
             pool_.release(cell);
     }
-    EXPECT_EQ(memories.size(), allocations);
+    EXPECT_EQ(vellum::test::MemoryDevice::alive(), allocations);
 }
 
 } // namespace

@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <optional>
 #include <tuple>
 
 #include <gtest/gtest.h>
@@ -22,19 +24,45 @@ class SettingsTest : public testing::Test
 protected:
     SettingsTest()
     {
-        setenv("VK_LAYER_SETTINGS_PATH", file_.c_str(), 1);
+        std::filesystem::create_directories(folder_);
+        set("VK_LAYER_SETTINGS_PATH", file_.c_str());
+        // Whatever settings this machine has.
+        set("XDG_DATA_HOME", folder_.c_str());
         unsetenv("VELLUM_STRICT");
     }
     ~SettingsTest() override
     {
-        unsetenv("VK_LAYER_SETTINGS_PATH");
         unsetenv("VELLUM_STRICT");
-        std::filesystem::remove(file_);
+        for (const auto &[name, value] : before_)
+            value ? setenv(name.c_str(), value->c_str(), 1) : unsetenv(name.c_str());
+        std::filesystem::remove_all(folder_);
     }
-    void write(const char *line) { std::ofstream(file_) << "# a comment\n" << line << "\n"; }
+    void write(const char *line) { writeTo(file_, line); }
+    static void writeTo(const std::filesystem::path &file, const char *line)
+    {
+        std::filesystem::create_directories(file.parent_path());
+        std::ofstream(file) << "# a comment\n" << line << "\n";
+    }
+    // Until the test ends.
+    void set(const std::string &name, const char *value)
+    {
+        const char *now = getenv(name.c_str());
+        before_.try_emplace(name, now ? std::optional<std::string>(now) : std::nullopt);
+        value ? setenv(name.c_str(), value, 1) : unsetenv(name.c_str());
+    }
+    // What reading the settings prints.
+    std::string printed(const void *chain = nullptr)
+    {
+        testing::internal::CaptureStderr();
+        settings_ = readSettings(chain);
+        return testing::internal::GetCapturedStderr();
+    }
 
-    std::filesystem::path file_ =
-        std::filesystem::path(testing::TempDir()) / ("vellum_settings_" + std::to_string(getpid()) + ".txt");
+    std::filesystem::path folder_ =
+        std::filesystem::path(testing::TempDir()) / ("vellum_settings_" + std::to_string(getpid()));
+    std::filesystem::path file_ = folder_ / "settings.txt";
+    std::map<std::string, std::optional<std::string>> before_;
+    Settings settings_;
 };
 
 TEST_F(SettingsTest, ConstantRayFlagsAreUsedUnlessTurnedOff)
@@ -66,6 +94,157 @@ TEST_F(SettingsTest, StrictInAllThreePlaces)
     setenv("VELLUM_STRICT", "0", 1);
     write("vellum_opacity_micromap.strict = 1");
     EXPECT_FALSE(readSettings(nullptr).strict);
+}
+
+TEST_F(SettingsTest, VariablesWithVkBefore)
+{
+    write("");
+    set("VK_VELLUM_STRICT", "1");
+    EXPECT_TRUE(readSettings(nullptr).strict);
+    set("VELLUM_STRICT", "0");
+    EXPECT_FALSE(readSettings(nullptr).strict);
+}
+
+TEST_F(SettingsTest, TheFirstFileThatThereIs)
+{
+    const std::filesystem::path users = folder_ / "vulkan/settings.d/vk_layer_settings.txt";
+    set("VK_LAYER_SETTINGS_PATH", nullptr);
+    EXPECT_FALSE(readSettings(nullptr).strict);
+    // As Vulkan Configurator writes it: below the user's folder for data.
+    writeTo(users, "vellum_opacity_micromap.strict = true");
+    EXPECT_TRUE(readSettings(nullptr).strict);
+    set("XDG_DATA_HOME", nullptr);
+    set("HOME", (folder_ / "home").c_str());
+    EXPECT_FALSE(readSettings(nullptr).strict);
+    writeTo(folder_ / "home/.local/share/vulkan/settings.d/vk_layer_settings.txt",
+            "vellum_opacity_micromap.strict = true");
+    EXPECT_TRUE(readSettings(nullptr).strict);
+    // A folder, and what the user chose before what the user has.
+    writeTo(folder_ / "chosen/vk_layer_settings.txt", "vellum_opacity_micromap.validate = true");
+    set("VK_LAYER_SETTINGS_PATH", (folder_ / "chosen").c_str());
+    EXPECT_FALSE(readSettings(nullptr).strict);
+    EXPECT_TRUE(readSettings(nullptr).validate);
+}
+
+TEST_F(SettingsTest, AllValues)
+{
+    for (const char *yes : {"1", "true", "TRUE", "True", "on"}) {
+        write((std::string("vellum_opacity_micromap.strict = ") + yes).c_str());
+        EXPECT_EQ(printed(), "") << yes;
+        EXPECT_TRUE(settings_.strict) << yes;
+    }
+    set("VELLUM_STRICT", "1");
+    for (const char *no : {"0", "false", "FALSE", "off"}) {
+        set("VELLUM_STRICT", no);
+        EXPECT_EQ(printed(), "") << no;
+        EXPECT_FALSE(settings_.strict) << no;
+    }
+    for (const auto &[name, level] :
+         {std::pair{"error", ReportLevel::Error}, std::pair{"warning", ReportLevel::Warning},
+          std::pair{"info", ReportLevel::Info}, std::pair{"none", ReportLevel::None}}) {
+        set("VELLUM_REPORT", name);
+        EXPECT_EQ(printed(), "") << name;
+        EXPECT_EQ(settings_.report, level) << name;
+    }
+}
+
+// As Vulkan Configurator writes settings that have no value.
+TEST_F(SettingsTest, EmptyValueInTheFile)
+{
+    set("XDG_CACHE_HOME", "/somewhere");
+    write("vellum_opacity_micromap.cache_folder = ");
+    EXPECT_EQ(readSettings(nullptr).cacheFolder, "/somewhere/vellum");
+    set("VELLUM_CACHE_FOLDER", "");
+    EXPECT_EQ(readSettings(nullptr).cacheFolder, "");
+}
+
+TEST_F(SettingsTest, WrongNamesAreReportedOnce)
+{
+    write("vellum_opacity_micromap.strickt = true\nkhronos_validation.strickt = true");
+    set("VELLUM_STRICKT", "1");
+    set("VK_VELLUM_STRICKT", "1");
+    set("VELLUM_TEST_SOMETHING", "1"); // of the tests
+    const newer::LayerSetting settings[]{{kLayerName, "stricter", newer::kLayerSettingBool32, 0, nullptr},
+                                         {"VK_LAYER_other", "strictest", newer::kLayerSettingBool32, 0, nullptr}};
+    const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
+    const std::string head = "vellum: VELLUM-setting: there is no setting ";
+    EXPECT_EQ(printed(&chain), head + "strickt (" + file_.string() + ")\n" + head + "stricter (VkLayerSettingEXT)\n" +
+                                   head + "VK_VELLUM_STRICKT\n" + head + "VELLUM_STRICKT\n");
+    EXPECT_EQ(printed(&chain), "");
+    EXPECT_FALSE(settings_.strict);
+}
+
+TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
+{
+    write("vellum_opacity_micromap.strict = 1\nvellum_opacity_micromap.report = quiet");
+    set("VELLUM_STRICT", "maybe");
+    const VkBool32 yes = VK_TRUE;
+    const newer::LayerSetting settings[]{{kLayerName, "dump_shaders", newer::kLayerSettingBool32, 1, &yes},
+                                         {kLayerName, "validate", 99, 1, &yes}};
+    const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
+    const std::string head = "vellum: VELLUM-setting: ";
+    const std::string tail = "; the setting is ignored\n";
+    EXPECT_EQ(printed(&chain),
+              head + "report is \"quiet\" (" + file_.string() + ") and must be error, warning, info or none" + tail +
+                  head + "dump_shaders is of type 0 (VkLayerSettingEXT) and must be of type STRING" + tail + head +
+                  "validate is of type 99 (VkLayerSettingEXT) and must be of type BOOL32 or STRING" + tail + head +
+                  "strict is \"maybe\" (VELLUM_STRICT) and must be 1, true, on, 0, false or off" + tail);
+    EXPECT_TRUE(settings_.strict);
+    EXPECT_EQ(settings_.dumpShaders, "");
+    EXPECT_EQ(printed(&chain), "");
+}
+
+TEST_F(SettingsTest, AFileThatIsNotThere)
+{
+    set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").c_str());
+    EXPECT_EQ(printed(), "vellum: VELLUM-setting: VK_LAYER_SETTINGS_PATH is \"" + (folder_ / "nowhere").string() +
+                             "\" and must be a file of settings, or a folder with one\n");
+    EXPECT_EQ(printed(), "");
+}
+
+TEST_F(SettingsTest, SeveralStructures)
+{
+    write("");
+    const VkBool32 yes = VK_TRUE;
+    const newer::LayerSetting strict{kLayerName, "strict", newer::kLayerSettingBool32, 1, &yes};
+    const newer::LayerSetting validate{kLayerName, "validate", newer::kLayerSettingBool32, 1, &yes};
+    const newer::LayerSettingsCreateInfo second{newer::kLayerSettingsCreateInfo, nullptr, 1, &validate};
+    const newer::LayerSettingsCreateInfo first{newer::kLayerSettingsCreateInfo, &second, 1, &strict};
+    EXPECT_TRUE(readSettings(&first).strict);
+    EXPECT_TRUE(readSettings(&first).validate);
+}
+
+// A misspelled value is not the setting's opposite: nothing changes, and the user can read why.
+TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
+{
+    for (const char *value : {"yes", "2", "ture", "o f f"}) {
+        write(("vellum_opacity_micromap.constant_ray_flags = " + std::string(value)).c_str());
+        setenv("VELLUM_STRICT", value, 1);
+        testing::internal::CaptureStderr();
+        const Settings settings = readSettings(nullptr);
+        const std::string said = testing::internal::GetCapturedStderr();
+        EXPECT_TRUE(settings.constantRayFlags) << value;
+        EXPECT_FALSE(settings.strict) << value;
+        EXPECT_NE(said.find("VELLUM-setting: constant_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
+            << said;
+        EXPECT_NE(said.find("VELLUM-setting: strict is"), std::string::npos) << said;
+    }
+    unsetenv("VELLUM_STRICT");
+    write("vellum_opacity_micromap.report = loud\nvellum_opacity_micromap.valdiate = 1");
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(readSettings(nullptr).report, ReportLevel::None);
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_NE(said.find("report is \"loud\""), std::string::npos) << said;
+    EXPECT_NE(said.find("there is no setting valdiate"), std::string::npos) << said;
+}
+
+TEST_F(SettingsTest, CaseDoesNotMatter)
+{
+    write("vellum_opacity_micromap.strict = True\nvellum_opacity_micromap.report = Warning");
+    testing::internal::CaptureStderr();
+    EXPECT_TRUE(readSettings(nullptr).strict);
+    EXPECT_EQ(readSettings(nullptr).report, ReportLevel::Warning);
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 VKAPI_ATTR VkBool32 VKAPI_CALL remember(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,

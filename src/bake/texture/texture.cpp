@@ -24,6 +24,20 @@ AlphaTexture AlphaTexture::fromUnorm8(std::uint32_t width, std::uint32_t height,
     return texture;
 }
 
+AlphaTexture AlphaTexture::fromUnorm16(std::uint32_t width, std::uint32_t height, const std::uint16_t *first,
+                                       std::size_t stride, float scale)
+{
+    AlphaTexture texture;
+    texture.width = width;
+    texture.height = height;
+    texture.appendRows([&](std::size_t y, float *to) {
+        const std::uint16_t *row = first + y * width * stride;
+        for (std::size_t x = 0; x < width; ++x)
+            to[x] = static_cast<float>(row[x * stride]) / 65535.0f * scale;
+    });
+    return texture;
+}
+
 std::int64_t wrapTexel(std::int64_t i, std::int64_t size, Wrap wrap)
 {
     const auto modulo = [](std::int64_t a, std::int64_t b) { return ((a % b) + b) % b; };

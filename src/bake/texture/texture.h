@@ -32,6 +32,10 @@ struct AlphaTexture {
     static AlphaTexture fromUnorm8(std::uint32_t width, std::uint32_t height, const std::uint8_t *first,
                                    std::size_t stride, float scale = 1.0f);
 
+    // The same of 16-bit values, in native byte order; `stride` counts values.
+    static AlphaTexture fromUnorm16(std::uint32_t width, std::uint32_t height, const std::uint16_t *first,
+                                    std::size_t stride, float scale = 1.0f);
+
     // Makes `alpha` of rows that function(y, to) writes.
     template <typename Function>
     void appendRows(Function &&function)

@@ -15,6 +15,12 @@ std::string grouped(std::uint64_t number)
     return text;
 }
 
+std::string counted(std::uint64_t number, const char *one, const char *many)
+{
+    const std::string plural = many != nullptr ? many : std::string(one) + "s";
+    return grouped(number) + " " + (number == 1 ? one : plural);
+}
+
 std::string percent(double share)
 {
     return fmt::format("{:.1f} %", 100 * share);

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <set>
 
+#include "cli/base/numbers.h"
 #include "gltf/data/image.h"
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/primitive.h"
 
@@ -12,14 +13,6 @@ namespace vellum::cli
 {
 namespace
 {
-
-// Without the file's name, which is printed above.
-std::string withoutPath(const Document &document, const GltfError &error)
-{
-    const std::string text = error.what();
-    const std::string prefix = document.path().string() + ": ";
-    return text.starts_with(prefix) ? text.substr(prefix.size()) : text;
-}
 
 // What is of use here, and for what.
 const char *meaningOf(const std::string &extension)
@@ -78,6 +71,7 @@ public:
         readPrimitives();
         readImages();
         readStored();
+        m_report.micromapPrimitives = m_micromapPrimitives.size();
         findLeft();
         return std::move(m_report);
     }
@@ -91,7 +85,7 @@ private:
             read();
             return true;
         } catch (const GltfError &error) {
-            m_report.problems.push_back({place, withoutPath(m_document, error)});
+            m_report.problems.push_back({place, m_document.reasonOf(error)});
         } catch (const BakeError &error) {
             m_report.problems.push_back({place, error.what()});
         }
@@ -105,8 +99,9 @@ private:
     void findLeft();
 
     const Document &m_document;
-    const tinygltf::Model &m_model;
-    std::vector<bool> m_masked; // by material
+    const gltf_json::Model &m_model;
+    std::vector<bool> m_masked;                    // by material
+    std::set<PrimitivePlace> m_micromapPrimitives; // those that have one
     FileReport m_report;
 };
 
@@ -126,14 +121,17 @@ void FileReader::readPrimitives()
 {
     for (const PrimitivePlace place : trianglePrimitives(m_document)) {
         ++m_report.primitives;
-        attempt(m_document.nameOf(place), [&] {
+        const std::string name = m_document.nameOf(place);
+        try {
             const Primitive primitive = readPrimitive(m_document, place, Positions::Leave);
             const std::size_t triangles = primitive.triangleCount();
             m_report.triangles += triangles;
             if (static_cast<std::size_t>(primitive.material) < m_masked.size() &&
                 m_masked[static_cast<std::size_t>(primitive.material)])
                 m_report.maskedTriangles += triangles;
-        });
+        } catch (const GltfError &error) {
+            m_report.problems.push_back({name, m_document.reasonOf(place, error)});
+        }
     }
 }
 
@@ -142,17 +140,14 @@ void FileReader::readImages()
     for (std::size_t i = 0; i < m_model.images.size(); ++i) {
         FileReport::Image &image = m_report.images.emplace_back();
         try {
-            const tinygltf::Image &source = m_model.images[i];
-            std::span<const std::uint8_t> bytes(source.image);
-            if (source.bufferView >= 0)
-                bytes = m_document.bufferViews().bytes(source.bufferView, "image " + std::to_string(i));
-            image.bytes = bytes.size();
-            image.type = typeOf(bytes);
+            const EncodedImage encoded = readEncodedImage(m_document, static_cast<int>(i));
+            image.bytes = encoded.bytes().size();
+            image.type = typeOf(encoded.bytes());
             const vellum::Image decoded = readImage(m_document, static_cast<int>(i));
             image.width = decoded.width;
             image.height = decoded.height;
         } catch (const GltfError &error) {
-            image.problem = withoutPath(m_document, error);
+            image.problem = m_document.reasonOf(error);
         }
     }
 }
@@ -177,7 +172,8 @@ void FileReader::readStored()
     attempt("micromaps", [&] {
         const StoredMicromaps stored = readMicromaps(m_document);
         m_report.micromapExtension = stored.extension;
-        m_report.micromapPrimitives = stored.primitives.size();
+        for (const auto &[place, micromap] : stored.primitives)
+            m_micromapPrimitives.insert(place);
         for (const StoredMicromap &micromap : stored.micromaps)
             m_report.micromaps.push_back({micromap.triangles.size(), micromap.data.size(), contentsOf(micromap)});
     });
@@ -190,7 +186,8 @@ void FileReader::findLeft()
         DocumentBakeOptions options;
         options.bake.level = 0;
         for (const LeftPrimitive &left : bakeDocument(m_document, options).left)
-            m_report.left.push_back({m_document.nameOf(left.place), left.reason});
+            if (!m_micromapPrimitives.contains(left.place))
+                m_report.left.push_back({m_document.nameOf(left.place), left.reason});
     });
 }
 
@@ -230,28 +227,31 @@ FileReport reportFile(const std::filesystem::path &path)
 
 void print(const FileReport &r)
 {
-    fmt::print("file        {}: {}, {} bytes\n", r.path.string(), r.binary ? "GLB" : "glTF text", r.bytes);
+    fmt::print("file        {}: {}, {}\n", r.path.string(), r.binary ? "GLB" : "glTF text", counted(r.bytes, "byte"));
     for (std::size_t i = 0; i < r.extensions.size(); ++i)
         fmt::print("{:<11} {}\n", i == 0 ? "extensions" : "", r.extensions[i]);
-    fmt::print("scene       {} nodes, {} meshes with {} primitives of triangles\n", r.nodes, r.meshes, r.primitives);
-    fmt::print("triangles   {}, of which {} are alpha-masked\n", r.triangles, r.maskedTriangles);
+    fmt::print("scene       {}, {} with {} of triangles\n", counted(r.nodes, "node"),
+               counted(r.meshes, "mesh", "meshes"), counted(r.primitives, "primitive"));
+    fmt::print("triangles   {}, of which {} {} alpha-masked\n", grouped(r.triangles), grouped(r.maskedTriangles),
+               r.maskedTriangles == 1 ? "is" : "are");
     for (const auto &[mode, names] : r.materials)
         fmt::print("materials   {} {}: {}\n", names.size(), mode, joined(names));
     for (std::size_t i = 0; i < r.images.size(); ++i) {
         const FileReport::Image &image = r.images[i];
         if (image.problem.empty())
-            fmt::print("image {:<5} {} x {}, {}, {} bytes\n", i, image.width, image.height, image.type, image.bytes);
+            fmt::print("image {:<5} {} x {}, {}, {}\n", i, image.width, image.height, image.type,
+                       counted(image.bytes, "byte"));
         else
             fmt::print("image {:<5} {}\n", i, image.problem);
     }
     if (r.micromapExtension.empty())
         fmt::print("micromaps   {}\n", r.offences.empty() ? "none" : "wrong ones:");
     else
-        fmt::print("micromaps   {} by {}, on {} primitives\n", r.micromaps.size(), r.micromapExtension,
-                   r.micromapPrimitives);
+        fmt::print("micromaps   {} by {}, on {}\n", r.micromaps.size(), r.micromapExtension,
+                   counted(r.micromapPrimitives, "primitive"));
     for (std::size_t i = 0; i < r.micromaps.size(); ++i)
-        fmt::print("micromap {:<2} {} triangles: {}; {} bytes of data\n", i, r.micromaps[i].triangles,
-                   r.micromaps[i].contents, r.micromaps[i].dataBytes);
+        fmt::print("micromap {:<2} {}: {}; {} of data\n", i, counted(r.micromaps[i].triangles, "triangle"),
+                   r.micromaps[i].contents, counted(r.micromaps[i].dataBytes, "byte"));
     print("wrong", r.offences);
     print("unreadable", r.problems);
     print("left out", r.left);

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/info/json_writer.h"
+#include "gltf/file/json_writer.h"
 
 namespace vellum::cli
 {

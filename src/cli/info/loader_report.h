@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "cli/info/device_details.h"
-#include "cli/info/json_writer.h"
 #include "cli/info/manifests.h"
+#include "gltf/file/json_writer.h"
 
 namespace vellum::cli
 {

@@ -6,8 +6,7 @@
 
 #include "cli/base/error.h"
 #include "cli/base/progress.h"
-#include "gltf/file/tinygltf.h"
-#include "gltf/micromaps/document_bake.h"
+#include "gltf/micromaps/file_bake.h"
 
 namespace vellum::cli
 {
@@ -18,21 +17,15 @@ namespace
 // writer of micromaps would make.
 std::uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const StoredMicromaps &stored)
 {
-    const tinygltf::Model &model = document.model();
+    const gltf_json::Model &model = document.model();
     const PrimitiveMicromap &primitive = stored.primitives.at(place);
     const std::size_t count = primitive.indices.size();
     if (stored.extension.empty())
         return count * (stored.micromaps.at(primitive.micromap).triangles.size() <= 0xfffc ? 2 : 4);
-    const tinygltf::ExtensionMap &extensions = model.meshes.at(place.mesh).primitives.at(place.primitive).extensions;
-    const auto extension = extensions.find(stored.extension);
-    if (extension == extensions.end() || !extension->second.IsObject())
-        return 0;
-    const tinygltf::Value &accessor = extension->second.Get("micromapIndices");
-    if (!accessor.IsInt() || static_cast<std::size_t>(accessor.GetNumberAsInt()) >= model.accessors.size())
-        return 0;
-    const int type = model.accessors[static_cast<std::size_t>(accessor.GetNumberAsInt())].componentType;
-    return count *
-           static_cast<std::uint64_t>(std::max(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(type)), 0));
+    const JsonValue extension = model.meshes.at(place.mesh).primitives.at(place.primitive).extensions[stored.extension];
+    const auto accessor = extension["micromapIndices"].integer();
+    return accessor ? count * gltf_json::bytesOf(model.accessors.at(static_cast<std::size_t>(*accessor)).componentType)
+                    : 0;
 }
 
 class Inspector
@@ -40,10 +33,11 @@ class Inspector
 public:
     Inspector(const Document &document, const Selection &selection) : m_document(document), m_selection(selection) {}
 
-    InspectedFile inspect(Missing missing);
+    InspectedFile inspect(const DocumentBakeOptions *bake);
 
 private:
-    void bakeAll();
+    void bakeAll(DocumentBakeOptions options);
+    [[nodiscard]] std::string nothingMade() const;
     void addRecords();
     void addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micromap);
     std::uint32_t useMaterial(int index);
@@ -56,16 +50,24 @@ private:
     std::map<int, Image> m_images;
 };
 
-void Inspector::bakeAll()
+void Inspector::bakeAll(DocumentBakeOptions options)
 {
     m_file.baked = true;
     Progress progress("baking");
-    DocumentBakeOptions options;
     options.bake.progress = [&](std::size_t done, std::size_t total) { progress.update(done, total); };
     DocumentBake bake = bakeDocument(m_document, options);
     m_file.stored.micromaps = std::move(bake.micromaps);
     for (BakedPrimitive &primitive : bake.primitives)
         m_file.stored.primitives[primitive.place] = std::move(primitive.micromap);
+    for (LeftPrimitive &left : bake.left)
+        m_file.left.push_back({m_document.nameOf(left.place), std::move(left.material), std::move(left.reason)});
+}
+
+std::string Inspector::nothingMade() const
+{
+    if (m_file.left.empty())
+        return "no alpha-masked primitive with texture coordinates is in it";
+    return "no primitive gets a micromap: " + m_file.left.front().name + ": " + m_file.left.front().reason;
 }
 
 void Inspector::addRecords()
@@ -130,22 +132,28 @@ void Inspector::addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micr
         m_file.primitives.push_back(std::move(primitive));
 }
 
-InspectedFile Inspector::inspect(Missing missing)
+InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
 {
     const std::string path = m_document.path().string();
     m_file.name = m_document.path().filename().string();
     m_file.bytes = m_document.bytes().size();
+    for (const std::filesystem::path &file : filesBeside(m_document.root(), path, path).read) {
+        std::error_code unreadable;
+        const std::uintmax_t bytes = std::filesystem::file_size(file, unreadable);
+        m_file.bytes += unreadable ? 0 : bytes;
+    }
     m_file.meshCount = m_document.model().meshes.size();
     m_file.primitiveCount = trianglePrimitives(m_document).size();
-    if (missing == Missing::Bake)
-        bakeAll();
+    if (bake != nullptr)
+        bakeAll(*bake);
     else
         m_file.stored = readMicromaps(m_document);
     if (m_file.stored.primitives.empty())
-        throw Error(path + (missing == Missing::Bake
-                                ? ": no alpha-masked primitive with texture coordinates is in it"
-                                : ": no primitive has a micromap; vellum bake makes them, and --bake shows what it "
-                                  "would make"));
+        throw Error(path + ": " +
+                    (bake != nullptr ? nothingMade()
+                                     : "no primitive has a micromap; vellum bake makes them, and --bake shows what it "
+                                       "would make"));
+    m_file.surface = surfaceShares(m_document, m_file.stored);
     addRecords();
     for (const auto &[place, micromap] : m_file.stored.primitives)
         addPrimitive(place, micromap);
@@ -156,9 +164,9 @@ InspectedFile Inspector::inspect(Missing missing)
 
 } // namespace
 
-InspectedFile inspectFile(const Document &document, const Selection &selection, Missing missing)
+InspectedFile inspectFile(const Document &document, const Selection &selection, const DocumentBakeOptions *bake)
 {
-    return document.named([&] { return Inspector(document, selection).inspect(missing); });
+    return document.named([&] { return Inspector(document, selection).inspect(bake); });
 }
 
 } // namespace vellum::cli

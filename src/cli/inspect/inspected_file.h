@@ -4,12 +4,14 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "cli/inspect/selection.h"
 #include "cli/inspect/state_counter.h"
-#include "gltf/micromaps/stored_micromaps.h"
+#include "gltf/micromaps/document_bake.h"
+#include "gltf/micromaps/known_surface.h"
 #include "gltf/primitive.h"
 
 namespace vellum::cli
@@ -44,8 +46,15 @@ struct InspectedPrimitive {
 
 struct InspectedFile {
     std::string name;
-    std::uint64_t bytes = 0;
-    bool baked = false; // the micromaps were made just now
+    std::uint64_t bytes = 0; // with those of the files that it names
+    bool baked = false;      // the micromaps were made just now
+    struct Left {
+        std::string name; // `mesh 2 "leaves" primitive 0`
+        std::string material;
+        std::string reason;
+    };
+    std::vector<Left> left; // alpha-tested primitives that were not baked then
+    std::optional<SurfaceShares> surface;
     StoredMicromaps stored;
     std::vector<InspectedMaterial> materials;
     std::vector<InspectedPrimitive> primitives; // those with micromaps and chosen triangles, sorted by place
@@ -54,12 +63,9 @@ struct InspectedFile {
     std::size_t primitiveCount = 0; // made of triangles, with and without micromaps
 };
 
-// What is done with a file without micromaps, and with masked primitives without.
-enum class Missing : std::uint8_t { Refuse, Bake };
-
-// Missing::Bake leaves aside what the file has and bakes every masked primitive with the baker's defaults. Throws
-// GltfError, BakeError, or Error where nothing is left to look at.
-InspectedFile inspectFile(const Document &document, const Selection &selection, Missing missing);
+// With `bake`, leaves aside what the file has and bakes it. Throws GltfError, BakeError, or Error where nothing is left
+// to look at.
+InspectedFile inspectFile(const Document &document, const Selection &selection, const DocumentBakeOptions *bake);
 
 // What is drawn at a triangle.
 inline bool isSpecial(std::int32_t record)

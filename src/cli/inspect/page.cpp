@@ -3,6 +3,7 @@
 #include "cli/inspect/encoding.h"
 #include "cli/inspect/page_facts.h"
 #include "cli/inspect/page_files.h"
+#include "gltf/file/outside_file.h"
 
 namespace vellum::cli
 {
@@ -11,7 +12,7 @@ std::string makePage(const Document &document, const InspectedFile &file, const 
 {
     const PageData data = makePageData(file, limits);
     const std::string facts = pageFacts(document, file, data, limits);
-    const std::string numbers = base64(deflated(data.bytes()));
+    const std::string numbers = base64Encoded(deflated(data.bytes()));
     std::string page;
     page.reserve(facts.size() + numbers.size() + 200'000);
     // The places in page.html where something belongs are comments.

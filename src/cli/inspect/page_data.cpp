@@ -7,6 +7,8 @@
 #include <tuple>
 #include <unordered_map>
 
+#include "core/hash.h"
+
 namespace vellum::cli
 {
 namespace
@@ -67,15 +69,8 @@ struct ShapeKey {
 struct ShapeHash {
     std::size_t operator()(const ShapeKey &key) const
     {
-        std::uint64_t hash = key.material;
-        const auto mix = [&](std::uint32_t word) {
-            hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
-            hash ^= hash >> 29;
-        };
-        for (const std::uint32_t word : key.uvs)
-            mix(word);
-        mix(static_cast<std::uint32_t>(key.record));
-        return static_cast<std::size_t>(hash);
+        static_assert(sizeof key == 8 * sizeof(std::uint32_t)); // no padding
+        return static_cast<std::size_t>(hashBytes(&key, sizeof key));
     }
 };
 

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <cstring>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <set>
 
 #include "cli/inspect/drawing/thumbnail.h"
-#include "cli/inspect/encoding.h"
 #include "cli/inspect/tally.h"
 #include "cli/renderer/state_table.h"
+#include "gltf/file/json_writer.h"
+#include "gltf/file/outside_file.h"
 
 namespace vellum::cli
 {
@@ -19,58 +19,19 @@ namespace
 
 constexpr std::uint32_t kThumbnailEdge = 360;
 
-// Members of a JSON object in the making.
-class Members
+void writeTally(const Tally &tally, JsonWriter &json)
 {
-public:
-    Members &raw(const char *name, const std::string &json)
-    {
-        m_text += fmt::format("{}\"{}\":{}", m_text.empty() ? "" : ",", name, json);
-        return *this;
-    }
-    Members &text(const char *name, std::string_view value) { return raw(name, jsonString(value)); }
-    template <typename Number>
-    Members &number(const char *name, Number value)
-    {
-        return raw(name, fmt::format("{}", value));
-    }
-    template <typename Numbers>
-    Members &numbers(const char *name, const Numbers &values)
-    {
-        return raw(name, fmt::format("[{}]", fmt::join(values, ",")));
-    }
-    [[nodiscard]] std::string object() const { return "{" + m_text + "}"; }
-
-private:
-    std::string m_text;
-};
-
-std::string array(const std::vector<std::string> &elements)
-{
-    return fmt::format("[{}]", fmt::join(elements, ","));
-}
-
-std::string tallyJson(const Tally &tally)
-{
-    std::vector<std::string> levels;
-    for (const auto &level : tally.levels)
-        levels.push_back(fmt::format("[{},{}]", level[0], level[1]));
-    return Members()
-        .number("triangles", tally.triangles)
-        .number("sharing", tally.sharing)
-        .raw("levels", array(levels))
-        .numbers("special", tally.special)
-        .numbers("states", tally.states)
-        .numbers("uvArea", tally.uvArea)
-        .number("records", tally.recordsUsed)
-        .number("dataBytes", tally.dataBytes)
-        .number("indexBytes", tally.indexBytes)
-        .object();
+    json.key("tally").beginObject().member("triangles", tally.triangles).member("sharing", tally.sharing);
+    json.list("levels", tally.levels,
+              [&](const auto &level) { json.beginArray().value(level[0]).value(level[1]).end(); });
+    json.values("special", tally.special).values("states", tally.states).values("uvArea", tally.uvArea);
+    json.member("records", tally.recordsUsed).member("dataBytes", tally.dataBytes);
+    json.member("indexBytes", tally.indexBytes).end();
 }
 
 std::string pngUri(const Picture &picture)
 {
-    return "data:image/png;base64," + base64(encodePng(picture, Colors::WithAlpha));
+    return "data:image/png;base64," + base64Encoded(encodePng(picture, Colors::WithAlpha));
 }
 
 Picture pictureOf(const Image &image)
@@ -89,64 +50,49 @@ const char *nameOf(Wrap wrap)
     }
 }
 
-std::string materialJson(const InspectedFile &file, std::uint32_t number, const PageData &data,
-                         const PageLimits &limits)
+void writeMaterial(const InspectedFile &file, std::uint32_t number, const PageData &data, const PageLimits &limits,
+                   JsonWriter &json)
 {
     const InspectedMaterial &material = file.materials[number];
     const Material &m = material.material;
-    Members members;
-    members.number("index", material.index)
-        .text("name", m.name)
-        .text("mode", m.alphaMode == AlphaMode::Mask    ? "MASK"
-                      : m.alphaMode == AlphaMode::Blend ? "BLEND"
-                                                        : "OPAQUE")
-        .number("cutoff", std::isfinite(m.alphaCutoff) ? m.alphaCutoff : 0)
-        .number("alphaFactor", std::isfinite(m.baseColor[3]) ? m.baseColor[3] : 1)
-        .raw("wrap", fmt::format("[\"{}\",\"{}\"]", nameOf(m.wrapU), nameOf(m.wrapV)))
-        .text("filter", m.filter == Filter::Nearest ? "nearest" : "bilinear")
-        .number("firstShape", data.firstShape[number])
-        .number("endShape", data.firstShape[number + 1])
-        .raw("tally", tallyJson(tallyOfMaterial(file, number)))
-        .text("problem", material.problem);
-    if (!material.image.rgba.empty())
-        members.number("width", material.image.width)
-            .number("height", material.image.height)
-            .text("texture", pngUri(pictureOf(scaledDown(material.image, limits.textureEdge))));
-    return members.object();
-}
-
-std::string primitiveJson(const InspectedFile &file, const InspectedPrimitive &primitive, std::uint32_t first,
-                          std::uint32_t end)
-{
-    return Members()
-        .number("mesh", primitive.place.mesh)
-        .text("name", primitive.mesh)
-        .number("primitive", primitive.place.primitive)
-        .number("material", primitive.material)
-        .number("triangles", primitive.triangles)
-        .number("first", first)
-        .number("end", end)
-        .raw("tally", tallyJson(tallyOf(file, primitive)))
-        .object();
-}
-
-std::string meshesJson(const Document &document, const InspectedFile &file, const PageLimits &limits)
-{
-    std::vector<std::string> meshes;
-    std::set<std::uint32_t> drawn;
-    for (const InspectedPrimitive &primitive : file.primitives) {
-        if (drawn.size() == limits.thumbnails || !drawn.insert(primitive.place.mesh).second)
-            continue;
-        meshes.push_back(Members()
-                             .number("mesh", primitive.place.mesh)
-                             .text("name", primitive.mesh)
-                             .text("picture", pngUri(drawMesh(document, file, primitive.place.mesh, kThumbnailEdge)))
-                             .object());
+    json.beginObject().member("index", material.index).member("name", m.name);
+    json.member("mode", m.alphaMode == AlphaMode::Mask ? "MASK" : m.alphaMode == AlphaMode::Blend ? "BLEND" : "OPAQUE");
+    json.member("cutoff", std::isfinite(m.alphaCutoff) ? m.alphaCutoff : 0);
+    json.member("alphaFactor", std::isfinite(m.baseColor[3]) ? m.baseColor[3] : 1);
+    json.values("wrap", std::array{nameOf(m.wrapU), nameOf(m.wrapV)});
+    json.member("filter", m.filter == Filter::Nearest ? "nearest" : "bilinear");
+    json.member("firstShape", data.firstShape[number]).member("endShape", data.firstShape[number + 1]);
+    writeTally(tallyOfMaterial(file, number), json);
+    json.member("problem", material.problem);
+    if (!material.image.rgba.empty()) {
+        json.member("width", material.image.width).member("height", material.image.height);
+        json.member("texture", pngUri(pictureOf(scaledDown(material.image, limits.textureEdge))));
     }
-    return array(meshes);
+    json.end();
 }
 
-std::string fileJson(const InspectedFile &file)
+void writePrimitive(const InspectedFile &file, const InspectedPrimitive &primitive, std::uint32_t first,
+                    std::uint32_t end, JsonWriter &json)
+{
+    json.beginObject().member("mesh", primitive.place.mesh).member("name", primitive.mesh);
+    json.member("primitive", primitive.place.primitive).member("material", primitive.material);
+    json.member("triangles", primitive.triangles).member("first", first).member("end", end);
+    writeTally(tallyOf(file, primitive), json);
+    json.end();
+}
+
+void writeMeshes(const Document &document, const InspectedFile &file, const PageLimits &limits, JsonWriter &json)
+{
+    std::set<std::uint32_t> drawn;
+    json.list("meshes", file.primitives, [&](const InspectedPrimitive &primitive) {
+        if (drawn.size() == limits.thumbnails || !drawn.insert(primitive.place.mesh).second)
+            return;
+        json.beginObject().member("mesh", primitive.place.mesh).member("name", primitive.mesh);
+        json.member("picture", pngUri(drawMesh(document, file, primitive.place.mesh, kThumbnailEdge))).end();
+    });
+}
+
+void writeFile(const InspectedFile &file, JsonWriter &json)
 {
     std::set<std::uint32_t> meshes;
     std::uint64_t dataBytes = 0;
@@ -157,19 +103,11 @@ std::string fileJson(const InspectedFile &file)
     }
     for (const InspectedPrimitive &primitive : file.primitives)
         meshes.insert(primitive.place.mesh);
-    return Members()
-        .text("name", file.name)
-        .number("bytes", file.bytes)
-        .raw("baked", file.baked ? "true" : "false")
-        .text("extension", file.stored.extension)
-        .number("micromaps", file.stored.micromaps.size())
-        .number("records", records)
-        .number("dataBytes", dataBytes)
-        .number("meshes", file.meshCount)
-        .number("inspectedMeshes", meshes.size())
-        .number("primitives", file.primitiveCount)
-        .number("micromapPrimitives", file.stored.primitives.size())
-        .object();
+    json.key("file").beginObject().member("name", file.name).member("bytes", file.bytes).member("baked", file.baked);
+    json.member("extension", file.stored.extension).member("micromaps", file.stored.micromaps.size());
+    json.member("records", records).member("dataBytes", dataBytes).member("meshes", file.meshCount);
+    json.member("inspectedMeshes", meshes.size()).member("primitives", file.primitiveCount);
+    json.member("micromapPrimitives", file.stored.primitives.size()).end();
 }
 
 } // namespace
@@ -197,28 +135,22 @@ Image scaledDown(const Image &image, std::uint32_t edge)
 std::string pageFacts(const Document &document, const InspectedFile &file, const PageData &data,
                       const PageLimits &limits)
 {
-    std::vector<std::string> materials;
+    JsonWriter json(JsonStyle::Html);
+    json.beginObject();
+    writeFile(file, json);
+    writeTally(tallyOf(file), json);
+    json.list("stateColors", kStateColors, [&](std::uint32_t color) { json.value(fmt::format("#{:06x}", color)); });
+    json.key("materials").beginArray();
     for (std::uint32_t m = 0; m < file.materials.size(); ++m)
-        materials.push_back(materialJson(file, m, data, limits));
-    std::vector<std::string> primitives;
+        writeMaterial(file, m, data, limits, json);
+    json.end().key("primitives").beginArray();
     for (std::size_t p = 0; p < file.primitives.size(); ++p)
-        primitives.push_back(primitiveJson(file, file.primitives[p], data.firstTriangle[p], data.firstTriangle[p + 1]));
-    std::vector<std::string> colors;
-    for (const std::uint32_t color : kStateColors)
-        colors.push_back(fmt::format("\"#{:06x}\"", color));
-    return Members()
-        .raw("file", fileJson(file))
-        .raw("tally", tallyJson(tallyOf(file)))
-        .raw("stateColors", array(colors))
-        .raw("materials", array(materials))
-        .raw("primitives", array(primitives))
-        .raw("meshes", meshesJson(document, file, limits))
-        .number("leftOut", data.leftOut)
-        .number("records", data.records.size())
-        .number("shapes", data.shapes.size())
-        .number("triangles", data.shapeOf.size())
-        .number("stateBytes", data.states.size())
-        .object();
+        writePrimitive(file, file.primitives[p], data.firstTriangle[p], data.firstTriangle[p + 1], json);
+    json.end();
+    writeMeshes(document, file, limits, json);
+    json.member("leftOut", data.leftOut).member("records", data.records.size());
+    json.member("shapes", data.shapes.size()).member("triangles", data.shapeOf.size());
+    return json.member("stateBytes", data.states.size()).end().text();
 }
 
 } // namespace vellum::cli

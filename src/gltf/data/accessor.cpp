@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -24,25 +23,19 @@ T load(const std::uint8_t *bytes)
     return value;
 }
 
-const tinygltf::Accessor &accessorAt(const tinygltf::Model &model, int index, const std::string &what)
+const gltf_json::Accessor &accessorAt(const gltf_json::Model &model, int index, const std::string &what)
 {
     if (index < 0 || static_cast<std::size_t>(index) >= model.accessors.size())
         throw GltfError(what + ": accessor " + std::to_string(index) + " does not exist");
     return model.accessors[static_cast<std::size_t>(index)];
 }
 
-// glTF 2.0, 3.6.2.2 ("Accessor Data Types"). tinygltf knows two more, INT and DOUBLE, that glTF does not have.
+// glTF 2.0, 3.6.2.2 ("Accessor Data Types").
 std::size_t componentBytes(int type, const std::string &what)
 {
-    switch (type) {
-    case TINYGLTF_COMPONENT_TYPE_BYTE:
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return 1;
-    case TINYGLTF_COMPONENT_TYPE_SHORT:
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return 2;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
-    case TINYGLTF_COMPONENT_TYPE_FLOAT: return 4;
-    default: throw GltfError(what + ": component type " + std::to_string(type) + " is none of glTF's");
-    }
+    if (type == gltf_json::kInt || gltf_json::bytesOf(type) == 0)
+        throw GltfError(what + ": component type " + std::to_string(type) + " is none of glTF's");
+    return gltf_json::bytesOf(type);
 }
 
 // Elements one after another, `stride` bytes apart.
@@ -74,7 +67,7 @@ public:
     AccessorReader(const BufferViews &views, int index, std::uint32_t components, const std::string &what);
 
     [[nodiscard]] std::size_t count() const { return m_elements.count; }
-    [[nodiscard]] bool isInteger() const { return m_source.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT; }
+    [[nodiscard]] bool isInteger() const { return m_source.componentType != gltf_json::kFloat; }
     [[nodiscard]] bool normalized() const { return m_source.normalized; }
 
     // Component `c` of every element, or all of them where it is `kAll`.
@@ -90,8 +83,8 @@ private:
     template <typename T>
     std::vector<float> integersConverted(std::uint32_t c) const;
 
-    const tinygltf::Model &m_model;
-    const tinygltf::Accessor &m_source;
+    const gltf_json::Model &m_model;
+    const gltf_json::Accessor &m_source;
     std::string m_what;
     std::string m_name; // "... accessor 3"
     std::uint32_t m_components;
@@ -103,9 +96,8 @@ AccessorReader::AccessorReader(const BufferViews &views, int index, std::uint32_
     : m_model(views.model()), m_source(accessorAt(m_model, index, what)), m_what(what),
       m_name(what + ": accessor " + std::to_string(index))
 {
-    m_components = static_cast<std::uint32_t>(
-        std::max(tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(m_source.type)), 0));
-    if (m_components == 0 || (wanted != 0 && m_components != wanted))
+    m_components = m_source.components;
+    if (wanted != 0 && m_components != wanted)
         throw GltfError(m_name + " has the wrong type");
     const std::size_t packed = componentBytes(m_source.componentType, m_name) * m_components;
     if (m_source.bufferView >= 0) {
@@ -118,7 +110,7 @@ AccessorReader::AccessorReader(const BufferViews &views, int index, std::uint32_
         m_own.resize(m_source.count * packed);
         m_elements = {m_own.data(), m_source.count, packed};
     }
-    if (m_source.sparse.isSparse)
+    if (m_source.sparse)
         readSparse(views, packed);
 }
 
@@ -131,21 +123,16 @@ std::size_t AccessorReader::strideOf(int view, std::size_t packed) const
 // glTF 2.0, 3.6.2.3 ("Sparse Accessors").
 void AccessorReader::readSparse(const BufferViews &views, std::size_t packed)
 {
-    const auto &sparse = m_source.sparse;
+    const gltf_json::Accessor::Sparse &sparse = *m_source.sparse;
     const std::string name = m_name + " (sparse)";
-    if (sparse.count < 0 || static_cast<std::size_t>(sparse.count) > count())
+    if (sparse.count > count())
         throw GltfError(name + " replaces " + std::to_string(sparse.count) + " of " + std::to_string(count()) +
                         " elements");
-    if (sparse.indices.byteOffset < 0 || sparse.values.byteOffset < 0)
-        throw GltfError(name + " has a negative offset");
-    const auto replaced = static_cast<std::size_t>(sparse.count);
-    const std::size_t indexBytes = componentBytes(sparse.indices.componentType, name);
-    const Elements places =
-        elementsIn(views.bytes(sparse.indices.bufferView, m_what), static_cast<std::size_t>(sparse.indices.byteOffset),
-                   replaced, indexBytes, indexBytes, name);
+    const std::size_t indexBytes = componentBytes(sparse.indicesType, name);
+    const Elements places = elementsIn(views.bytes(sparse.indices, m_what), sparse.indicesOffset, sparse.count,
+                                       indexBytes, indexBytes, name);
     const Elements values =
-        elementsIn(views.bytes(sparse.values.bufferView, m_what), static_cast<std::size_t>(sparse.values.byteOffset),
-                   replaced, packed, packed, name);
+        elementsIn(views.bytes(sparse.values, m_what), sparse.valuesOffset, sparse.count, packed, packed, name);
     if (m_source.bufferView >= 0) {
         m_own.resize(count() * packed);
         for (std::size_t i = 0; i < count(); ++i)
@@ -153,12 +140,12 @@ void AccessorReader::readSparse(const BufferViews &views, std::size_t packed)
         m_elements = {m_own.data(), count(), packed};
     }
     std::size_t next = 0; // no index may be below this
-    for (std::size_t i = 0; i < replaced; ++i) {
+    for (std::size_t i = 0; i < sparse.count; ++i) {
         std::size_t place = 0;
-        switch (sparse.indices.componentType) {
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: place = *places[i]; break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: place = load<std::uint16_t>(places[i]); break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: place = load<std::uint32_t>(places[i]); break;
+        switch (sparse.indicesType) {
+        case gltf_json::kUnsignedByte: place = *places[i]; break;
+        case gltf_json::kUnsignedShort: place = load<std::uint16_t>(places[i]); break;
+        case gltf_json::kUnsignedInt: place = load<std::uint32_t>(places[i]); break;
         default: throw GltfError(name + ": indices are not unsigned integers");
         }
         if (place >= count())
@@ -197,11 +184,11 @@ std::vector<float> AccessorReader::integersConverted(std::uint32_t c) const
 std::vector<float> AccessorReader::floats(std::uint32_t c) const
 {
     switch (m_source.componentType) {
-    case TINYGLTF_COMPONENT_TYPE_BYTE: return integersConverted<std::int8_t>(c);
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return integersConverted<std::uint8_t>(c);
-    case TINYGLTF_COMPONENT_TYPE_SHORT: return integersConverted<std::int16_t>(c);
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return integersConverted<std::uint16_t>(c);
-    case TINYGLTF_COMPONENT_TYPE_FLOAT: return converted<float>(c, [](float value) { return value; });
+    case gltf_json::kByte: return integersConverted<std::int8_t>(c);
+    case gltf_json::kUnsignedByte: return integersConverted<std::uint8_t>(c);
+    case gltf_json::kShort: return integersConverted<std::int16_t>(c);
+    case gltf_json::kUnsignedShort: return integersConverted<std::uint16_t>(c);
+    case gltf_json::kFloat: return converted<float>(c, [](float value) { return value; });
     default: throw GltfError(m_name + ": 32-bit integers are for indices only");
     }
 }
@@ -213,9 +200,9 @@ std::vector<std::uint32_t> AccessorReader::indices() const
     for (std::size_t i = 0; i < count(); ++i) {
         const std::uint8_t *element = m_elements[i];
         switch (m_source.componentType) {
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: values.push_back(*element); break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: values.push_back(load<std::uint16_t>(element)); break;
-        case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: values.push_back(load<std::uint32_t>(element)); break;
+        case gltf_json::kUnsignedByte: values.push_back(*element); break;
+        case gltf_json::kUnsignedShort: values.push_back(load<std::uint16_t>(element)); break;
+        case gltf_json::kUnsignedInt: values.push_back(load<std::uint32_t>(element)); break;
         default: throw GltfError(m_what + ": indices are not unsigned integers");
         }
     }
@@ -231,7 +218,7 @@ std::vector<float> readFloats(const BufferViews &views, int accessor, std::uint3
 
 std::vector<float> readAlphas(const BufferViews &views, int accessor, const std::string &what)
 {
-    if (accessorAt(views.model(), accessor, what).type == TINYGLTF_TYPE_VEC3)
+    if (accessorAt(views.model(), accessor, what).components == 3)
         return {};
     const AccessorReader reader(views, accessor, 4, what);
     // glTF 2.0, 3.7.2.1: colours are floats or normalized integers.
@@ -250,7 +237,7 @@ std::size_t countElements(const BufferViews &views, int accessor, const std::str
     return AccessorReader(views, accessor, 0, what).count();
 }
 
-std::size_t accessorCount(const tinygltf::Model &model, int accessor, const std::string &what)
+std::size_t accessorCount(const gltf_json::Model &model, int accessor, const std::string &what)
 {
     return accessorAt(model, accessor, what).count;
 }

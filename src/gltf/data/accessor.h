@@ -1,4 +1,4 @@
-// Typed, bounds-checked reading of glTF accessors, sparse ones included: tinygltf does not check them.
+// Typed, bounds-checked reading of glTF accessors, sparse ones included.
 #pragma once
 
 #include <cstdint>
@@ -28,6 +28,6 @@ std::vector<std::uint32_t> readIndices(const BufferViews &views, int accessor, c
 std::size_t countElements(const BufferViews &views, int accessor, const std::string &what);
 
 // How many elements it says it has.
-std::size_t accessorCount(const tinygltf::Model &model, int accessor, const std::string &what);
+std::size_t accessorCount(const gltf_json::Model &model, int accessor, const std::string &what);
 
 } // namespace vellum

@@ -4,7 +4,6 @@
 
 #include "gltf/data/decompress.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -23,17 +22,17 @@ std::span<const std::uint8_t> BufferViews::stored(int buffer, std::size_t offset
 {
     if (buffer < 0 || static_cast<std::size_t>(buffer) >= m_model.buffers.size())
         throw GltfError(name + ": buffer " + std::to_string(buffer) + " does not exist");
-    const std::vector<unsigned char> &data = m_model.buffers[static_cast<std::size_t>(buffer)].data;
+    const std::span<const std::uint8_t> data = m_model.buffers[static_cast<std::size_t>(buffer)].data;
     if (offset > data.size() || length > data.size() - offset)
         throw GltfError(name + " reaches outside of its buffer");
-    return {data.data() + offset, length};
+    return data.subspan(offset, length);
 }
 
 void BufferViews::account(std::size_t bytes) const
 {
     if (!m_allowance) {
         m_allowance = kAlwaysAllowed;
-        for (const tinygltf::Buffer &buffer : m_model.buffers)
+        for (const gltf_json::Buffer &buffer : m_model.buffers)
             *m_allowance += kMostExpansion * buffer.data.size();
     }
     if (bytes > *m_allowance)
@@ -46,7 +45,7 @@ std::span<const std::uint8_t> BufferViews::decompressed(int index, const std::st
     const std::lock_guard lock(m_mutex);
     if (const auto known = m_decompressed.find(index); known != m_decompressed.end())
         return known->second;
-    const tinygltf::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(index)];
+    const gltf_json::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(index)];
     try {
         const CompressedView view = readCompressedView(parent);
         const auto encoded = stored(view.buffer, view.byteOffset, view.byteLength, "has a compression that");
@@ -67,14 +66,13 @@ bool BufferViews::differsFromFallback(int view, const std::string &what) const
 {
     if (view < 0 || static_cast<std::size_t>(view) >= m_model.bufferViews.size())
         return false;
-    const tinygltf::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(view)];
+    const gltf_json::BufferView &parent = m_model.bufferViews[static_cast<std::size_t>(view)];
     if (!isCompressed(parent) || parent.buffer < 0 ||
         static_cast<std::size_t>(parent.buffer) >= m_model.buffers.size() ||
         m_model.buffers[static_cast<std::size_t>(parent.buffer)].data.empty())
         return false;
-    const auto &required = m_model.extensionsRequired;
     for (const char *name : {"EXT_meshopt_compression", "KHR_meshopt_compression"})
-        if (parent.extensions.contains(name) && std::find(required.begin(), required.end(), name) != required.end())
+        if (parent.extensions[name].exists() && m_model.isRequired(name))
             return false;
     const auto fallback = stored(parent.buffer, parent.byteOffset, parent.byteLength, what);
     const auto here = bytes(view, what);
@@ -86,7 +84,7 @@ std::span<const std::uint8_t> BufferViews::bytes(int view, const std::string &wh
     const std::string name = what + ": buffer view " + std::to_string(view);
     if (view < 0 || static_cast<std::size_t>(view) >= m_model.bufferViews.size())
         throw GltfError(name + " does not exist");
-    const tinygltf::BufferView &range = m_model.bufferViews[static_cast<std::size_t>(view)];
+    const gltf_json::BufferView &range = m_model.bufferViews[static_cast<std::size_t>(view)];
     if (isCompressed(range))
         return decompressed(view, name);
     return stored(range.buffer, range.byteOffset, range.byteLength, name);

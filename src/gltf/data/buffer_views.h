@@ -9,10 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace tinygltf
-{
-class Model;
-}
+#include "gltf/file/model.h"
 
 namespace vellum
 {
@@ -21,9 +18,9 @@ namespace vellum
 class BufferViews
 {
 public:
-    explicit BufferViews(const tinygltf::Model &model) : m_model(model) {}
+    explicit BufferViews(const gltf_json::Model &model) : m_model(model) {}
 
-    [[nodiscard]] const tinygltf::Model &model() const { return m_model; }
+    [[nodiscard]] const gltf_json::Model &model() const { return m_model; }
 
     // What EXT_meshopt_compression or KHR_meshopt_compression has in it is decompressed at the first call, and kept.
     // Throws GltfError, which begins with `what`, where the view does not exist, reaches outside of its buffer or
@@ -40,7 +37,7 @@ private:
     [[nodiscard]] std::span<const std::uint8_t> decompressed(int view, const std::string &name) const;
     void account(std::size_t bytes) const;
 
-    const tinygltf::Model &m_model;
+    const gltf_json::Model &m_model;
     mutable std::mutex m_mutex;
     mutable std::map<int, std::vector<std::uint8_t>> m_decompressed;
     mutable std::optional<std::uint64_t> m_allowance; // of bytes to decompress to

@@ -3,7 +3,6 @@
 #include <meshoptimizer.h>
 
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -12,31 +11,24 @@ namespace
 
 constexpr const char *kSpellings[] = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
 
-const tinygltf::Value *extensionOf(const tinygltf::BufferView &view)
+JsonValue extensionOf(const gltf_json::BufferView &view)
 {
     for (const char *spelling : kSpellings)
-        if (const auto found = view.extensions.find(spelling); found != view.extensions.end())
-            return &found->second;
-    return nullptr;
+        if (const JsonValue extension = view.extensions[spelling]; extension.exists())
+            return extension;
+    return {};
 }
 
-std::size_t sizeOf(const tinygltf::Value &extension, const char *name, int otherwise)
+std::size_t sizeOf(const JsonValue &extension, const char *name, std::int64_t otherwise)
 {
-    const tinygltf::Value &value = extension.Get(name);
-    const int number = value.IsInt() ? value.Get<int>() : otherwise;
+    const std::int64_t number = extension[name].integer().value_or(otherwise);
     if (number < 0)
         throw GltfError(std::string("has a compression without \"") + name + "\"");
     return static_cast<std::size_t>(number);
 }
 
-std::string stringOf(const tinygltf::Value &extension, const char *name, const char *otherwise)
-{
-    const tinygltf::Value &value = extension.Get(name);
-    return value.IsString() ? value.Get<std::string>() : otherwise;
-}
-
 // "For the extension object to be valid, the following must hold".
-void check(const CompressedView &view, const tinygltf::BufferView &parent)
+void check(const CompressedView &view, const gltf_json::BufferView &parent)
 {
     const bool attributes = view.mode == "ATTRIBUTES";
     const std::string stride = "a stride of " + std::to_string(view.byteStride);
@@ -55,7 +47,7 @@ void check(const CompressedView &view, const tinygltf::BufferView &parent)
         throw GltfUnsupported("has a compression with the unknown filter \"" + view.filter + "\"");
     if (filtered && !attributes)
         throw GltfError("has a compression with a filter for indices");
-    if (view.bytes() != parent.byteLength)
+    if (view.count > parent.byteLength || view.bytes() != parent.byteLength) // in this order nothing overflows
         throw GltfError("is decompressed to " + std::to_string(view.bytes()) + " bytes and has " +
                         std::to_string(parent.byteLength));
 }
@@ -69,22 +61,24 @@ bool isNewer(const CompressedView &view, std::span<const std::uint8_t> encoded)
 
 } // namespace
 
-bool isCompressed(const tinygltf::BufferView &view)
+bool isCompressed(const gltf_json::BufferView &view)
 {
-    return extensionOf(view) != nullptr;
+    return extensionOf(view).exists();
 }
 
-CompressedView readCompressedView(const tinygltf::BufferView &parent)
+CompressedView readCompressedView(const gltf_json::BufferView &parent)
 {
-    const tinygltf::Value &extension = *extensionOf(parent);
+    const JsonValue extension = extensionOf(parent);
     CompressedView view;
-    view.buffer = static_cast<int>(sizeOf(extension, "buffer", -1));
+    view.buffer = gltf_json::indexIn(extension, "buffer", "has a compression").value_or(-1);
+    if (view.buffer < 0)
+        throw GltfError("has a compression without \"buffer\"");
     view.byteOffset = sizeOf(extension, "byteOffset", 0);
     view.byteLength = sizeOf(extension, "byteLength", -1);
     view.byteStride = sizeOf(extension, "byteStride", -1);
     view.count = sizeOf(extension, "count", -1);
-    view.mode = stringOf(extension, "mode", "");
-    view.filter = stringOf(extension, "filter", "NONE");
+    view.mode = extension["mode"].string().value_or("");
+    view.filter = extension["filter"].string().value_or("NONE");
     check(view, parent);
     return view;
 }

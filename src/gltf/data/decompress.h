@@ -6,10 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace tinygltf
-{
-struct BufferView;
-}
+#include "gltf/file/model.h"
 
 namespace vellum
 {
@@ -29,11 +26,11 @@ struct CompressedView {
 };
 
 // Whether EXT_meshopt_compression or KHR_meshopt_compression is in a buffer view.
-bool isCompressed(const tinygltf::BufferView &view);
+bool isCompressed(const gltf_json::BufferView &view);
 
 // Reads and checks what the extension says. Throws GltfError, and GltfUnsupported for a mode or filter that is unknown.
 // Neither of them names the view. bytes() does not overflow.
-CompressedView readCompressedView(const tinygltf::BufferView &view);
+CompressedView readCompressedView(const gltf_json::BufferView &view);
 
 // Throws GltfError where `encoded` does not decode to `view`.
 std::vector<std::uint8_t> decompressView(const CompressedView &view, std::span<const std::uint8_t> encoded);

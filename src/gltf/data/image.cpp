@@ -42,7 +42,7 @@ Image imageOf(std::uint64_t width, std::uint64_t height, Encoded encoded, const 
         throw GltfError(what + " has " + size);
     if (width * height > std::max(kAlwaysAllowed, kMostTexelsPerByte * encoded.size()))
         throw GltfError(what + " has " + size + " in " + std::to_string(encoded.size()) + " bytes");
-    return {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), {}};
+    return {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), {}, {}};
 }
 
 void allocate(Image &image)
@@ -79,9 +79,14 @@ public:
         // Deflate takes at least 1 byte for 1032: what is not there need not be waited for.
         if (png_get_rowbytes(m_png, m_info) * image.height > std::uint64_t{1032} * m_encoded.size())
             fail(m_what, "it is cut off");
+        const bool wide = png_get_bit_depth(m_png, m_info) == 16;
         allocate(image);
-        if (!readRows(image.rgba.data(), image.height, std::size_t{4} * image.width))
+        std::vector<std::uint8_t> wideRows(wide ? 2 * image.rgba.size() : 0);
+        if (!readRows(wide ? wideRows.data() : image.rgba.data(), image.height,
+                      std::size_t{wide ? 8u : 4u} * image.width))
             fail(m_what, m_message);
+        if (wide)
+            takeWide(wideRows, image);
         return image;
     }
 
@@ -101,6 +106,16 @@ private:
         reader->m_rest = reader->m_rest.subspan(bytes);
     }
 
+    // Four channels of 16 bits each, the upper byte first.
+    static void takeWide(const std::vector<std::uint8_t> &rows, Image &image)
+    {
+        image.alpha16.resize(image.rgba.size() / 4);
+        for (std::size_t i = 0; i < image.rgba.size(); ++i)
+            image.rgba[i] = rows[2 * i];
+        for (std::size_t i = 0; i < image.alpha16.size(); ++i)
+            image.alpha16[i] = static_cast<std::uint16_t>(rows[8 * i + 6] << 8 | rows[8 * i + 7]);
+    }
+
     bool readHeader()
     {
         if (setjmp(png_jmpbuf(m_png)) != 0)
@@ -117,10 +132,9 @@ private:
     {
         if (setjmp(png_jmpbuf(m_png)) != 0)
             return false;
-        png_set_strip_16(m_png);
         png_set_expand(m_png); // palettes, fewer than 8 bits, and transparent colours
         png_set_gray_to_rgb(m_png);
-        png_set_add_alpha(m_png, 0xff, PNG_FILLER_AFTER);
+        png_set_add_alpha(m_png, 0xffff, PNG_FILLER_AFTER); // of 8 bits the lower half
         const int passes = png_set_interlace_handling(m_png);
         png_read_update_info(m_png, m_info);
         if (png_get_rowbytes(m_png, m_info) != rowBytes)

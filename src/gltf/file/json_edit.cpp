@@ -1,28 +1,10 @@
 #include "gltf/file/json_edit.h"
 
-#include <cstdio>
-
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/json_writer.h"
 
 namespace vellum
 {
-
-std::string quotedJson(std::string_view text)
-{
-    std::string quoted = "\"";
-    for (const char c : text) {
-        if (c == '"' || c == '\\')
-            quoted += '\\';
-        if (static_cast<unsigned char>(c) >= 0x20) {
-            quoted += c;
-            continue;
-        }
-        char escape[8];
-        std::snprintf(escape, sizeof escape, "\\u%04x", static_cast<unsigned>(c));
-        quoted += escape;
-    }
-    return quoted + '"';
-}
 
 JsonEdit::Changes &JsonEdit::changesOf(const JsonValue &container)
 {

@@ -13,9 +13,6 @@
 namespace vellum
 {
 
-// A text in quotes, for JSON.
-std::string quotedJson(std::string_view text);
-
 class JsonEdit
 {
 public:

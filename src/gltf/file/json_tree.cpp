@@ -105,14 +105,9 @@ JsonValue JsonTree::root() const
 JsonValue JsonValue::operator[](std::string_view name) const
 {
     JsonValue found;
-    if (!isObject())
-        return found;
-    for (std::uint32_t i = m_index + 1; i < node().next;) {
-        const std::uint32_t value = i + 1;
-        if (JsonValue(*m_tree, i).string() == name)
-            found = JsonValue(*m_tree, value);
-        i = m_tree->m_nodes[value].next;
-    }
+    for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
+        if (JsonValue(*m_tree, i).is(name))
+            found = {*m_tree, i + 1};
     return found;
 }
 
@@ -120,9 +115,17 @@ std::size_t JsonValue::count(std::string_view name) const
 {
     std::size_t count = 0;
     for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
-        if (JsonValue(*m_tree, i).string() == name)
-            ++count;
+        count += JsonValue(*m_tree, i).is(name) ? 1u : 0u;
     return count;
+}
+
+// Without a copy of the text where it has no escapes.
+bool JsonValue::is(std::string_view name) const
+{
+    const std::string_view quoted = text();
+    if (quoted.find('\\') != std::string_view::npos)
+        return string() == name;
+    return quoted.substr(1, quoted.size() - 2) == name;
 }
 
 std::vector<JsonValue> JsonValue::children() const
@@ -171,11 +174,21 @@ std::optional<std::int64_t> JsonValue::integer() const
     if (const auto read = std::from_chars(digits.data(), last, value); read.ec == std::errc() && read.ptr == last)
         return value;
     // 2.0 and 2e3 are integers, too.
-    double real = 0;
-    const auto read = std::from_chars(digits.data(), last, real);
-    if (read.ec != std::errc() || read.ptr != last || real != std::floor(real) || std::abs(real) > 9e15)
+    const auto real = number();
+    if (!real || *real != std::floor(*real) || std::abs(*real) > 9e15)
         return std::nullopt;
-    return static_cast<std::int64_t>(real);
+    return static_cast<std::int64_t>(*real);
+}
+
+std::optional<double> JsonValue::number() const
+{
+    if (!exists() || node().kind != JsonTree::Kind::Scalar)
+        return std::nullopt;
+    const std::string_view digits = text();
+    const char *last = digits.data() + digits.size();
+    double value = 0;
+    const auto read = std::from_chars(digits.data(), last, value);
+    return read.ec == std::errc() && read.ptr == last ? std::optional(value) : std::nullopt;
 }
 
 std::optional<std::string> JsonValue::string() const

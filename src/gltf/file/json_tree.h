@@ -70,12 +70,15 @@ public:
 
     // A number without a fraction that 64 bits hold.
     [[nodiscard]] std::optional<std::int64_t> integer() const;
+    [[nodiscard]] std::optional<double> number() const;
     [[nodiscard]] std::optional<std::string> string() const;
+    [[nodiscard]] bool isTrue() const { return exists() && text() == "true"; }
 
 private:
     friend class JsonTree;
     JsonValue(const JsonTree &tree, std::uint32_t index) : m_tree(&tree), m_index(index) {}
     [[nodiscard]] const JsonTree::Node &node() const { return m_tree->m_nodes[m_index]; }
+    [[nodiscard]] bool is(std::string_view name) const;
 
     const JsonTree *m_tree = nullptr;
     std::uint32_t m_index = 0;

@@ -1,320 +1,315 @@
 #include "gltf/file/model.h"
 
 #include <algorithm>
-#include <array>
-#include <cstring>
 #include <limits>
-#include <optional>
-#include <set>
-#include <span>
 
 #include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/json_edit.h"
-#include "gltf/file/json_tree.h"
 #include "gltf/file/outside_file.h"
-#include "gltf/file/tinygltf.h"
 
-namespace vellum
+namespace vellum::gltf_json
 {
 namespace
 {
 
-constexpr const char *kStandIn = R"("data:application/octet-stream;base64,AA==")"; // one byte
 constexpr std::uint64_t kMostBufferBytes = std::uint64_t{1} << 31;
-constexpr std::int64_t kLargestIndex = std::numeric_limits<std::int32_t>::max();
-// What tinygltf's model may take, by a rough count of its structures.
+// What the model may take, by a generous count of its structures: an empty object is 2 bytes of the file.
 constexpr std::size_t kMostModelBytes = std::size_t{512} << 20;
-
-// What somebody here reads in tinygltf's model. Of others there is no more than that they are there.
-const std::set<std::string, std::less<>> kExtensionsRead = {
-    "EXT_mesh_gpu_instancing", "EXT_mesh_opacity_micromap",  "EXT_meshopt_compression", "EXT_texture_avif",
-    "EXT_texture_webp",        "KHR_draco_mesh_compression", "KHR_materials_variants",  "KHR_mesh_opacity_micromap",
-    "KHR_meshopt_compression", "KHR_texture_basisu",         "KHR_texture_transform",   "MSFT_texture_dds"};
-
-// Members that are integers wherever they are.
-const std::set<std::string, std::less<>> kIndices = {"bufferView", "buffer",    "source",    "sampler", "index",
-                                                     "texCoord",   "mesh",      "material",  "skin",    "camera",
-                                                     "scene",      "magFilter", "minFilter", "wrapS",   "wrapT"};
-const std::set<std::string, std::less<>> kSizes = {"byteOffset", "byteLength", "byteStride", "count", "componentType"};
-
-// Called for every image, which are all stand-ins.
-bool leaveImage(tinygltf::Image *, const int, std::string *, std::string *, int, int, const unsigned char *, int,
-                void *)
-{
-    return true;
-}
-
-// The first line of tinygltf's messages, which have several and end in one or two line feeds.
-std::string firstLine(const std::string &message)
-{
-    const std::size_t begin = message.find_first_not_of(" \t\r\n");
-    if (begin == std::string::npos)
-        return "not a valid glTF file";
-    return message.substr(begin, message.find_first_of("\r\n", begin) - begin);
-}
 
 std::string numbered(const char *what, std::size_t index)
 {
     return std::string(what).append(" ").append(std::to_string(index));
 }
 
-struct JsonMember {
-    std::string name;
-    JsonValue value;
+// The members of one object.
+class Members
+{
+public:
+    Members(const JsonValue &object, std::string place) : m_object(object), m_place(std::move(place))
+    {
+        if (!object.isObject())
+            throw GltfError(m_place + " is not an object");
+    }
+
+    [[nodiscard]] const std::string &place() const { return m_place; }
+    [[nodiscard]] JsonValue operator[](std::string_view name) const { return m_object[name]; }
+    // An index, or another integer of that range.
+    [[nodiscard]] int index(std::string_view name, int otherwise = -1) const
+    {
+        return indexIn(m_object, name, m_place).value_or(otherwise);
+    }
+    [[nodiscard]] int requiredIndex(std::string_view name) const
+    {
+        require(name);
+        return index(name);
+    }
+    [[nodiscard]] std::size_t size(std::string_view name, std::size_t otherwise = 0) const
+    {
+        const JsonValue value = m_object[name];
+        if (!value.exists())
+            return otherwise;
+        const auto integer = value.integer();
+        if (!integer || *integer < 0)
+            throw GltfError(m_place + ": \"" + std::string(name) + "\" is not an integer of at least 0");
+        return static_cast<std::size_t>(*integer);
+    }
+    [[nodiscard]] std::size_t requiredSize(std::string_view name) const
+    {
+        require(name);
+        return size(name);
+    }
+    [[nodiscard]] std::string text(std::string_view name, const char *otherwise = "") const
+    {
+        return m_object[name].string().value_or(otherwise);
+    }
+    // Empty where an element is not a number.
+    [[nodiscard]] std::vector<double> numbers(std::string_view name) const
+    {
+        std::vector<double> numbers;
+        for (const JsonValue &element : arrayOf(name)) {
+            const auto number = element.number();
+            if (!number)
+                return {};
+            numbers.push_back(*number);
+        }
+        return numbers;
+    }
+    // Empty where an element is not an integer.
+    [[nodiscard]] std::vector<int> integers(std::string_view name) const
+    {
+        std::vector<int> integers;
+        for (const JsonValue &element : arrayOf(name)) {
+            const auto integer = element.integer();
+            if (!integer || *integer != static_cast<int>(*integer))
+                return {};
+            integers.push_back(static_cast<int>(*integer));
+        }
+        return integers;
+    }
+
+private:
+    void require(std::string_view name) const
+    {
+        if (!m_object[name].exists())
+            throw GltfError(m_place + ": \"" + std::string(name) + "\" is missing");
+    }
+    [[nodiscard]] std::vector<JsonValue> arrayOf(std::string_view name) const
+    {
+        const JsonValue value = m_object[name];
+        return value.isArray() ? value.children() : std::vector<JsonValue>();
+    }
+
+    JsonValue m_object;
+    std::string m_place;
 };
 
-std::vector<JsonMember> membersOf(const JsonValue &object)
+std::uint32_t componentsOf(const std::string &type, const std::string &place)
 {
-    std::vector<JsonMember> members;
-    for (const auto &[name, value] : object.members())
-        members.push_back({name.string().value_or(""), value});
-    return members;
+    static const std::map<std::string, std::uint32_t, std::less<>> kTypes = {
+        {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 4}, {"MAT3", 9}, {"MAT4", 16}};
+    const auto found = kTypes.find(type);
+    if (found == kTypes.end())
+        throw GltfError("Unsupported `type` \"" + type + "\" of " + place);
+    return found->second;
+}
+
+BufferView bufferViewOf(const Members &view)
+{
+    BufferView result{.buffer = view.requiredIndex("buffer"),
+                      .byteOffset = view.size("byteOffset"),
+                      .byteLength = view.requiredSize("byteLength"),
+                      .byteStride = view.size("byteStride"),
+                      .extensions = view["extensions"]};
+    if (result.byteStride % 4 != 0 || result.byteStride > 252)
+        throw GltfError("Invalid `byteStride' value " + std::to_string(result.byteStride) + " of " + view.place() +
+                        ": it is not a multiple of 4 that is at most 252");
+    return result;
+}
+
+Accessor accessorOf(const Members &accessor)
+{
+    Accessor result;
+    result.bufferView = accessor.index("bufferView");
+    result.byteOffset = accessor.size("byteOffset");
+    result.componentType = accessor.requiredIndex("componentType");
+    result.components = componentsOf(accessor.text("type"), accessor.place());
+    result.count = accessor.requiredSize("count");
+    result.normalized = accessor["normalized"].isTrue();
+    if (const JsonValue sparse = accessor["sparse"]; sparse.exists()) {
+        const Members replaced(sparse, accessor.place() + ".sparse");
+        const Members indices(replaced["indices"], replaced.place() + ".indices");
+        const Members values(replaced["values"], replaced.place() + ".values");
+        result.sparse = {.count = replaced.requiredSize("count"),
+                         .indices = indices.requiredIndex("bufferView"),
+                         .indicesOffset = indices.size("byteOffset"),
+                         .indicesType = indices.requiredIndex("componentType"),
+                         .values = values.requiredIndex("bufferView"),
+                         .valuesOffset = values.size("byteOffset")};
+    }
+    return result;
+}
+
+Sampler samplerOf(const Members &sampler)
+{
+    return {.magFilter = sampler.index("magFilter"),
+            .wrapS = sampler.index("wrapS", kRepeat),
+            .wrapT = sampler.index("wrapT", kRepeat)};
+}
+
+Texture textureOf(const Members &texture)
+{
+    return {
+        .source = texture.index("source"), .sampler = texture.index("sampler"), .extensions = texture["extensions"]};
+}
+
+Material materialOf(const Members &material)
+{
+    Material result;
+    result.name = material.text("name");
+    result.alphaMode = material.text("alphaMode", "OPAQUE");
+    result.alphaCutoff = material["alphaCutoff"].number().value_or(0.5);
+    result.extensions = material["extensions"];
+    const JsonValue pbr = material["pbrMetallicRoughness"];
+    if (!pbr.exists())
+        return result;
+    const Members metallic(pbr, material.place() + ".pbrMetallicRoughness");
+    result.baseColorFactor = metallic.numbers("baseColorFactor");
+    if (const JsonValue texture = metallic["baseColorTexture"]; texture.exists()) {
+        const Members info(texture, metallic.place() + ".baseColorTexture");
+        result.baseColorTexture = info.requiredIndex("index");
+        result.texCoord = info.index("texCoord", 0);
+        result.textureExtensions = info["extensions"];
+    }
+    return result;
+}
+
+Attributes attributesOf(const JsonValue &object, const std::string &place)
+{
+    Attributes attributes;
+    for (const auto &[name, accessor] : object.members()) {
+        std::string text = name.string().value_or("");
+        const auto index = indexIn(object, text, place);
+        attributes.emplace(std::move(text), *index);
+    }
+    return attributes;
+}
+
+Primitive primitiveOf(const JsonValue &value, const std::string &place)
+{
+    if (!value["attributes"].isObject())
+        throw GltfError(place + " has no \"attributes\"");
+    const Members primitive(value, place);
+    Primitive result;
+    result.attributes = attributesOf(primitive["attributes"], place);
+    result.indices = primitive.index("indices");
+    result.material = primitive.index("material");
+    result.mode = primitive.index("mode", kTriangles);
+    result.extensions = primitive["extensions"];
+    for (const JsonValue &target : primitive["targets"].children())
+        result.targets.push_back(attributesOf(target, place));
+    return result;
+}
+
+Mesh meshOf(const JsonValue &value, std::size_t index)
+{
+    const std::string place = numbered("mesh", index);
+    if (!value["primitives"].isArray())
+        throw GltfError(place + " has no \"primitives\"");
+    const Members mesh(value, place);
+    Mesh result{.name = mesh.text("name"), .primitives = {}, .weights = mesh.numbers("weights")};
+    for (const JsonValue &primitive : mesh["primitives"].children())
+        result.primitives.push_back(primitiveOf(primitive, place + numbered(" primitive", result.primitives.size())));
+    return result;
+}
+
+Node nodeOf(const Members &node)
+{
+    return {.children = node.integers("children"),
+            .mesh = node.index("mesh"),
+            .skin = node.index("skin"),
+            .matrix = node.numbers("matrix"),
+            .translation = node.numbers("translation"),
+            .rotation = node.numbers("rotation"),
+            .scale = node.numbers("scale"),
+            .weights = node.numbers("weights"),
+            .extensions = node["extensions"]};
 }
 
 class ModelReader
 {
 public:
-    ModelReader(const Container &container, const std::filesystem::path &folder, tinygltf::Model &model)
-        : m_container(container), m_folder(folder), m_model(model), m_tree(container.json()), m_edit(m_tree)
+    ModelReader(const Container &container, const JsonTree &tree, const std::filesystem::path &folder)
+        : m_container(container), m_tree(tree), m_root(tree.root()), m_folder(folder)
     {
     }
 
-    void read();
+    Model read();
 
 private:
-    struct BufferSource {
-        std::optional<std::string> uri;
-        std::uint64_t bytes = 0;
-    };
-    struct ImageSource {
-        std::string name;
-        std::string mimeType;
-        std::optional<std::string> uri;
-        int bufferView = -1;
-    };
-
-    [[nodiscard]] std::string place() const;
-
-    void checkAsset(const JsonValue &root) const;
-    void checkRoot(const JsonValue &root) const;
-    void prepareBuffers(const JsonValue &buffers);
-    void prepareImages(const JsonValue &images);
-    void prepareMeshes(const JsonValue &meshes);
-    void prepare(const JsonValue &value);
-    void prepareMember(const JsonMember &member);
-    void prepareInteger(const JsonMember &member, std::int64_t most);
-    void countObjects(const JsonValue &root) const;
-    void parse();
+    void checkRoot() const;
+    void countObjects() const;
+    // The elements of an array of the root, each by `make`, which takes their members.
+    template <typename Element>
+    void readAll(const char *name, std::vector<Element> &elements, Element (*make)(const Members &)) const
+    {
+        for (const JsonValue &value : m_root[name].children())
+            elements.push_back(make(Members(value, std::string(name) + "[" + std::to_string(elements.size()) + "]")));
+    }
+    [[nodiscard]] std::vector<std::string> names(const char *list) const;
     void readBuffers();
-    void readImages();
-    [[nodiscard]] std::vector<std::uint8_t> readBuffer(std::size_t index, const BufferSource &source) const;
+    [[nodiscard]] Buffer bufferOf(const Members &buffer, std::size_t index) const;
     [[nodiscard]] std::span<const std::uint8_t> binaryChunk() const;
+    [[nodiscard]] Image imageOf(const Members &image) const;
 
     const Container &m_container;
+    const JsonTree &m_tree;
+    JsonValue m_root;
     const std::filesystem::path &m_folder;
-    tinygltf::Model &m_model;
-    JsonTree m_tree;
-    JsonEdit m_edit;                  // to the text that tinygltf gets
-    std::vector<std::string> m_place; // of the value that is looked at
-    std::vector<BufferSource> m_buffers;
-    std::vector<ImageSource> m_images;
-    std::vector<std::vector<int>> m_indices; // of each primitive of each mesh
+    Model m_model;
 };
 
-std::string ModelReader::place() const
+void ModelReader::checkRoot() const
 {
-    std::string text;
-    for (const std::string &part : m_place) {
-        text += text.empty() || part.starts_with('[') ? "" : ".";
-        text += part;
-    }
-    return text;
-}
-
-void ModelReader::checkAsset(const JsonValue &root) const
-{
-    const std::string version = root["asset"]["version"].string().value_or("");
+    if (!m_root.isObject())
+        throw GltfError("the JSON is not an object");
+    m_tree.checkNames();
+    const std::string version = m_root["asset"]["version"].string().value_or("");
     if (version.empty())
         throw GltfError("there is no \"asset\" with a \"version\" in it");
     if (!version.starts_with("2."))
         throw GltfError("glTF version " + version + " is not 2");
-    if (const auto needed = root["asset"]["minVersion"].string(); needed && *needed != "2.0")
+    if (const auto needed = m_root["asset"]["minVersion"].string(); needed && *needed != "2.0")
         throw GltfUnsupported("glTF version " + *needed + " is needed to read it");
-}
-
-// What tinygltf takes for missing where it is of another kind, and what it never sees.
-void ModelReader::checkRoot(const JsonValue &root) const
-{
-    if (m_tree.text().find_first_not_of(std::string_view(" \t\r\n\0", 5), root.end()) != std::string_view::npos)
+    if (m_tree.text().find_first_not_of(std::string_view(" \t\r\n\0", 5), m_root.end()) != std::string_view::npos)
         throw GltfError("the JSON is followed by something else");
     for (const char *name :
          {"accessors", "animations", "buffers", "bufferViews", "cameras", "extensionsRequired", "extensionsUsed",
           "images", "materials", "meshes", "nodes", "samplers", "scenes", "skins", "textures"})
-        if (root[name].exists() && !root[name].isArray())
+        if (m_root[name].exists() && !m_root[name].isArray())
             throw GltfError(std::string("\"").append(name).append("\" is not an array"));
-    if (root["extensions"].exists() && !root["extensions"].isObject())
+    if (m_root["extensions"].exists() && !m_root["extensions"].isObject())
         throw GltfError("\"extensions\" is not an object");
 }
 
-void ModelReader::prepareInteger(const JsonMember &member, std::int64_t most)
+void ModelReader::countObjects() const
 {
-    const auto value = member.value.integer();
-    if (!value || *value < 0 || *value > most)
-        throw GltfError(place() + ": \"" + member.name + "\" is not an integer " +
-                        (most == kLargestIndex ? "from 0 to " + std::to_string(most) : std::string("of at least 0")));
-    // 12.0 is an integer too, but not to tinygltf.
-    if (member.value.text() != std::to_string(*value))
-        m_edit.replace(member.value, std::to_string(*value));
-}
-
-void ModelReader::prepareMember(const JsonMember &member)
-{
-    if (member.name == "extras" || (m_place.empty() && (member.name == "animations" || member.name == "cameras"))) {
-        m_edit.replace(member.value, member.value.isArray() ? "[]" : "{}");
-    } else if (m_place.empty() && (member.name == "buffers" || member.name == "images")) {
-        // Prepared already.
-    } else if (kIndices.contains(member.name) && !member.value.isArray() && !member.value.isObject()) {
-        prepareInteger(member, kLargestIndex);
-    } else if (kSizes.contains(member.name)) {
-        prepareInteger(member, std::numeric_limits<std::int64_t>::max());
-    } else if (member.value.isArray() || member.value.isObject()) {
-        const bool unread =
-            !m_place.empty() && m_place.back() == "extensions" && !kExtensionsRead.contains(member.name);
-        if (unread || (m_place.size() == 1 && m_place.back() == "extensions")) {
-            m_edit.replace(member.value, "{}");
-        } else {
-            m_place.push_back(member.name);
-            prepare(member.value);
-            m_place.pop_back();
-        }
-    }
-}
-
-void ModelReader::prepare(const JsonValue &value)
-{
-    if (value.isObject()) {
-        for (const JsonMember &member : membersOf(value))
-            prepareMember(member);
-        return;
-    }
-    const std::vector<JsonValue> elements = value.children();
-    for (std::size_t i = 0; i < elements.size(); ++i) {
-        if (!elements[i].isArray() && !elements[i].isObject())
-            continue;
-        m_place.push_back(std::string("[").append(std::to_string(i)).append("]"));
-        prepare(elements[i]);
-        m_place.pop_back();
-    }
-}
-
-void ModelReader::prepareBuffers(const JsonValue &buffers)
-{
-    for (const JsonValue &buffer : buffers.children()) {
-        m_place = {numbered("buffer", m_buffers.size())};
-        if (!buffer.isObject())
-            throw GltfError(place() + " is not an object");
-        BufferSource source;
-        const JsonValue bytes = buffer["byteLength"];
-        if (!bytes.exists() || bytes.integer().value_or(-1) < 0)
-            throw GltfError(place() + ": \"byteLength\" is not an integer of at least 0");
-        source.bytes = static_cast<std::uint64_t>(*bytes.integer());
-        if (const JsonValue uri = buffer["uri"]; uri.exists()) {
-            source.uri = uri.string();
-            if (!source.uri)
-                throw GltfError(place() + ": \"uri\" is not a string");
-        }
-        m_edit.replace(buffer, std::string(R"({"byteLength": 1, "uri": )") + kStandIn + "}");
-        m_buffers.push_back(std::move(source));
-    }
-    m_place.clear();
-}
-
-void ModelReader::prepareImages(const JsonValue &images)
-{
-    for (const JsonValue &image : images.children()) {
-        m_place = {numbered("image", m_images.size())};
-        if (!image.isObject())
-            throw GltfError(place() + " is not an object");
-        ImageSource source{.name = image["name"].string().value_or(""),
-                           .mimeType = image["mimeType"].string().value_or(""),
-                           .uri = image["uri"].string()};
-        const JsonValue view = image["bufferView"];
-        if (view.exists() == image["uri"].exists() || (image["uri"].exists() && !source.uri))
-            throw GltfError(place() + " has neither a URI nor a buffer view, or both");
-        if (view.exists()) {
-            const auto index = view.integer();
-            if (!index || *index < 0 || *index > kLargestIndex)
-                throw GltfError(place() + ": \"bufferView\" is not an index");
-            source.bufferView = static_cast<int>(*index);
-        }
-        m_edit.replace(image, std::string(R"({"uri": )") + kStandIn + "}");
-        m_images.push_back(std::move(source));
-    }
-    m_place.clear();
-}
-
-void ModelReader::prepareMeshes(const JsonValue &meshes)
-{
-    for (const JsonValue &mesh : meshes.children()) {
-        const std::vector<JsonValue> primitives = mesh["primitives"].children();
-        std::vector<int> &indices = m_indices.emplace_back();
-        if (!mesh.isObject() || !mesh["primitives"].isArray())
-            throw GltfError(numbered("mesh", m_indices.size() - 1) + " has no \"primitives\"");
-        for (const JsonValue &primitive : primitives) {
-            m_place = {numbered("mesh", m_indices.size() - 1) + numbered(" primitive", indices.size())};
-            const JsonValue attributes = primitive["attributes"];
-            if (!attributes.isObject())
-                throw GltfError(place() + " has no \"attributes\"");
-            for (const JsonMember &attribute : membersOf(attributes))
-                prepareInteger(attribute, kLargestIndex);
-            for (const JsonValue &target : primitive["targets"].children())
-                for (const JsonMember &attribute : membersOf(target))
-                    prepareInteger(attribute, kLargestIndex);
-            if (const JsonValue mode = primitive["mode"]; mode.exists())
-                prepareInteger({"mode", mode}, kLargestIndex);
-            indices.push_back(-1);
-            if (const JsonValue accessor = primitive["indices"]; accessor.exists()) {
-                prepareInteger({"indices", accessor}, kLargestIndex);
-                indices.back() = static_cast<int>(*accessor.integer());
-                m_edit.replace(accessor, "-1");
-            }
-        }
-    }
-    m_place.clear();
-}
-
-void ModelReader::countObjects(const JsonValue &root) const
-{
-    std::size_t bytes = root["materials"].children().size() * 4096;
+    std::size_t bytes = m_root["materials"].children().size() * 4096;
     for (const char *name : {"accessors", "bufferViews", "buffers", "images", "meshes", "nodes", "samplers", "scenes",
                              "skins", "textures"})
-        bytes += root[name].children().size() * 1024;
-    for (const std::vector<int> &primitives : m_indices)
-        bytes += primitives.size() * 512;
+        bytes += m_root[name].children().size() * 1024;
+    for (const JsonValue &mesh : m_root["meshes"].children())
+        bytes += mesh["primitives"].children().size() * 512;
     if (bytes > kMostModelBytes)
         throw GltfError("there are too many objects in it");
 }
 
-void ModelReader::parse()
+std::vector<std::string> ModelReader::names(const char *list) const
 {
-    const std::string edited = m_edit.apply();
-    const std::string_view text = std::string_view(edited).substr(m_tree.root().begin());
-    tinygltf::TinyGLTF loader;
-    loader.SetImageLoader(leaveImage, nullptr);
-    std::string error;
-    std::string warning;
-    if (!loader.LoadASCIIFromString(&m_model, &error, &warning, text.data(), static_cast<unsigned>(text.size()), "."))
-        throw GltfError(firstLine(error));
-    const auto sameCount = [](const tinygltf::Mesh &mesh, const std::vector<int> &primitives) {
-        return mesh.primitives.size() == primitives.size();
-    };
-    if (!std::equal(m_model.meshes.begin(), m_model.meshes.end(), m_indices.begin(), m_indices.end(), sameCount) ||
-        m_model.buffers.size() != m_buffers.size() || m_model.images.size() != m_images.size())
-        throw GltfError(firstLine(error));
-    for (std::size_t m = 0; m < m_indices.size(); ++m)
-        for (std::size_t p = 0; p < m_indices[m].size(); ++p)
-            m_model.meshes[m].primitives[p].indices = m_indices[m][p];
+    std::vector<std::string> names;
+    for (const JsonValue &element : m_root[list].children())
+        if (auto name = element.string())
+            names.push_back(std::move(*name));
+    return names;
 }
 
 // What a GLB's first buffer is in, where it has no URI (glTF 2.0, 4.4.3.3, "Binary buffer").
@@ -327,103 +322,128 @@ std::span<const std::uint8_t> ModelReader::binaryChunk() const
     return chunk && chunk->type == kGlbBinary ? chunk->data : std::span<const std::uint8_t>();
 }
 
-std::vector<std::uint8_t> ModelReader::readBuffer(std::size_t index, const BufferSource &source) const
+Buffer ModelReader::bufferOf(const Members &buffer, std::size_t index) const
 {
-    std::vector<std::uint8_t> bytes;
-    if (!source.uri) {
+    const JsonValue uri = buffer["uri"];
+    const auto bytes = buffer["byteLength"].integer();
+    if (!bytes || *bytes < 0)
+        throw GltfError(buffer.place() + ": \"byteLength\" is not an integer of at least 0");
+    if (uri.exists() && !uri.string())
+        throw GltfError(buffer.place() + ": \"uri\" is not a string");
+    const auto length = static_cast<std::uint64_t>(*bytes);
+    Buffer result;
+    if (!uri.exists()) {
         // Others have no data of their own: what is in them comes from an extension (EXT_meshopt_compression).
         if (index != 0 || !m_container.binary)
-            return {};
-        const auto chunk = binaryChunk();
-        if (source.bytes > chunk.size())
-            throw GltfError("has " + std::to_string(source.bytes) + " bytes, the GLB's binary chunk " +
-                            std::to_string(chunk.size()));
-        return {chunk.begin(), chunk.begin() + static_cast<std::ptrdiff_t>(source.bytes)};
-    }
-    if (isDataUri(*source.uri))
-        bytes = readDataUri(*source.uri).bytes;
-    else
-        bytes = readWholeFile(fileOfUri(m_folder, *source.uri));
-    if (source.bytes > bytes.size())
-        throw GltfError("has " + std::to_string(source.bytes) + " bytes, there are " + std::to_string(bytes.size()));
-    bytes.resize(source.bytes);
-    return bytes;
-}
-
-void ModelReader::readBuffers()
-{
-    std::uint64_t sum = 0;
-    for (std::size_t i = 0; i < m_buffers.size(); ++i) {
-        const BufferSource &source = m_buffers[i];
-        const bool named = source.uri && !isDataUri(*source.uri);
-        const std::string what = numbered("buffer", i) + (named ? " (" + *source.uri + "): " : ": ");
+            return result;
+        result.data = binaryChunk();
+        if (length > result.data.size())
+            throw GltfError(buffer.place() + ": has " + std::to_string(length) + " bytes, the GLB's binary chunk " +
+                            std::to_string(result.data.size()));
+    } else {
+        const std::string text = *uri.string();
+        const bool embedded = isDataUri(text);
+        const std::string what = buffer.place() + (embedded ? ": " : " (" + text + "): ");
         try {
-            m_model.buffers[i].data = readBuffer(i, source);
+            result.own = embedded ? readDataUri(text).bytes : readWholeFile(fileOfUri(m_folder, text));
         } catch (const GltfUnsupported &error) {
             throw GltfUnsupported(what + error.what());
         } catch (const GltfError &error) {
             throw GltfError(what + error.what());
         }
-        sum += m_model.buffers[i].data.size();
+        result.data = result.own;
+        if (length > result.data.size())
+            throw GltfError(what + "has " + std::to_string(length) + " bytes, there are " +
+                            std::to_string(result.data.size()));
+    }
+    result.data = result.data.first(length);
+    return result;
+}
+
+void ModelReader::readBuffers()
+{
+    std::uint64_t sum = 0;
+    for (const JsonValue &value : m_root["buffers"].children()) {
+        const std::size_t index = m_model.buffers.size();
+        m_model.buffers.push_back(bufferOf(Members(value, numbered("buffer", index)), index));
+        sum += m_model.buffers.back().data.size();
         if (sum > kMostBufferBytes)
             throw GltfError("the buffers have more than 2 GiB");
-        m_model.buffers[i].uri = named ? *source.uri : "";
     }
 }
 
-void ModelReader::readImages()
+Image ModelReader::imageOf(const Members &image) const
 {
-    for (std::size_t i = 0; i < m_images.size(); ++i) {
-        ImageSource &source = m_images[i];
-        tinygltf::Image &image = m_model.images[i];
-        image.name = source.name;
-        image.mimeType = source.mimeType;
-        image.bufferView = source.bufferView;
-        image.uri.clear();
-        image.image.clear();
-        image.as_is = true;
-        if (!source.uri)
-            continue;
-        if (!isDataUri(*source.uri)) {
-            image.uri = *source.uri;
-            continue;
-        }
+    const JsonValue view = image["bufferView"];
+    const auto uri = image["uri"].string();
+    if (view.exists() == image["uri"].exists() || (image["uri"].exists() && !uri))
+        throw GltfError(image.place() + " has neither a URI nor a buffer view, or both");
+    Image result{.uri = {}, .data = {}, .bufferView = image.index("bufferView")};
+    if (uri && isDataUri(*uri)) {
         try {
-            DataUri data = readDataUri(*source.uri);
-            image.image = std::move(data.bytes);
-            if (image.mimeType.empty())
-                image.mimeType = data.mimeType;
+            result.data = readDataUri(*uri).bytes;
         } catch (const GltfError &error) {
-            throw GltfError(numbered("image", i) + ": " + error.what());
+            throw GltfError(image.place() + ": " + error.what());
         }
-        source.uri->clear();
-        source.uri->shrink_to_fit();
+    } else if (uri) {
+        result.uri = *uri;
     }
+    return result;
 }
 
-void ModelReader::read()
+Model ModelReader::read()
 {
-    const JsonValue root = m_tree.root();
-    if (!root.isObject())
-        throw GltfError("the JSON is not an object");
-    m_tree.checkNames();
-    checkAsset(root);
-    checkRoot(root);
-    prepareBuffers(root["buffers"]);
-    prepareImages(root["images"]);
-    prepareMeshes(root["meshes"]);
-    countObjects(root);
-    prepare(root);
-    parse();
+    checkRoot();
+    countObjects();
+    for (const JsonValue &mesh : m_root["meshes"].children())
+        m_model.meshes.push_back(meshOf(mesh, m_model.meshes.size()));
+    readAll("accessors", m_model.accessors, accessorOf);
+    readAll("bufferViews", m_model.bufferViews, bufferViewOf);
+    readAll("samplers", m_model.samplers, samplerOf);
+    readAll("textures", m_model.textures, textureOf);
+    readAll("materials", m_model.materials, materialOf);
+    readAll("nodes", m_model.nodes, nodeOf);
+    readAll<Skin>("skins", m_model.skins, [](const Members &skin) {
+        return Skin{.inverseBindMatrices = skin.index("inverseBindMatrices"), .joints = skin.integers("joints")};
+    });
+    readAll<std::vector<int>>("scenes", m_model.scenes, [](const Members &scene) { return scene.integers("nodes"); });
+    m_model.scene = Members(m_root, "the root").index("scene");
+    m_model.extensionsUsed = names("extensionsUsed");
+    m_model.extensionsRequired = names("extensionsRequired");
+    for (const JsonValue &image : m_root["images"].children())
+        m_model.images.push_back(imageOf(Members(image, numbered("image", m_model.images.size()))));
     readBuffers();
-    readImages();
+    return std::move(m_model);
 }
 
 } // namespace
 
-void readModel(const Container &container, const std::filesystem::path &folder, tinygltf::Model &model)
+int Primitive::attribute(const std::string &name) const
 {
-    ModelReader(container, folder, model).read();
+    const auto found = attributes.find(name);
+    return found == attributes.end() ? -1 : found->second;
 }
 
-} // namespace vellum
+bool Model::isRequired(const char *extension) const
+{
+    return std::find(extensionsRequired.begin(), extensionsRequired.end(), extension) != extensionsRequired.end();
+}
+
+std::optional<int> indexIn(const JsonValue &object, std::string_view name, const std::string &place)
+{
+    const JsonValue value = object[name];
+    if (!value.exists())
+        return std::nullopt;
+    const auto integer = value.integer();
+    if (!integer || *integer < 0 || *integer > std::numeric_limits<int>::max())
+        throw GltfError(place + ": \"" + std::string(name) + "\" is not an integer from 0 to " +
+                        std::to_string(std::numeric_limits<int>::max()));
+    return static_cast<int>(*integer);
+}
+
+Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &folder)
+{
+    return ModelReader(container, tree, folder).read();
+}
+
+} // namespace vellum::gltf_json

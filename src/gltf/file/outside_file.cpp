@@ -16,11 +16,12 @@ constexpr std::uintmax_t kMostBytes = 0x7fffffff;
 
 constexpr std::uint8_t kNoDigit = 64;
 
+constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+
 constexpr std::array<std::uint8_t, 256> base64Digits()
 {
     std::array<std::uint8_t, 256> digits{};
     digits.fill(kNoDigit);
-    constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     for (std::size_t i = 0; i < kAlphabet.size(); ++i)
         digits[static_cast<unsigned char>(kAlphabet[i])] = static_cast<std::uint8_t>(i);
     return digits;
@@ -80,6 +81,20 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
     if (std::find(path->begin(), path->end(), "..") != path->end())
         throw GltfUnsupported("the URI leads out of the file's folder");
     return folder / *path;
+}
+
+std::string base64Encoded(std::span<const std::uint8_t> bytes)
+{
+    std::string text;
+    text.reserve((bytes.size() + 2) / 3 * 4);
+    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+        std::uint32_t word = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+            word = word << 8 | (i + k < bytes.size() ? bytes[i + k] : 0u);
+        for (std::size_t k = 0; k < 4; ++k)
+            text += i + k <= bytes.size() ? kAlphabet[word >> (18 - 6 * k) & 63] : '=';
+    }
+    return text;
 }
 
 bool isDataUri(std::string_view uri)

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,6 +18,8 @@ std::vector<std::uint8_t> readWholeFile(const std::filesystem::path &path);
 // The file that a URI means, relative to `folder`, whether it is there or not. Throws GltfUnsupported for a URI that is
 // not a path below that folder: a file that was found somewhere should not be able to name any other on the machine.
 std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string_view uri);
+
+std::string base64Encoded(std::span<const std::uint8_t> bytes);
 
 bool isDataUri(std::string_view uri);
 

@@ -2,7 +2,6 @@
 
 #include <cstdio>
 
-#include "gltf/file/json_tree.h"
 #include "gltf/file/utf8.h"
 
 namespace vellum
@@ -80,11 +79,10 @@ std::optional<std::filesystem::path> decodedUri(std::string_view uri)
     return path;
 }
 
-std::vector<std::filesystem::path> namedFiles(std::string_view json)
+std::vector<std::filesystem::path> namedFiles(const JsonValue &root)
 {
-    const JsonTree tree(json);
     std::vector<std::filesystem::path> paths;
-    collect(tree.root(), paths);
+    collect(root, paths);
     return paths;
 }
 

@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "gltf/file/json_tree.h"
+
 namespace vellum
 {
 
@@ -21,7 +23,7 @@ std::string percentDecoded(std::string_view text);
 // The path that a URI means, percent-encoding resolved; nothing for data URIs and those with a scheme.
 std::optional<std::filesystem::path> decodedUri(std::string_view uri);
 
-// The files that a JSON text names by members "uri", in any object of it, extensions included.
-std::vector<std::filesystem::path> namedFiles(std::string_view json);
+// The files that a JSON value names by members "uri", in any object of it, extensions included.
+std::vector<std::filesystem::path> namedFiles(const JsonValue &root);
 
 } // namespace vellum

@@ -27,15 +27,16 @@ std::size_t utf8Sequence(std::string_view text)
     return isTail(3) ? 4 : 0;
 }
 
-std::string toUtf8(std::string_view text)
+char32_t takeCodePoint(std::string_view &text)
 {
-    std::string result;
-    while (!text.empty()) {
-        const std::size_t sequence = utf8Sequence(text);
-        result += sequence == 0 ? "\xef\xbf\xbd" : text.substr(0, sequence);
-        text.remove_prefix(sequence == 0 ? 1 : sequence);
-    }
-    return result;
+    constexpr char32_t kReplacement = 0xfffd;
+    const std::size_t length = utf8Sequence(text);
+    const auto first = static_cast<unsigned char>(text[0]);
+    char32_t point = length == 0 ? kReplacement : length == 1 ? first : first & (0x7fu >> length);
+    for (std::size_t i = 1; i < length; ++i)
+        point = point << 6 | (static_cast<unsigned char>(text[i]) & 0x3fu);
+    text.remove_prefix(length == 0 ? 1 : length);
+    return point;
 }
 
 } // namespace vellum

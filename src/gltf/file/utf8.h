@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <string>
 #include <string_view>
 
 namespace vellum
@@ -12,7 +11,7 @@ namespace vellum
 // Standard, table 3-7).
 std::size_t utf8Sequence(std::string_view text);
 
-// The text with U+FFFD for each byte that does not belong to a well-formed character.
-std::string toUtf8(std::string_view text);
+// The code point at the beginning of a text, which loses it; U+FFFD for a byte that does not belong to one.
+char32_t takeCodePoint(std::string_view &text);
 
 } // namespace vellum

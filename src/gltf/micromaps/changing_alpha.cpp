@@ -2,9 +2,6 @@
 
 #include <charconv>
 
-#include "gltf/file/json_tree.h"
-#include "gltf/file/tinygltf.h"
-
 namespace vellum
 {
 namespace
@@ -33,12 +30,9 @@ ChangingAlpha::ChangingAlpha(const Document &document) : m_document(document)
 {
     const auto &materials = document.model().materials;
     for (std::size_t i = 0; i < materials.size(); ++i)
-        if (materials[i].extensions.contains("KHR_materials_pbrSpecularGlossiness"))
+        if (materials[i].extensions["KHR_materials_pbrSpecularGlossiness"].exists())
             m_materials[static_cast<int>(i)] = "its alpha comes from KHR_materials_pbrSpecularGlossiness";
-    if (document.json().find("KHR_animation_pointer") == std::string_view::npos)
-        return;
-    const JsonTree tree(document.json());
-    for (const JsonValue &animation : tree.root()["animations"].children())
+    for (const JsonValue &animation : document.root()["animations"].children())
         for (const JsonValue &channel : animation["channels"].children()) {
             const auto pointer = channel["target"]["extensions"]["KHR_animation_pointer"]["pointer"].string();
             if (const auto material = changedMaterial(pointer.value_or("")))
@@ -48,21 +42,12 @@ ChangingAlpha::ChangingAlpha(const Document &document) : m_document(document)
 
 std::optional<std::string> ChangingAlpha::reason(PrimitivePlace place) const
 {
-    const tinygltf::Primitive &primitive = m_document.model().meshes.at(place.mesh).primitives.at(place.primitive);
+    const gltf_json::Primitive &primitive = m_document.model().meshes.at(place.mesh).primitives.at(place.primitive);
     if (const auto found = m_materials.find(primitive.material); found != m_materials.end())
         return found->second;
-    const auto variants = primitive.extensions.find("KHR_materials_variants");
-    if (variants == primitive.extensions.end() || !variants->second.IsObject())
-        return std::nullopt;
-    const tinygltf::Value &mappings = variants->second.Get("mappings");
-    for (std::size_t i = 0; mappings.IsArray() && i < mappings.ArrayLen(); ++i) {
-        const tinygltf::Value &mapping = mappings.Get(static_cast<int>(i));
-        if (!mapping.IsObject())
-            continue;
-        const tinygltf::Value &material = mapping.Get("material");
-        if (!material.IsInt() || material.GetNumberAsInt() != primitive.material)
+    for (const JsonValue &mapping : primitive.extensions["KHR_materials_variants"]["mappings"].children())
+        if (mapping.isObject() && mapping["material"].integer() != primitive.material)
             return "its material can be changed (KHR_materials_variants)";
-    }
     return std::nullopt;
 }
 

@@ -6,7 +6,6 @@
 #include <map>
 #include <tuple>
 
-#include "gltf/file/tinygltf.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 
@@ -16,13 +15,7 @@ namespace
 {
 
 // What decides the alpha at a texture coordinate, and which of it is opaque.
-using SourceKey = std::tuple<int, Wrap, Wrap, Filter, float, float, float>;
-
-SourceKey keyOf(const Material &material, float uvTerms)
-{
-    return {material.image,        material.wrapU,       material.wrapV, material.filter,
-            material.baseColor[3], material.alphaCutoff, uvTerms};
-}
+using SourceKey = std::tuple<int, Wrap, Wrap, Filter, float, std::optional<float>, float>;
 
 // A triangle of a primitive that is baked.
 struct TrianglePlace {
@@ -38,6 +31,7 @@ struct Layer {
 
 struct Source {
     Material material;
+    std::optional<float> cutoff; // none: alphaMode BLEND's own rule
     float uvTerms = 0;
     std::map<float, Layer> layers;         // by the vertices' alpha
     std::vector<std::uint32_t> primitives; // into DocumentBake::primitives
@@ -65,7 +59,8 @@ public:
 
 private:
     void addPrimitive(PrimitivePlace place);
-    void leave(PrimitivePlace place, const std::string &material, const std::string &reason);
+    void leave(PrimitivePlace place, const std::string &material, const std::string &reason, bool unreadable = false);
+    [[nodiscard]] std::optional<float> cutoffOf(const Material &material) const;
     Source &sourceOf(const Material &material, float uvTerms);
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
@@ -74,7 +69,6 @@ private:
     // Returns the indices that are left for the next source.
     std::span<const std::int32_t> takeResult(const Source &source, const Micromap &micromap,
                                              std::span<const std::int32_t> indices);
-    std::string withoutPath(const GltfError &error) const;
 
     const Document &m_document;
     const DocumentBakeOptions &m_options;
@@ -87,26 +81,27 @@ private:
     std::size_t m_done = 0;
 };
 
-std::string DocumentBaker::withoutPath(const GltfError &error) const
-{
-    const std::string text = error.what();
-    const std::string prefix = m_document.path().string() + ": ";
-    return text.starts_with(prefix) ? text.substr(prefix.size()) : text;
-}
-
-void DocumentBaker::leave(PrimitivePlace place, const std::string &material, const std::string &reason)
+void DocumentBaker::leave(PrimitivePlace place, const std::string &material, const std::string &reason, bool unreadable)
 {
     const auto &extensions = m_document.model().meshes[place.mesh].primitives[place.primitive].extensions;
     const bool had =
-        extensions.contains("EXT_mesh_opacity_micromap") || extensions.contains("KHR_mesh_opacity_micromap");
-    m_result.left.push_back({place, material, reason, had});
+        extensions["EXT_mesh_opacity_micromap"].exists() || extensions["KHR_mesh_opacity_micromap"].exists();
+    m_result.left.push_back({place, material, reason, had, unreadable});
+}
+
+std::optional<float> DocumentBaker::cutoffOf(const Material &material) const
+{
+    return material.alphaMode == AlphaMode::Blend ? m_options.blendCutoff : std::optional(material.alphaCutoff);
 }
 
 Source &DocumentBaker::sourceOf(const Material &material, float uvTerms)
 {
-    const auto [found, isNew] = m_sourceOf.try_emplace(keyOf(material, uvTerms), m_sources.size());
+    const std::optional<float> cutoff = cutoffOf(material);
+    const SourceKey key{material.image,        material.wrapU, material.wrapV, material.filter,
+                        material.baseColor[3], cutoff,         uvTerms};
+    const auto [found, isNew] = m_sourceOf.try_emplace(key, m_sources.size());
     if (isNew)
-        m_sources.push_back({material, uvTerms, {}, {}, false});
+        m_sources.push_back({material, cutoff, uvTerms, {}, {}, false});
     return m_sources[found->second];
 }
 
@@ -117,20 +112,25 @@ void DocumentBaker::addTriangles(Source &source, const Primitive &primitive)
     baked.micromap.indices.assign(primitive.triangleCount(), specialIndex(State::UnknownOpaque));
     source.primitives.push_back(ordinal);
     const std::vector<TriangleUvs> uvs = triangleUvs(primitive);
+    const auto only = source.cutoff ? onlyOutcome(source.material, static_cast<double>(*source.cutoff)) : std::nullopt;
     for (std::uint32_t t = 0; t < uvs.size(); ++t) {
         float alpha = 1;
         bool same = true;
-        if (!primitive.alphas.empty()) {
-            alpha = primitive.alphas[primitive.indices[3 * t]];
-            for (std::size_t corner = 1; corner < 3; ++corner)
-                same = same && primitive.alphas[primitive.indices[3 * t + corner]] == alpha;
+        bool inRange = true;
+        for (std::size_t corner = 0; corner < 3 && !primitive.alphas.empty(); ++corner) {
+            const float its = primitive.alphas[primitive.indices[3 * t + corner]];
+            alpha = corner == 0 ? its : alpha;
+            same = same && its == alpha;
+            inRange = inRange && its >= 0 && its <= 1;
         }
-        if (!same || !(alpha >= 0 && alpha <= 1)) {
+        if (only && inRange) {
+            baked.micromap.indices[t] = specialIndex(*only);
+        } else if (!same || !inRange) {
             ++baked.varying;
         } else if (alpha == 0) {
             // The product is 0, whatever the texture says.
             baked.micromap.indices[t] =
-                specialIndex(source.material.alphaCutoff > 0 ? State::Transparent : State::Opaque);
+                specialIndex(source.cutoff.value_or(1) > 0 ? State::Transparent : State::Opaque);
         } else {
             Layer &layer = source.layers[alpha];
             layer.uvs.push_back(uvs[t]);
@@ -141,21 +141,17 @@ void DocumentBaker::addTriangles(Source &source, const Primitive &primitive)
 
 void DocumentBaker::addPrimitive(PrimitivePlace place)
 {
-    const tinygltf::Model &model = m_document.model();
-    const tinygltf::Mesh &mesh = model.meshes[place.mesh];
-    const tinygltf::Primitive &source = mesh.primitives[place.primitive];
+    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Mesh &mesh = model.meshes[place.mesh];
+    const gltf_json::Primitive &source = mesh.primitives[place.primitive];
     // Nothing else about an opaque material matters here, whether it can be read or not.
     if (source.material >= 0 && static_cast<std::size_t>(source.material) < model.materials.size()) {
         const std::string &mode = model.materials[static_cast<std::size_t>(source.material)].alphaMode;
         if (mode != "MASK" && mode != "BLEND")
             return;
     }
-    if (!m_materials.contains(source.material)) {
-        Material material = readMaterial(m_document, source.material);
-        if (material.alphaMode == AlphaMode::Blend)
-            material.alphaCutoff = m_options.blendCutoff;
-        m_materials[source.material] = std::move(material);
-    }
+    if (!m_materials.contains(source.material))
+        m_materials[source.material] = readMaterial(m_document, source.material);
     const Material &material = m_materials[source.material];
     if (!material.masked())
         return;
@@ -165,15 +161,16 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return leave(place, material.name, "as asked for");
     if (const auto reason = m_changing.reason(place))
         return leave(place, material.name, *reason);
-    const bool list = source.mode == -1 || source.mode == TINYGLTF_MODE_TRIANGLES;
-    if (!list && source.extensions.contains("KHR_draco_mesh_compression"))
+    const bool list = source.mode == gltf_json::kTriangles;
+    const bool draco = source.extensions["KHR_draco_mesh_compression"].exists();
+    if (!list && draco)
         return leave(place, material.name, "it is a strip with KHR_draco_mesh_compression");
     // The extension counts triangles by the indices, or else the positions.
     if (source.indices < 0 && !source.attributes.contains("POSITION"))
         return leave(place, material.name, "it has neither indices nor positions");
     if (!material.unreadImage.empty() && !m_options.fallbackImages)
         return leave(place, material.name,
-                     "its texture has an image that is not read here (" + material.unreadImage + ")");
+                     "its texture has an image that is not read here (" + material.unreadImage + ")", true);
     Primitive primitive = readPrimitive(m_document, place, Positions::Leave);
     if (material.image >= 0 && primitive.uvs.empty())
         return leave(place, material.name,
@@ -187,7 +184,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     const std::size_t declared = source.indices < 0
                                      ? primitive.indices.size()
                                      : model.accessors.at(static_cast<std::size_t>(source.indices)).count;
-    if (source.extensions.contains("KHR_draco_mesh_compression") && declared / 3 != primitive.triangleCount())
+    if (draco && declared / 3 != primitive.triangleCount())
         return leave(place, material.name,
                      "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
                          std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");
@@ -195,6 +192,8 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     BakedPrimitive &baked = m_result.primitives.back();
     baked.place = place;
     baked.material = material.name;
+    if (material.alphaMode == AlphaMode::Blend && m_options.blendCutoff)
+        baked.caution = blendCaution(*m_options.blendCutoff, "baked");
     if (!list)
         baked.corners = std::move(primitive.indices);
 }
@@ -266,7 +265,7 @@ AlphaTexture DocumentBaker::textureOf(Source &source)
         source.unreadable = true;
         for (const std::uint32_t primitive : source.primitives) {
             const BakedPrimitive &baked = m_result.primitives[primitive];
-            leave(baked.place, baked.material, withoutPath(error));
+            leave(baked.place, baked.material, m_document.reasonOf(baked.place, error), true);
         }
         return {};
     }
@@ -288,9 +287,16 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
             input.textures = {&textures.back(), 1};
             input.triangles = layer.uvs;
             input.uvTerms = static_cast<double>(source.uvTerms);
-            // The shader compares the product of both alphas with the cutoff.
-            input.cutoff =
-                std::clamp(static_cast<double>(source.material.alphaCutoff), -1e30, 1e30) / static_cast<double>(alpha);
+            if (source.cutoff) {
+                // The shader compares the product of both alphas with the cutoff.
+                input.cutoff =
+                    std::clamp(static_cast<double>(*source.cutoff), -1e30, 1e30) / static_cast<double>(alpha);
+            } else {
+                // A vertex' alpha below 1 leaves nothing opaque: from 2 on is never.
+                const double never = alpha == 1 ? 0 : 0.5;
+                input.cutoff = kBlendCutoff + never;
+                input.valueTolerance = kBlendBand + never;
+            }
         }
     }
     BakeOptions options = m_options.bake;
@@ -317,7 +323,7 @@ DocumentBake DocumentBaker::bake()
         try {
             addPrimitive(place);
         } catch (const GltfUnsupported &error) {
-            leave(place, {}, withoutPath(error));
+            leave(place, {}, m_document.reasonOf(place, error), true);
         }
     }
     dropRareLayers();

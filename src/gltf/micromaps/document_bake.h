@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,9 +16,11 @@ namespace vellum
 struct DocumentBakeOptions {
     // The cutoff is the material's; a budget is for all of the file.
     BakeOptions bake;
-    // Bakes alphaMode BLEND, too, as a mask with this cutoff.
+    // Bakes alphaMode BLEND, too: opaque only where alpha is 1, and transparent only where it is 0. That is true of
+    // renderers that blend, and of those that dither.
     bool blend = false;
-    float blendCutoff = 0.5f;
+    // Bakes it as a mask with this cutoff instead: true only of renderers that treat it as one.
+    std::optional<float> blendCutoff;
     // Bakes primitives whose texture has an image of a kind that is not read here (KTX2, AVIF, DDS) and another for
     // those who do not read it either, from the latter.
     bool fallbackImages = false;
@@ -34,6 +37,7 @@ struct BakedPrimitive {
     std::vector<std::uint32_t> corners;
     // Triangles that are unknown because their vertices have different alphas (COLOR_0).
     std::size_t varying = 0;
+    std::string caution; // of which renderers it is not true; empty where it is true of all
 };
 
 // An alpha-tested primitive without a micromap.
@@ -42,6 +46,7 @@ struct LeftPrimitive {
     std::string material;
     std::string reason;       // "it has no texture coordinates (TEXCOORD_1)"
     bool hadMicromap = false; // which goes: those of a file are replaced all together
+    bool unreadable = false;  // something in the file is not supported; otherwise it is no primitive to be baked
 };
 
 struct DocumentBake {

@@ -5,13 +5,14 @@
 #include <map>
 #include <stdexcept>
 
+#include "core/align.h"
 #include "core/hash.h"
 #include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_edit.h"
-#include "gltf/file/json_tree.h"
+#include "gltf/file/json_writer.h"
+#include "gltf/file/outside_file.h"
 #include "gltf/file/relative_uri.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -26,19 +27,6 @@ constexpr std::size_t kMostBytes = 0x7fffffff; // what readContainer takes
 constexpr std::size_t kBuildAlignment = 256;
 constexpr std::size_t kIndexAlignment = 4;
 
-std::string number(std::uint64_t value)
-{
-    return std::to_string(value);
-}
-
-template <typename... Part>
-std::string joined(const Part &...parts)
-{
-    std::string text;
-    (text.append(parts), ...);
-    return text;
-}
-
 template <typename T>
 void append(std::vector<std::uint8_t> &bytes, const T &value)
 {
@@ -49,64 +37,38 @@ void append(std::vector<std::uint8_t> &bytes, const T &value)
 
 void padTo(std::vector<std::uint8_t> &bytes, std::size_t alignment, std::uint8_t with = 0)
 {
-    bytes.resize((bytes.size() + alignment - 1) / alignment * alignment, with);
-}
-
-std::string dataUri(std::span<const std::uint8_t> bytes)
-{
-    constexpr const char *kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string text = "data:application/octet-stream;base64,";
-    for (std::size_t i = 0; i < bytes.size(); i += 3) {
-        const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-        std::uint32_t word = 0;
-        for (std::size_t k = 0; k < 3; ++k)
-            word = word << 8 | (k < count ? bytes[i + k] : 0u);
-        for (std::size_t k = 0; k < 4; ++k)
-            text += k <= count ? kDigits[word >> (18 - 6 * k) & 63] : '=';
-    }
-    return text;
+    bytes.resize(alignUp(bytes.size(), alignment), with);
 }
 
 // In hexadecimal digits: the same bytes have the same name.
 std::string digest(std::span<const std::uint8_t> bytes)
 {
-    const std::uint64_t hash = Hash::of(bytes);
+    const std::uint64_t hash = hashBytes(bytes.data(), bytes.size());
     std::string text;
     for (int shift = 60; shift >= 0; shift -= 4)
         text += "0123456789abcdef"[hash >> shift & 15];
     return text;
 }
 
-std::string listOf(const std::vector<MicromapUsage> &usages, std::uint32_t (*member)(const MicromapUsage &))
-{
-    std::string text = "[";
-    for (const MicromapUsage &usage : usages)
-        text += joined(text.size() > 1 ? "," : "", number(member(usage)));
-    return text + "]";
-}
-
 class Writer
 {
 public:
     Writer(const Document &document, const DocumentBake &bake, const std::string &bufferStem)
-        : m_document(document), m_bake(bake), m_bufferStem(bufferStem), m_tree(document.json()), m_root(m_tree.root()),
-          m_edit(m_tree)
+        : m_document(document), m_bake(bake), m_bufferStem(bufferStem), m_root(document.root()), m_edit(document.tree())
     {
     }
 
     RewrittenFile write();
 
 private:
-    void checkNumbers() const;
-    void checkOnce(const JsonValue &object, const char *name) const;
     [[nodiscard]] bool dataInChunk() const;
     void setExtension(const JsonValue &object, const std::string &text);
     void editPrimitives();
-    std::string micromapJson(const StoredMicromap &micromap);
+    void writeMicromap(const StoredMicromap &micromap, JsonWriter &json);
     std::string primitiveJson(const BakedPrimitive &primitive, std::size_t records);
-    std::size_t addView(std::span<const std::uint8_t> bytes, std::size_t alignment, const char *more = "");
+    std::size_t addView(std::span<const std::uint8_t> bytes, std::size_t alignment, int target = 0);
     template <typename T>
-    std::size_t addAccessor(const std::vector<T> &values, const char *more = "");
+    std::size_t addAccessor(const std::vector<T> &values, int target = 0);
     void appendAll(const char *name, const std::vector<std::string> &elements);
     void setUsed(bool used);
     void placeData(RewrittenFile &result);
@@ -115,7 +77,6 @@ private:
     const Document &m_document;
     const DocumentBake &m_bake;
     const std::string &m_bufferStem;
-    JsonTree m_tree;
     JsonValue m_root;
     JsonEdit m_edit;
     bool m_inChunk = false;
@@ -124,35 +85,6 @@ private:
     std::vector<std::string> m_views;
     std::vector<std::string> m_accessors;
 };
-
-// What tinygltf read must be what the text says, or numbers would mean something else in the text.
-void Writer::checkNumbers() const
-{
-    const tinygltf::Model &model = m_document.model();
-    const std::pair<const char *, std::size_t> lists[] = {{"bufferViews", model.bufferViews.size()},
-                                                          {"buffers", model.buffers.size()},
-                                                          {"accessors", model.accessors.size()},
-                                                          {"meshes", model.meshes.size()}};
-    for (const auto &[name, size] : lists) {
-        checkOnce(m_root, name);
-        if (m_root[name].children().size() != size || (m_root[name].exists() && !m_root[name].isArray()))
-            throw GltfError(std::string("\"") + name + "\" has elements that cannot be read");
-    }
-    checkOnce(m_root, "extensionsUsed");
-    checkOnce(m_root, "extensionsRequired");
-    const std::vector<JsonValue> meshes = m_root["meshes"].children();
-    for (std::size_t m = 0; m < meshes.size(); ++m) {
-        checkOnce(meshes[m], "primitives");
-        if (meshes[m]["primitives"].children().size() != model.meshes[m].primitives.size())
-            throw GltfError("mesh " + number(m) + " has primitives that cannot be read");
-    }
-}
-
-void Writer::checkOnce(const JsonValue &object, const char *name) const
-{
-    if (object.count(name) > 1)
-        throw GltfError("the JSON has \"" + std::string(name) + "\" several times in one object");
-}
 
 // glTF 2.0, "GLB-stored Buffer": the first buffer, without a URI, is the chunk, whose end may be padding.
 bool Writer::dataInChunk() const
@@ -170,39 +102,44 @@ bool Writer::dataInChunk() const
     return length && *length >= 0 && static_cast<std::uint64_t>(*length) <= chunk->data.size();
 }
 
-std::size_t Writer::addView(std::span<const std::uint8_t> bytes, std::size_t alignment, const char *more)
+// `target`: of a buffer view; 0 for none.
+std::size_t Writer::addView(std::span<const std::uint8_t> bytes, std::size_t alignment, int target)
 {
     padTo(m_data, alignment);
-    const std::size_t buffer = m_inChunk ? 0 : m_document.model().buffers.size();
-    m_views.push_back(joined("{\"buffer\":", number(buffer), ",\"byteOffset\":", number(m_dataBegin + m_data.size()),
-                             ",\"byteLength\":", number(bytes.size()), more, "}"));
+    JsonWriter json(JsonStyle::Compact);
+    json.beginObject().member("buffer", m_inChunk ? 0 : m_document.model().buffers.size());
+    json.member("byteOffset", m_dataBegin + m_data.size()).member("byteLength", bytes.size());
+    if (target != 0)
+        json.member("target", target);
+    m_views.push_back(json.end().text());
     m_data.insert(m_data.end(), bytes.begin(), bytes.end());
     return m_document.model().bufferViews.size() + m_views.size() - 1;
 }
 
 template <typename T>
-std::size_t Writer::addAccessor(const std::vector<T> &values, const char *more)
+std::size_t Writer::addAccessor(const std::vector<T> &values, int target)
 {
     const std::span bytes(reinterpret_cast<const std::uint8_t *>(values.data()), values.size() * sizeof(T));
-    const std::size_t view = addView(bytes, kIndexAlignment, more);
-    m_accessors.push_back(joined("{\"bufferView\":", number(view),
-                                 ",\"componentType\":", sizeof(T) == 2 ? "5123" : "5125",
-                                 ",\"count\":", number(values.size()), ",\"type\":\"SCALAR\"}"));
+    JsonWriter json(JsonStyle::Compact);
+    json.beginObject().member("bufferView", addView(bytes, kIndexAlignment, target));
+    json.member("componentType", sizeof(T) == 2 ? gltf_json::kUnsignedShort : gltf_json::kUnsignedInt);
+    m_accessors.push_back(json.member("count", values.size()).member("type", "SCALAR").end().text());
     return m_document.model().accessors.size() + m_accessors.size() - 1;
 }
 
-std::string Writer::micromapJson(const StoredMicromap &micromap)
+void Writer::writeMicromap(const StoredMicromap &micromap, JsonWriter &json)
 {
-    const std::size_t data = addView(micromap.data, kBuildAlignment);
     const std::span records(reinterpret_cast<const std::uint8_t *>(micromap.triangles.data()),
                             micromap.triangles.size() * sizeof(MicromapTriangle));
-    const std::size_t triangles = addView(records, kBuildAlignment);
-    const auto counts = listOf(micromap.usage, [](const MicromapUsage &usage) { return usage.count; });
-    const auto levels = listOf(micromap.usage, [](const MicromapUsage &usage) { return usage.subdivisionLevel; });
-    const auto formats =
-        listOf(micromap.usage, [](const MicromapUsage &usage) { return static_cast<std::uint32_t>(usage.format); });
-    return joined("{\"data\":", number(data), ",\"triangles\":", number(triangles), ",\"usageCounts\":", counts,
-                  ",\"usageLevels\":", levels, ",\"usageFormats\":", formats, "}");
+    json.beginObject().member("data", addView(micromap.data, kBuildAlignment));
+    json.member("triangles", addView(records, kBuildAlignment));
+    const auto list = [&](const char *name, auto member) {
+        json.list(name, micromap.usage, [&](const MicromapUsage &usage) { json.value(member(usage)); });
+    };
+    list("usageCounts", [](const MicromapUsage &usage) { return usage.count; });
+    list("usageLevels", [](const MicromapUsage &usage) { return usage.subdivisionLevel; });
+    list("usageFormats", [](const MicromapUsage &usage) { return static_cast<std::uint32_t>(usage.format); });
+    json.end();
 }
 
 // 16-bit indices where they do: VK_EXT_opacity_micromap takes no smaller ones. The four highest are special.
@@ -212,21 +149,21 @@ std::string Writer::primitiveJson(const BakedPrimitive &primitive, std::size_t r
     const std::size_t accessor = records <= 0xfffc
                                      ? addAccessor(std::vector<std::uint16_t>(indices.begin(), indices.end()))
                                      : addAccessor(std::vector<std::uint32_t>(indices.begin(), indices.end()));
-    std::string text =
-        joined("{\"micromap\":", number(primitive.micromap.micromap), ",\"micromapIndices\":", number(accessor));
+    JsonWriter json(JsonStyle::Compact);
+    json.beginObject().member("micromap", primitive.micromap.micromap).member("micromapIndices", accessor);
     if (primitive.micromap.baseTriangle != 0)
-        text += joined(",\"micromapBaseTriangle\":", number(primitive.micromap.baseTriangle));
-    return text + "}";
+        json.member("micromapBaseTriangle", primitive.micromap.baseTriangle);
+    return json.end().text();
 }
 
 // Gives an object the extension, or none where `text` is empty.
 void Writer::setExtension(const JsonValue &object, const std::string &text)
 {
-    checkOnce(object, "extensions");
     const JsonValue extensions = object["extensions"];
     if (!extensions.exists()) {
         if (!text.empty())
-            m_edit.set(object, "extensions", joined("{", quotedJson(kExtension), ":", text, "}"));
+            m_edit.set(object, "extensions",
+                       JsonWriter(JsonStyle::Compact).beginObject().key(kExtension).json(text).end().text());
         return;
     }
     if (!extensions.isObject())
@@ -260,14 +197,14 @@ void Writer::editPrimitives()
             }
             const BakedPrimitive &primitive = *found->second;
             if (!primitive.corners.empty()) {
-                constexpr const char *kTarget = ",\"target\":34963"; // ELEMENT_ARRAY_BUFFER
+                constexpr int kTarget = 34963; // ELEMENT_ARRAY_BUFFER
                 const std::vector<std::uint32_t> &corners = primitive.corners;
                 // 65535 would restart the primitive (glTF 2.0, "Overview" of meshes).
                 const bool small = *std::max_element(corners.begin(), corners.end()) < 0xffff;
                 const std::size_t accessor =
                     small ? addAccessor(std::vector<std::uint16_t>(corners.begin(), corners.end()), kTarget)
                           : addAccessor(corners, kTarget);
-                m_edit.set(primitives[p], "indices", number(accessor));
+                m_edit.set(primitives[p], "indices", std::to_string(accessor));
                 m_edit.set(primitives[p], "mode", "4");
             }
             setExtension(primitives[p],
@@ -281,14 +218,16 @@ void Writer::appendAll(const char *name, const std::vector<std::string> &element
     if (elements.empty())
         return;
     const JsonValue array = m_root[name];
-    std::string all;
+    JsonWriter all(JsonStyle::Compact);
+    all.beginArray();
     for (const std::string &element : elements) {
         if (array.exists())
             m_edit.append(array, element);
-        all += joined(all.empty() ? "" : ",", element);
+        else
+            all.json(element);
     }
     if (!array.exists())
-        m_edit.set(m_root, name, joined("[", all, "]"));
+        m_edit.set(m_root, name, all.end().text());
 }
 
 void Writer::setUsed(bool used)
@@ -327,37 +266,25 @@ void Writer::placeData(RewrittenFile &result)
     if (length > kMostBytes)
         throw GltfError("with micromaps it would be larger than 2 GiB");
     if (m_inChunk && m_root["buffers"].exists() && !m_root["buffers"].children().empty()) {
-        m_edit.set(m_root["buffers"].children()[0], "byteLength", number(length));
+        m_edit.set(m_root["buffers"].children()[0], "byteLength", std::to_string(length));
         return;
     }
-    std::string buffer = "{";
-    if (!m_inChunk) {
-        const bool embedded = m_document.binary() || m_bufferStem.empty();
-        if (!embedded)
-            result.bufferName = joined(m_bufferStem, "-", digest(m_data), ".bin");
-        buffer += joined("\"uri\":", quotedJson(embedded ? dataUri(m_data) : encodedUri(result.bufferName)), ",");
-        if (!embedded)
-            result.buffer.keep(std::move(m_data));
+    JsonWriter buffer(JsonStyle::Compact);
+    buffer.beginObject();
+    if (!m_inChunk && (m_document.binary() || m_bufferStem.empty())) {
+        buffer.member("uri", "data:application/octet-stream;base64," + base64Encoded(m_data));
+    } else if (!m_inChunk) {
+        result.bufferName = m_bufferStem + "-" + digest(m_data) + ".bin";
+        buffer.member("uri", encodedUri(result.bufferName));
+        result.buffer.keep(std::move(m_data));
     }
-    appendAll("buffers", {joined(buffer, "\"byteLength\":", number(length), "}")});
-}
-
-// Nobody gets a file that is broken, whatever was overlooked here.
-void checkEdited(const std::string &json)
-{
-    try {
-        if (JsonTree(json).root().end() == json.size())
-            return;
-    } catch (const GltfError &) {
-    }
-    throw std::logic_error("its JSON cannot be changed");
+    appendAll("buffers", {buffer.member("byteLength", length).end().text()});
 }
 
 void Writer::assemble(RewrittenFile &result)
 {
     const std::string json = m_edit.apply();
-    checkEdited(json);
-    const std::string_view original = m_document.json();
+    const std::string_view original = m_document.tree().text();
     std::vector<std::uint8_t> text(json.begin(), json.end());
     if (!m_document.binary()) {
         text.insert(text.end(), original.begin() + static_cast<std::ptrdiff_t>(m_root.end()), original.end());
@@ -400,19 +327,19 @@ void Writer::assemble(RewrittenFile &result)
 RewrittenFile Writer::write()
 {
     RewrittenFile result;
-    checkNumbers();
     m_inChunk = dataInChunk();
     if (m_inChunk) {
         const auto first = firstGlbChunk(m_document.otherChunks());
         const std::size_t old = first ? first->data.size() : 0;
-        m_dataBegin = (old + kBuildAlignment - 1) / kBuildAlignment * kBuildAlignment;
+        m_dataBegin = alignUp(old, kBuildAlignment);
     }
-    std::string micromaps;
-    for (const StoredMicromap &micromap : m_bake.micromaps)
-        micromaps += joined(micromaps.empty() ? "" : ",", micromapJson(micromap));
-    setExtension(m_root, micromaps.empty() ? "" : joined("{\"micromaps\":[", micromaps, "]}"));
+    const bool any = !m_bake.micromaps.empty();
+    JsonWriter json(JsonStyle::Compact);
+    json.beginObject().list("micromaps", m_bake.micromaps,
+                            [&](const StoredMicromap &micromap) { writeMicromap(micromap, json); });
+    setExtension(m_root, any ? json.end().text() : "");
     editPrimitives();
-    setUsed(!micromaps.empty());
+    setUsed(any);
     appendAll("bufferViews", m_views);
     appendAll("accessors", m_accessors);
     placeData(result);
@@ -424,8 +351,7 @@ RewrittenFile Writer::write()
 
 bool hasMicromaps(const Document &document)
 {
-    const JsonTree tree(document.json());
-    const JsonValue extensions = tree.root()["extensions"];
+    const JsonValue extensions = document.root()["extensions"];
     return extensions[kExtension].exists() || extensions[kEarlier].exists();
 }
 
@@ -433,7 +359,7 @@ RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, 
 {
     return document.named([&] {
         RewrittenFile result;
-        const bool has = std::string_view(document.json()).find("_mesh_opacity_micromap") != std::string_view::npos;
+        const bool has = document.tree().text().find("_mesh_opacity_micromap") != std::string_view::npos;
         if (bake.micromaps.empty() && !has) {
             result.file.add(document.bytes());
             return result;

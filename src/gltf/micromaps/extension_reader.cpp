@@ -5,10 +5,10 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "core/curve.h"
 #include "gltf/data/accessor.h"
-#include "gltf/file/tinygltf.h"
 
 namespace vellum
 {
@@ -53,27 +53,48 @@ struct LookupType {
 std::optional<LookupType> lookupType(int componentType)
 {
     switch (componentType) {
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return LookupType{1, lookupValue<std::uint8_t>};
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return LookupType{2, lookupValue<std::uint16_t>};
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: return LookupType{4, lookupValue<std::uint32_t>};
-    case TINYGLTF_COMPONENT_TYPE_SHORT: return LookupType{2, lookupValue<std::int16_t>};
-    case TINYGLTF_COMPONENT_TYPE_INT: return LookupType{4, lookupValue<std::int32_t>};
+    case gltf_json::kUnsignedByte: return LookupType{1, lookupValue<std::uint8_t>};
+    case gltf_json::kUnsignedShort: return LookupType{2, lookupValue<std::uint16_t>};
+    case gltf_json::kUnsignedInt: return LookupType{4, lookupValue<std::uint32_t>};
+    case gltf_json::kShort: return LookupType{2, lookupValue<std::int16_t>};
+    case gltf_json::kInt: return LookupType{4, lookupValue<std::int32_t>};
     default: return std::nullopt;
     }
 }
 
-std::uint64_t bufferBytes(const tinygltf::Model &model)
+std::uint64_t bufferBytes(const gltf_json::Model &model)
 {
     std::uint64_t bytes = 0;
-    for (const tinygltf::Buffer &buffer : model.buffers)
+    for (const gltf_json::Buffer &buffer : model.buffers)
         bytes += buffer.data.size();
     return bytes;
+}
+
+// Buffer views that accessors, images and compressed meshes have.
+std::set<std::int64_t> viewsOfOthers(const JsonValue &root)
+{
+    std::set<std::int64_t> views;
+    const auto add = [&](const JsonValue &of) {
+        if (const auto view = of["bufferView"].integer())
+            views.insert(*view);
+    };
+    for (const JsonValue &accessor : root["accessors"].children()) {
+        add(accessor);
+        add(accessor["sparse"]["indices"]);
+        add(accessor["sparse"]["values"]);
+    }
+    for (const JsonValue &image : root["images"].children())
+        add(image);
+    for (const JsonValue &mesh : root["meshes"].children())
+        for (const JsonValue &primitive : mesh["primitives"].children())
+            add(primitive["extensions"]["KHR_draco_mesh_compression"]);
+    return views;
 }
 
 } // namespace
 
 ExtensionReader::ExtensionReader(const Document &document, std::size_t most)
-    : m_document(document), m_tree(document.json()), m_most(most),
+    : m_document(document), m_root(document.root()), m_most(most),
       m_allowance(2 * bufferBytes(document.model()) + (std::uint64_t{64} << 20))
 {
 }
@@ -138,7 +159,7 @@ std::vector<std::int64_t> ExtensionReader::requiredList(const JsonValue &object,
 
 std::span<const std::uint8_t> ExtensionReader::view(std::int64_t index, const char *name)
 {
-    const tinygltf::Model &model = m_document.model();
+    const gltf_json::Model &model = m_document.model();
     if (index >= static_cast<std::int64_t>(model.bufferViews.size()))
         fail(std::string("\"") + name + "\": buffer view " + std::to_string(index) + " does not exist");
     return m_document.bufferViews().bytes(static_cast<int>(index), std::string("\"") + name + "\"");
@@ -151,12 +172,46 @@ void ExtensionReader::account(std::size_t bytes)
     m_allowance -= bytes;
 }
 
+std::optional<std::string> ExtensionReader::loss() const
+{
+    const std::size_t views = m_root["bufferViews"].children().size();
+    const std::set<std::int64_t> others = viewsOfOthers(m_root);
+    std::string first;
+    for (const char *spelling : kSpellings) {
+        const std::vector<JsonValue> micromaps = m_root["extensions"][spelling]["micromaps"].children();
+        for (std::size_t i = 0; i < micromaps.size(); ++i)
+            for (const char *name : {"data", "triangles"}) {
+                const auto view = micromaps[i][name].integer();
+                if (!view || *view < 0)
+                    return std::nullopt;
+                const bool missing = static_cast<std::uint64_t>(*view) >= views;
+                if (!missing && !others.contains(*view))
+                    return std::nullopt;
+                if (first.empty())
+                    first = std::string("\"")
+                                .append(name)
+                                .append("\" of micromaps[")
+                                .append(number(i))
+                                .append("] is buffer view ")
+                                .append(number(static_cast<std::uint64_t>(*view)))
+                                .append(missing ? ", which does not exist" : ", which is something else");
+            }
+    }
+    if (first.empty())
+        return std::nullopt;
+    return "the micromaps lost their data (" + first +
+           ") in a program that does not know them, such as gltf-pipeline; vellum bake repairs the file";
+}
+
 StoredMicromaps ExtensionReader::read()
 {
+    if (const auto lost = loss()) {
+        m_offences.push_back({"extensions", *lost});
+        return {};
+    }
     at("extensions", [&] { findExtension(); });
-    const JsonValue root = m_tree.root();
     if (!m_stored.extension.empty()) {
-        const std::vector<JsonValue> elements = root["extensions"][m_stored.extension]["micromaps"].children();
+        const std::vector<JsonValue> elements = m_root["extensions"][m_stored.extension]["micromaps"].children();
         m_stored.micromaps.resize(elements.size());
         m_whole.resize(elements.size());
         for (std::size_t i = 0; i < elements.size() && !full(); ++i) {
@@ -165,7 +220,7 @@ StoredMicromaps ExtensionReader::read()
             m_whole[i] = m_offences.size() == before;
         }
     }
-    const std::vector<JsonValue> meshes = root["meshes"].children();
+    const std::vector<JsonValue> meshes = m_root["meshes"].children();
     for (std::uint32_t m = 0; m < meshes.size() && !full(); ++m)
         at("mesh " + number(m), [&] { readMesh(m, meshes[m]); });
     return std::move(m_stored);
@@ -173,16 +228,15 @@ StoredMicromaps ExtensionReader::read()
 
 void ExtensionReader::findExtension()
 {
-    const JsonValue root = m_tree.root();
     for (const char *spelling : kSpellings) {
-        const JsonValue extension = root["extensions"][spelling];
+        const JsonValue extension = m_root["extensions"][spelling];
         if (!extension.exists() || !m_stored.extension.empty())
             continue;
         m_stored.extension = spelling;
         const JsonValue list = extension["micromaps"];
         if (!list.isArray() || list.children().empty())
             note(m_stored.extension + ": \"micromaps\" is not an array with elements");
-        const std::vector<JsonValue> used = root["extensionsUsed"].children();
+        const std::vector<JsonValue> used = m_root["extensionsUsed"].children();
         if (std::none_of(used.begin(), used.end(), [&](const JsonValue &name) { return name.string() == spelling; }))
             note("\"extensionsUsed\" does not name " + m_stored.extension);
     }
@@ -306,9 +360,6 @@ void ExtensionReader::checkUsage(const StoredMicromap &micromap)
 void ExtensionReader::readMesh(std::uint32_t mesh, const JsonValue &value)
 {
     const std::vector<JsonValue> primitives = value["primitives"].children();
-    // tinygltf leaves out what it cannot read, and then the numbers would mean other primitives.
-    const auto &meshes = m_document.model().meshes;
-    const bool same = mesh < meshes.size() && meshes[mesh].primitives.size() == primitives.size();
     for (std::uint32_t p = 0; p < primitives.size() && !full(); ++p) {
         const JsonValue extensions = primitives[p]["extensions"];
         for (const char *spelling : kSpellings) {
@@ -317,8 +368,6 @@ void ExtensionReader::readMesh(std::uint32_t mesh, const JsonValue &value)
                 continue;
             const PrimitivePlace place{mesh, p};
             at(m_document.nameOf(place), [&] {
-                if (!same)
-                    fail("a primitive of its mesh cannot be read");
                 if (m_stored.extension.empty())
                     fail(std::string("it has ") + spelling + ", the file's root has not");
                 readPrimitive(place, extension);
@@ -340,7 +389,7 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
     if (base > std::numeric_limits<std::uint32_t>::max())
         fail("micromapBaseTriangle " + std::to_string(base) + " is too large");
     const int mode = m_document.model().meshes[place.mesh].primitives[place.primitive].mode;
-    if (mode != -1 && mode != TINYGLTF_MODE_TRIANGLES)
+    if (mode != gltf_json::kTriangles)
         fail("its mode is " + std::to_string(mode) + ", not 4 (TRIANGLES)");
     if (!m_whole[micromap])
         return; // said there
@@ -365,32 +414,31 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
 
 std::uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
 {
-    const tinygltf::Model &model = m_document.model();
-    const tinygltf::Primitive &primitive = model.meshes[place.mesh].primitives[place.primitive];
+    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Primitive &primitive = model.meshes[place.mesh].primitives[place.primitive];
     if (primitive.indices >= 0)
         return accessorCount(model, primitive.indices, "indices") / 3;
-    const auto position = primitive.attributes.find("POSITION");
-    if (position == primitive.attributes.end())
+    if (primitive.attribute("POSITION") < 0)
         fail("it has no positions");
-    return accessorCount(model, position->second, "POSITION") / 3;
+    return accessorCount(model, primitive.attribute("POSITION"), "POSITION") / 3;
 }
 
 std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::uint64_t triangles)
 {
-    const tinygltf::Model &model = m_document.model();
+    const gltf_json::Model &model = m_document.model();
     const std::string what = "micromapIndices: accessor " + std::to_string(index);
     if (index >= static_cast<std::int64_t>(model.accessors.size()))
         fail(what + " does not exist");
-    const tinygltf::Accessor &accessor = model.accessors[static_cast<std::size_t>(index)];
+    const gltf_json::Accessor &accessor = model.accessors[static_cast<std::size_t>(index)];
     const auto type = lookupType(accessor.componentType);
-    if (accessor.type != TINYGLTF_TYPE_SCALAR || !type || accessor.normalized)
+    if (accessor.components != 1 || !type || accessor.normalized)
         fail(what + " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
     if (accessor.count != triangles)
         fail(what + " has " + number(accessor.count) + " elements for " + number(triangles) + " triangles");
-    if (accessor.sparse.isSparse || accessor.bufferView < 0)
+    if (accessor.sparse || accessor.bufferView < 0)
         fail(what + " has no buffer view of its own or is sparse, which is not supported");
     const auto bytes = m_document.bufferViews().bytes(accessor.bufferView, what);
-    const tinygltf::BufferView &range = model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
+    const gltf_json::BufferView &range = model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
     const std::size_t stride = range.byteStride == 0 ? type->bytes : range.byteStride;
     if ((range.byteOffset + accessor.byteOffset) % type->bytes != 0 || stride % type->bytes != 0)
         fail(what + " is not aligned to its component type");

@@ -20,6 +20,8 @@ public:
     // Stops at `most` offences.
     ExtensionReader(const Document &document, std::size_t most);
 
+    // As lossOfMicromaps().
+    [[nodiscard]] std::optional<std::string> loss() const;
     // What is whole; the others are left empty.
     StoredMicromaps read();
     [[nodiscard]] std::vector<MicromapOffence> takeOffences() { return std::move(m_offences); }
@@ -55,7 +57,7 @@ private:
     void account(std::size_t bytes);
 
     const Document &m_document;
-    JsonTree m_tree;
+    JsonValue m_root;
     std::size_t m_most;
     std::string m_place;
     std::vector<MicromapOffence> m_offences;

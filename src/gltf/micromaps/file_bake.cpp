@@ -48,7 +48,7 @@ void checkPaths(const Document &document, const std::filesystem::path &output)
 
 } // namespace
 
-FilesBeside filesBeside(std::string_view json, const std::filesystem::path &input, const std::filesystem::path &output)
+FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &input, const std::filesystem::path &output)
 {
     const std::filesystem::path from = folderOf(input);
     const std::filesystem::path to = folderOf(output);
@@ -56,7 +56,7 @@ FilesBeside filesBeside(std::string_view json, const std::filesystem::path &inpu
     std::error_code error;
     const bool sameFolder = std::filesystem::equivalent(from, to, error);
     std::set<std::filesystem::path> seen;
-    for (const std::filesystem::path &name : namedFiles(json)) {
+    for (const std::filesystem::path &name : namedFiles(root)) {
         const std::filesystem::path normal = name.lexically_normal();
         if (!seen.insert(normal).second || !std::filesystem::is_regular_file(from / normal, error))
             continue;
@@ -83,12 +83,20 @@ FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::pat
         FileBake result;
         result.inputBytes = document.bytes().size();
         result.replaced = hasMicromaps(document);
+        result.replacedLoss = lossOfMicromaps(document).value_or("");
         result.bake = bakeDocument(document, options);
+        if (options.measure) {
+            StoredMicromaps stored;
+            stored.micromaps = result.bake.micromaps;
+            for (const BakedPrimitive &primitive : result.bake.primitives)
+                stored.primitives[primitive.place] = primitive.micromap;
+            result.surface = surfaceShares(document, stored);
+        }
         for (const BakedPrimitive &primitive : result.bake.primitives)
             result.names.push_back(document.nameOf(primitive.place));
         for (const LeftPrimitive &primitive : result.bake.left)
             result.leftNames.push_back(document.nameOf(primitive.place));
-        const FilesBeside beside = filesBeside(document.json(), input, output);
+        const FilesBeside beside = filesBeside(document.root(), input, output);
         const RewrittenFile rewritten =
             withMicromaps(document, result.bake, document.binary() || options.embed ? "" : bufferStem(output));
         result.outputBytes = rewritten.file.size() + rewritten.buffer.size();

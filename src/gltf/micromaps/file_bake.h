@@ -2,9 +2,9 @@
 #pragma once
 
 #include <filesystem>
-#include <string_view>
 
 #include "gltf/micromaps/document_bake.h"
+#include "gltf/micromaps/known_surface.h"
 
 namespace vellum
 {
@@ -12,6 +12,8 @@ namespace vellum
 struct FileBakeOptions : DocumentBakeOptions {
     // Puts the micromaps of a .gltf into the file itself, in a data URI, instead of into a file beside it.
     bool embed = false;
+    // Measures the surface of the scene, for which its vertices are read once more.
+    bool measure = false;
 };
 
 struct FileBake {
@@ -19,8 +21,10 @@ struct FileBake {
     std::vector<std::string> names;     // of bake.primitives: `mesh 2 "leaves" primitive 0`
     std::vector<std::string> leftNames; // of bake.left
     bool replaced = false;              // the input had micromaps
-    std::uint64_t inputBytes = 0;       // of the file itself
-    std::uint64_t outputBytes = 0;      // and with the file of micromaps beside it
+    std::string replacedLoss;           // that had lost their data: as lossOfMicromaps() says
+    std::optional<SurfaceShares> surface;
+    std::uint64_t inputBytes = 0;  // of the file itself
+    std::uint64_t outputBytes = 0; // and with the file of micromaps beside it
 };
 
 // The files that a document names, as far as they exist.
@@ -35,7 +39,7 @@ struct FilesBeside {
 
 // Throws GltfError, without the path of the input, where the output is one of them or a copy would be outside of the
 // output's folder.
-FilesBeside filesBeside(std::string_view json, const std::filesystem::path &input, const std::filesystem::path &output);
+FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &input, const std::filesystem::path &output);
 
 // Bakes `input` and writes `output`, which must be another file; .glb becomes .glb and .gltf becomes .gltf, with its
 // micromaps in `tree.omm-0123456789abcdef.bin` beside `tree.gltf`, where the digits are a digest of them: no other

@@ -7,6 +7,11 @@
 namespace vellum
 {
 
+std::optional<std::string> lossOfMicromaps(const Document &document)
+{
+    return document.named([&] { return ExtensionReader(document, 1).loss(); });
+}
+
 std::vector<MicromapOffence> findMicromapOffences(const Document &document, std::size_t most)
 {
     return document.named([&] {

@@ -45,6 +45,10 @@ struct MicromapOffence {
     std::string message; // "usageCounts add up to 12 triangles, there are 10"
 };
 
+// What happened to a file that a program has written which keeps extensions that it does not know, and drops the buffer
+// views that only they refer to (gltf-pipeline); in one line. Nothing where that did not happen.
+std::optional<std::string> lossOfMicromaps(const Document &document);
+
 // Every offence, at most `most` of them. What is wrong beside the extension (a buffer view that reaches outside of its
 // buffer) is among them where the extension depends on it.
 std::vector<MicromapOffence> findMicromapOffences(const Document &document, std::size_t most = 100);

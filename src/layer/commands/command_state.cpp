@@ -1,9 +1,11 @@
 #include "layer/commands/command_state.h"
 
+#include <algorithm>
 #include <atomic>
 
 #include "layer/commands/device_commands.h"
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 
 namespace vellum::layer
 {
@@ -109,12 +111,19 @@ VkResult allocateCommandBuffers(DeviceCommands &device, VkDevice handle, const V
                                 VkCommandBuffer *buffers)
 {
     const VkResult result = device.driver.next.AllocateCommandBuffers(handle, info, buffers);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i) {
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] {
+        freeCommandBuffers(device, handle, info->commandPool, info->commandBufferCount, buffers);
+        std::fill_n(buffers, info->commandBufferCount, VK_NULL_HANDLE);
+    });
+    for (uint32_t i = 0; i < info->commandBufferCount; ++i) {
         auto state = std::make_shared<CommandState>(device.buffers.scratch);
         state->pool = info->commandPool;
         state->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
         device.states.add(buffers[i], std::move(state));
     }
+    undo.keep();
     return result;
 }
 

@@ -14,17 +14,12 @@ namespace
 
 using namespace shared;
 
-struct Entry {
-    uint32_t what, triangle, value0, value1;
-    uint64_t object;
-};
-
 struct Text {
     const char *id;
     std::string text;
 };
 
-Text textOf(const Entry &e)
+Text textOf(const LogEntry &e)
 {
     const std::string triangle = "triangle " + std::to_string(e.triangle) + ": ";
     const std::string level = std::to_string(e.value1 & 0xffffu);
@@ -91,41 +86,56 @@ VkResult Complaints::create(const GpuContext &context)
     return log_.create(context, (kLogHeaderWords + kLogCapacity * kLogEntryWords) * 4);
 }
 
-void Complaints::drainLocked(Reporter &report)
+bool Complaints::hasNew() const
 {
-    if (!log_.words())
-        return;
-    uint32_t *words = log_.words();
+    const uint32_t *words = log_.words();
+    return words && __atomic_load_n(words + kLogCount, __ATOMIC_ACQUIRE) != seen_.load(std::memory_order_relaxed);
+}
+
+std::optional<LogEntry> Complaints::take()
+{
+    std::lock_guard lock(mutex_);
+    const uint32_t *words = log_.words();
     const uint32_t logged = __atomic_load_n(words + kLogCount, __ATOMIC_ACQUIRE);
-    for (; reported_ < std::min(logged, kLogCapacity); ++reported_) {
-        const uint32_t *at = words + kLogHeaderWords + reported_ * kLogEntryWords;
-        Entry entry{__atomic_load_n(at, __ATOMIC_ACQUIRE), at[1], at[2], at[3], 0};
-        if (entry.what == 0)
-            return; // still being written
-        std::memcpy(&entry.object, at + 4, sizeof entry.object);
-        complain(report, entry.what, entry.triangle, entry.value0, entry.value1, entry.object);
+    if (reported_ == std::min(logged, kLogCapacity)) {
+        seen_.store(logged, std::memory_order_relaxed);
+        return std::nullopt;
     }
-    if (logged > kLogCapacity && !toldOfOverflow_) {
-        toldOfOverflow_ = true;
-        report.error("VELLUM-validation-log", "more wrong input than the " + std::to_string(kLogCapacity) +
-                                                  " reported; the rest is told of after vkDeviceWaitIdle");
-    }
+    const uint32_t *at = words + kLogHeaderWords + reported_ * kLogEntryWords;
+    LogEntry entry{__atomic_load_n(at, __ATOMIC_ACQUIRE), at[1], at[2], at[3], 0};
+    if (entry.what == 0)
+        return std::nullopt; // still being written
+    std::memcpy(&entry.object, at + 4, sizeof entry.object);
+    ++reported_;
+    return entry;
 }
 
 void Complaints::drain(Reporter &report)
 {
-    std::lock_guard lock(mutex_);
-    drainLocked(report);
+    if (!hasNew())
+        return;
+    while (const auto entry = take())
+        complain(report, entry->what, entry->triangle, entry->value0, entry->value1, entry->object);
+    bool overflows = false;
+    {
+        std::lock_guard lock(mutex_);
+        overflows = seen_.load(std::memory_order_relaxed) > kLogCapacity && !toldOfOverflow_;
+        toldOfOverflow_ |= overflows;
+    }
+    if (overflows)
+        report.error("VELLUM-validation-log", "more wrong input than the " + std::to_string(kLogCapacity) +
+                                                  " reported; the rest is told of after vkDeviceWaitIdle");
 }
 
 void Complaints::drainIdle(Reporter &report)
 {
+    drain(report);
     std::lock_guard lock(mutex_);
-    drainLocked(report);
     if (reported_ == 0)
         return;
     std::memset(log_.words(), 0, (kLogHeaderWords + reported_ * kLogEntryWords) * 4);
     reported_ = 0;
+    seen_.store(0, std::memory_order_relaxed);
     toldOfOverflow_ = false;
 }
 

@@ -2,7 +2,9 @@
 // memory, and the host tells of it where it learns that work is done, or hands in more work.
 #pragma once
 
+#include <atomic>
 #include <mutex>
+#include <optional>
 
 #include <vulkan/vulkan.h>
 
@@ -24,6 +26,12 @@ constexpr uint64_t complaintObject(VkObjectType type, uint64_t handle)
 // Tells of one wrong input; what: kComplaint* of core/records.h, which say what the values are.
 void complain(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1, uint64_t object);
 
+// One wrong input, as the device has logged it.
+struct LogEntry {
+    uint32_t what, triangle, value0, value1;
+    uint64_t object;
+};
+
 class Complaints
 {
 public:
@@ -32,15 +40,20 @@ public:
     [[nodiscard]] VkDeviceAddress address() const { return log_.address(); }
     // Reports what the device has logged since the last call, each entry once.
     void drain(Reporter &report);
-    // The same while the device does nothing: then the log can begin anew.
+    // The same while the device does nothing, and cannot begin to: then the log can begin anew. vkDeviceWaitIdle has
+    // all queues to itself until it returns ("externally synchronized"), and the layer's own trials do not log.
     void drainIdle(Reporter &report);
 
 private:
-    void drainLocked(Reporter &report);
+    // Whether the log has grown. Every poll of a fence asks, so no lock is taken.
+    [[nodiscard]] bool hasNew() const;
+    // The next entry to be reported; none, where there are no more yet.
+    std::optional<LogEntry> take();
 
-    std::mutex mutex_;
     GpuBuffer log_;
-    uint32_t reported_ = 0;
+    std::mutex mutex_;              // guards what is below; not held while messages are sent
+    uint32_t reported_ = 0;         // entries
+    std::atomic<uint32_t> seen_{0}; // of all that were logged, also beyond the log's end; read without the mutex
     bool toldOfOverflow_ = false;
 };
 

@@ -16,7 +16,7 @@ class DeferredWork
 {
 public:
     virtual ~DeferredWork() = default;
-    virtual void finish() = 0;
+    virtual void finish() noexcept = 0;
 };
 
 // An operation that the driver has deferred. Several threads may find it complete at the same time; none may go on

@@ -4,76 +4,12 @@
 #include <vector>
 
 #include "layer/commands/device_commands.h"
-#include "shaders/blas_records.h"
-#include "shaders/hit_records.h"
-#include "shaders/marked_size.h"
-#include "shaders/micromap_analyse.h"
-#include "shaders/micromap_check.h"
-#include "shaders/micromap_clear.h"
-#include "shaders/micromap_fold.h"
-#include "shaders/micromap_lossy.h"
-#include "shaders/micromap_lossy_choose.h"
-#include "shaders/micromap_lossy_parts.h"
-#include "shaders/micromap_move.h"
-#include "shaders/micromap_owners.h"
-#include "shaders/micromap_parts.h"
-#include "shaders/micromap_place.h"
-#include "shaders/micromap_scan.h"
-#include "shaders/micromap_share.h"
-#include "shaders/micromap_stay.h"
-#include "shaders/micromap_sums.h"
-#include "shaders/micromap_triangles.h"
-#include "shaders/query_value.h"
-#include "shaders/structure_copy.h"
-#include "shaders/structure_restore.h"
-#include "shaders/structure_save.h"
-#include "shaders/structure_size.h"
-#include "shaders/tlas_instances.h"
-#include "shaders/top_save.h"
-#include "shaders/wide_indices.h"
+#include "layer/commands/injected_words.h"
 
 namespace vellum::layer
 {
 namespace
 {
-
-struct Code {
-    const uint32_t *words;
-    size_t bytes;
-};
-
-Code codeOf(InjectedShader shader)
-{
-    switch (shader) {
-    case InjectedShader::MicromapClear: return {micromap_clear, sizeof micromap_clear};
-    case InjectedShader::MicromapStay: return {micromap_stay, sizeof micromap_stay};
-    case InjectedShader::MicromapCheck: return {micromap_check, sizeof micromap_check};
-    case InjectedShader::MicromapAnalyse: return {micromap_analyse, sizeof micromap_analyse};
-    case InjectedShader::MicromapParts: return {micromap_parts, sizeof micromap_parts};
-    case InjectedShader::MicromapShare: return {micromap_share, sizeof micromap_share};
-    case InjectedShader::MicromapSums: return {micromap_sums, sizeof micromap_sums};
-    case InjectedShader::MicromapScan: return {micromap_scan, sizeof micromap_scan};
-    case InjectedShader::MicromapPlace: return {micromap_place, sizeof micromap_place};
-    case InjectedShader::MicromapFold: return {micromap_fold, sizeof micromap_fold};
-    case InjectedShader::MicromapOwners: return {micromap_owners, sizeof micromap_owners};
-    case InjectedShader::MicromapLossy: return {micromap_lossy, sizeof micromap_lossy};
-    case InjectedShader::MicromapLossyParts: return {micromap_lossy_parts, sizeof micromap_lossy_parts};
-    case InjectedShader::MicromapLossyChoose: return {micromap_lossy_choose, sizeof micromap_lossy_choose};
-    case InjectedShader::MicromapMove: return {micromap_move, sizeof micromap_move};
-    case InjectedShader::QueryValue: return {query_value, sizeof query_value};
-    case InjectedShader::MicromapTriangles: return {micromap_triangles, sizeof micromap_triangles};
-    case InjectedShader::MarkedSize: return {marked_size, sizeof marked_size};
-    case InjectedShader::WideIndices: return {wide_indices, sizeof wide_indices};
-    case InjectedShader::BlasRecords: return {blas_records, sizeof blas_records};
-    case InjectedShader::HitRecords: return {hit_records, sizeof hit_records};
-    case InjectedShader::StructureCopy: return {structure_copy, sizeof structure_copy};
-    case InjectedShader::StructureSave: return {structure_save, sizeof structure_save};
-    case InjectedShader::StructureRestore: return {structure_restore, sizeof structure_restore};
-    case InjectedShader::StructureSize: return {structure_size, sizeof structure_size};
-    case InjectedShader::TopSave: return {top_save, sizeof top_save};
-    default: return {tlas_instances, sizeof tlas_instances};
-    }
-}
 
 constexpr uint32_t kMaxGroups = 65535; // the least maxComputeWorkGroupCount
 
@@ -108,10 +44,10 @@ VkPipeline InjectedPipelines::get(InjectedShader shader)
     VkPipeline &pipeline = pipelines_[static_cast<size_t>(shader)];
     if (pipeline)
         return pipeline;
-    const Code code = codeOf(shader);
+    const std::span code = kInjectedWords[static_cast<size_t>(shader)];
     VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
-    moduleInfo.codeSize = code.bytes;
-    moduleInfo.pCode = code.words;
+    moduleInfo.codeSize = code.size_bytes();
+    moduleInfo.pCode = code.data();
     VkShaderModule module = VK_NULL_HANDLE;
     if (context_.next->CreateShaderModule(context_.device, &moduleInfo, nullptr, &module) != VK_SUCCESS)
         return VK_NULL_HANDLE;
@@ -155,6 +91,8 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
         return false;
     }
     const DeviceTable &next = device_.driver.next;
+    if (!disturbed_ && state_ && device_.driver.keepsOldPushConstants)
+        pushed_ = pushedConstants(); // now, since the end must not fail
     if (!disturbed_ && state_ && state_->conditionalRendering) {
         // The application's condition is about its own draws and dispatches, not about builds.
         next.CmdEndConditionalRenderingEXT(commandBuffer_);
@@ -202,8 +140,7 @@ void InjectedWork::barrier(bool forHost)
                                            nullptr);
 }
 
-// A dispatch of nothing, with what the application has pushed; zeros, as in a new command buffer, where it has not.
-void InjectedWork::uploadPushConstants()
+std::vector<std::byte> InjectedWork::pushedConstants() const
 {
     std::vector<std::byte> bytes(device_.injected.pushBytes());
     for (const CommandState::PushedConstants &push : state_->pushes) {
@@ -211,9 +148,7 @@ void InjectedWork::uploadPushConstants()
             std::copy_n(push.bytes.begin(), std::min(push.bytes.size(), bytes.size() - push.offset),
                         bytes.data() + push.offset);
     }
-    device_.driver.next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
-                                         device_.injected.pushBytes(), bytes.data());
-    device_.driver.next.CmdDispatch(commandBuffer_, 0, 1, 1);
+    return bytes;
 }
 
 InjectedWork::~InjectedWork()
@@ -221,8 +156,11 @@ InjectedWork::~InjectedWork()
     if (!disturbed_ || !state_)
         return;
     const DeviceTable &next = device_.driver.next;
-    if (device_.driver.keepsOldPushConstants)
-        uploadPushConstants();
+    if (!pushed_.empty()) { // a dispatch of nothing lets the driver take them over
+        next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
+                              static_cast<uint32_t>(pushed_.size()), pushed_.data());
+        next.CmdDispatch(commandBuffer_, 0, 1, 1);
+    }
     if (state_->computePipeline) {
         next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, state_->computePipeline);
     } else if (state_->computeShader && next.CmdBindShadersEXT) {

@@ -47,6 +47,19 @@ void translate(const Driver &driver, Barrier &barrier)
     barrier.dstStageMask = driverStages(barrier.dstStageMask);
 }
 
+// Warns where the driver gets a barrier with stages and accesses that it does not know.
+template <typename Barrier>
+void warnOfUntranslated(const Driver &driver, const Barrier &barrier)
+{
+    Barrier own = barrier;
+    translate(driver, own);
+    if (own.srcAccessMask != barrier.srcAccessMask || own.dstAccessMask != barrier.dstAccessMask ||
+        own.srcStageMask != barrier.srcStageMask || own.dstStageMask != barrier.dstStageMask)
+        driver.report().warning("VELLUM-unknown-structure",
+                                "a barrier of micromaps lies behind a structure of unknown size: the driver gets its "
+                                "stages and accesses as they are");
+}
+
 // A copy of a dependency info with every barrier translated. Where micromaps are the driver's, so are their stages and
 // accesses: only ranges are changed.
 class DriverDependency
@@ -92,6 +105,9 @@ private:
                        chain_.edit<VkMemoryRangeBarriersInfoKHR>(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)) {
             ranges_.assign(own->pMemoryRangeBarriers, own->pMemoryRangeBarriers + own->memoryRangeBarrierCount);
             own->pMemoryRangeBarriers = translated(ranges_, own->memoryRangeBarrierCount);
+        } else {
+            for (uint32_t i = 0; i < ranges->memoryRangeBarrierCount; ++i)
+                warnOfUntranslated(driver_, ranges->pMemoryRangeBarriers[i]);
         }
     }
 
@@ -219,6 +235,9 @@ VkResult createRenderPass2(DeviceCommands &device, VkDevice handle, const VkRend
         Chain &chain = chains.emplace_back(dependency.pNext);
         if (auto *barrier = chain.edit<VkMemoryBarrier2>(VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
             translate(device.driver, *barrier);
+        else if (const auto *application =
+                     findInChain<VkMemoryBarrier2>(dependency.pNext, VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
+            warnOfUntranslated(device.driver, *application);
         dependency.pNext = chain.head();
     }
     driverInfo.pDependencies = dependencies.data();

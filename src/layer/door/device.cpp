@@ -1,48 +1,30 @@
 #include "layer/door/device.h"
+#include "layer/structures/emulated_backend.h"
+#include "layer/translation/ext_backend.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cstring>
-#include <shared_mutex>
 #include <string>
 #include <thread>
-#include <unordered_map>
+#include <type_traits>
 #include <vector>
 
 #include <vulkan/vk_layer.h>
 
 #include "layer/door/hidden_extensions.h"
+#include "layer/door/registry.h"
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-// Every intercepted command looks its device up, on all threads at once: a lock that they share, even one for readers,
-// would be written by each of them. So the first devices, which are all that most processes have, lie in places that
-// are read without one. A place changes only while its device is made or destroyed, when no command may name it; what
-// others read there meanwhile is another key than theirs.
-struct DevicePlace {
-    std::atomic<void *> key = nullptr;
-    std::atomic<Device *> device = nullptr;
-};
-std::array<DevicePlace, 16> devicePlaces;
-
-std::shared_mutex devicesMutex;
-std::unordered_map<void *, std::unique_ptr<Device>> devices;
-
-void setPlace(void *oldKey, void *key, Device *device)
-{
-    for (DevicePlace &place : devicePlaces) {
-        if (place.key.load(std::memory_order_relaxed) != oldKey)
-            continue;
-        place.device.store(device, std::memory_order_relaxed);
-        place.key.store(key, std::memory_order_release);
-        return;
-    }
-}
+constinit Registry<Device> devices;
+// At the end of the process nothing is destroyed.
+static_assert(std::is_trivially_destructible_v<Registry<Device>>);
 
 bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
 {
@@ -187,10 +169,11 @@ std::string keptAddresses(const Instance &instance, VkPhysicalDevice physicalDev
     return path;
 }
 
-// The device as the driver is asked for it: without what the layer provides, with what the layer needs.
+// The device as the driver is asked for it: without what the layer provides, with what the layer needs. Where the
+// driver cannot be asked for replayed addresses, `gpu` has none.
 struct DriverDeviceInfo {
     DriverDeviceInfo(const VkDeviceCreateInfo &application, const Driver &driver, const Implementations &have,
-                     const GpuContext &gpu)
+                     GpuContext &gpu)
         : info(application), chain(application.pNext)
     {
         const bool ownAddressCommands = driver.ownAddressCommands;
@@ -214,9 +197,9 @@ struct DriverDeviceInfo {
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
-        if (driver.translated)
-            possible = setExtFeature(driver.asked.khr);
-        else
+        if (driver.translated && !setExtFeature(driver.asked.khr))
+            impossible = "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable micromap";
+        if (!driver.translated)
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
         if (ownAddressCommands)
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
@@ -224,22 +207,34 @@ struct DriverDeviceInfo {
             chain.remove(newer::kPipelineOpacityMicromapFeatures);
         if (!keepsExt)
             chain.remove(newer::kDisplacementMicromapFeatures);
-        // The tables are reached by address from every rewritten shader.
-        if (auto *core =
-                chain.edit<VkPhysicalDeviceVulkan12Features>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES)) {
-            core->bufferDeviceAddress = VK_TRUE;
-            core->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
-        } else if (auto *own = chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(
-                       VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
-            own->bufferDeviceAddress = VK_TRUE;
-            own->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
-        } else if (!findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES) &&
-                   !findInChain(chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES)) {
-            addresses.bufferDeviceAddress = VK_TRUE;
-            addresses.bufferDeviceAddressCaptureReplay = VkBool32{gpu.replaysAddresses};
-            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
-        }
+        if (!enableAddresses(gpu))
+            impossible = "the structure in which the layer has to enable bufferDeviceAddress";
         info.pNext = chain.head();
+    }
+    // The tables are reached by address from every rewritten shader.
+    bool enableAddresses(GpuContext &gpu)
+    {
+        const auto enable = [&gpu](auto *features) {
+            if (features) {
+                features->bufferDeviceAddress = VK_TRUE;
+                features->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
+            }
+            return features != nullptr;
+        };
+        constexpr VkStructureType kCore = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+        constexpr VkStructureType kOwn = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES;
+        if (enable(chain.edit<VkPhysicalDeviceVulkan12Features>(kCore)) ||
+            enable(chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(kOwn)))
+            return true;
+        const auto *core = findInChain<VkPhysicalDeviceVulkan12Features>(chain.head(), kCore);
+        const auto *own = findInChain<VkPhysicalDeviceBufferDeviceAddressFeatures>(chain.head(), kOwn);
+        if (!core && !own) {
+            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
+            return enable(&addresses);
+        }
+        // It lies behind a structure of unknown size, and is what the application made it.
+        gpu.replaysAddresses = false;
+        return core ? core->bufferDeviceAddress : own->bufferDeviceAddress;
     }
     // The driver's micromaps, for those of VK_KHR_opacity_micromap. Whether the driver can be asked for them.
     bool setExtFeature(bool needed)
@@ -258,7 +253,7 @@ struct DriverDeviceInfo {
         }
         return true;
     }
-    bool possible = true;
+    const char *impossible = nullptr; // what lies behind a structure of unknown size, and must be changed
     VkDeviceCreateInfo info;
     Chain chain;
     std::vector<const char *> extensions;
@@ -344,21 +339,13 @@ VkResult startTranslation(const DriverFacts &facts, Device &device)
 
 Device *deviceOfKey(void *key)
 {
-    for (const DevicePlace &place : devicePlaces) {
-        if (place.key.load(std::memory_order_acquire) == key)
-            return place.device.load(std::memory_order_relaxed);
-    }
-    std::shared_lock lock(devicesMutex);
-    const auto it = devices.find(key);
-    return it == devices.end() ? nullptr : it->second.get();
+    return devices.find(key);
 }
 
 bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle)
 {
-    std::shared_lock lock(devicesMutex);
-    return std::any_of(devices.begin(), devices.end(), [&](const auto &entry) {
-        return entry.second->instance == &instance && entry.second->objects.own(type, handle);
-    });
+    return devices.any(
+        [&](const Device &device) { return device.instance == &instance && device.objects.own(type, handle); });
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
@@ -395,16 +382,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     }
     if (provided.translated) {
         device->buffers.gpu.driversMicromaps = device->driver.asked.ext || device->driver.asked.khr;
-        device->translation.limits = driverLimits(instance, physicalDevice);
-        const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
-        if (!driverInfo.possible) {
-            instance.report.error("VELLUM-device-features",
-                                  "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable "
-                                  "micromap, lies behind a structure of unknown size");
-            return VK_ERROR_FEATURE_NOT_PRESENT;
-        }
-        result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
+        device->structures.backend =
+            std::make_unique<ExtBackend>(device->translation, driverLimits(instance, physicalDevice));
     } else if (provided.emulated) {
+        device->structures.backend = std::make_unique<EmulatedBackend>(device->structures);
         if (device->driver.asked.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
             return VK_ERROR_FEATURE_NOT_PRESENT;
@@ -413,7 +394,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         // An application that replays addresses has all of them to itself.
         device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
                                                replaysAddresses(instance, physicalDevice);
+    }
+    if (provided.translated || provided.emulated) {
         const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
+        if (driverInfo.impossible) {
+            instance.report.error("VELLUM-device-features",
+                                  std::string(driverInfo.impossible) + " lies behind a structure of unknown size");
+            return VK_ERROR_FEATURE_NOT_PRESENT;
+        }
         result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
     } else {
         result = nextCreate(physicalDevice, info, allocator, handle);
@@ -422,6 +410,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         return result;
 
     static std::atomic<uint64_t> numbers{0};
+    device->driver.next.load(*handle, nextDeviceGet);
+    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
+    Undo undo([&] {
+        device.reset();
+        destroy(*handle, allocator);
+        *handle = VK_NULL_HANDLE;
+    });
     device->driver.handle = *handle;
     device->driver.number = ++numbers;
     device->driver.physicalDevice = physicalDevice;
@@ -429,7 +424,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.instance = &instance.next;
     device->driver.settings = &instance.settings;
     device->driver.reporter = &instance.report;
-    device->driver.next.load(*handle, nextDeviceGet);
     if (device->driver.emulated || device->driver.translated) {
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->buffers.gpu.device = *handle;
@@ -442,10 +436,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
                                          : startTranslation(facts, *device);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
-            const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
-            device.reset();
-            destroy(*handle, allocator);
-            *handle = VK_NULL_HANDLE;
             return result;
         }
         instance.report.info("VELLUM-device",
@@ -454,9 +444,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
                                  : "VK_KHR_opacity_micromap is translated to the driver's VK_EXT_opacity_micromap on "
                                    "this device");
     }
-    std::unique_lock lock(devicesMutex);
-    setPlace(nullptr, dispatchKey(*handle), device.get());
-    devices[dispatchKey(*handle)] = std::move(device);
+    devices.add(*device.release(), dispatchKey(*handle));
+    undo.keep();
     return VK_SUCCESS;
 }
 
@@ -464,21 +453,24 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
 {
     if (!handle)
         return;
-    std::unique_ptr<Device> device;
-    {
-        std::unique_lock lock(devicesMutex);
-        const auto it = devices.find(dispatchKey(handle));
-        if (it == devices.end())
-            return;
-        device = std::move(it->second);
-        devices.erase(it);
-        setPlace(dispatchKey(handle), nullptr, nullptr);
-    }
+    std::unique_ptr<Device> device(devices.take(dispatchKey(handle)));
+    if (!device)
+        return;
+    const Undo undo([&] {
+        const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
+        device.reset();
+        destroy(handle, allocator);
+    });
     reportNotices(device->objects);
     device->commands.complaints.drain(device->driver.report());
-    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
-    device.reset();
-    destroy(handle, allocator);
+}
+
+bool forgetDevices(const Instance &instance)
+{
+    bool any = false;
+    while (devices.take([&](const Device &device) { return device.instance == &instance; }))
+        any = true;
+    return any;
 }
 
 } // namespace vellum::layer

@@ -13,7 +13,7 @@
 namespace vellum::layer
 {
 
-struct Device {
+struct Device : Registered<Device> {
     Instance *instance = nullptr;
 
     // Each uses those before it, and ends before they do.
@@ -38,6 +38,10 @@ Device &deviceOf(DispatchableHandle handle)
 
 // Whether an object of some device of the instance is the layer's own, which means nothing to the driver.
 bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle);
+
+// Devices that are alive when their instance is destroyed are no longer known, and neither they nor what the layer has
+// made on them are destroyed: the application's threads and the GPU may still be using it. Whether there were any.
+bool forgetDevices(const Instance &instance);
 
 // What a room has of a device: its commands take that as their first parameter.
 template <typename Room>

@@ -17,9 +17,7 @@
 #include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/shader_binary.h"
 #include "layer/pipelines/shaders.h"
-#include "layer/structures/structure_build.h"
-#include "layer/structures/structure_copy.h"
-#include "layer/structures/structure_create.h"
+#include "layer/structures/structure_commands.h"
 #include "layer/translation/translation.h"
 
 namespace vellum::layer
@@ -31,19 +29,17 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, const char *name);
 
 enum class Scope {
-    Global,            // before there is an instance
-    Instance,          // where the next layer has it
-    Device,            // on every device
-    Debug,             // on every device, where the next layer has it; loaders call it through the instance's chain
-    Emulated,          // on emulated devices, where the next layer has it
-    Identified,        // likewise, and where only identifiers of shader modules are the layer's
-    Translated,        // on devices whose VK_KHR_opacity_micromap is the driver's VK_EXT_opacity_micromap, likewise
-    Provided,          // on both, likewise
-    Own,               // on emulated devices: the commands of VK_EXT_opacity_micromap
-    Address,           // where VK_KHR_device_address_commands is enabled and the layer's
-    Create2,           // where VK_KHR_device_address_commands is enabled, whoever's it is
-    EmulatedCreate2,   // the same of emulated devices
-    TranslatedCreate2, // and of translated ones
+    Global,     // before there is an instance
+    Instance,   // where the next layer has it
+    Device,     // on every device
+    Debug,      // on every device, where the next layer has it; loaders call it through the instance's chain
+    Emulated,   // on emulated devices, where the next layer has it
+    Identified, // likewise, and where only identifiers of shader modules are the layer's
+    Translated, // on devices whose VK_KHR_opacity_micromap is the driver's VK_EXT_opacity_micromap, likewise
+    Provided,   // on both, likewise
+    Own,        // on emulated devices: the commands of VK_EXT_opacity_micromap
+    Address,    // where VK_KHR_device_address_commands is enabled and the layer's
+    Create2,    // where VK_KHR_device_address_commands is enabled, whoever's it is
 };
 
 struct Row {
@@ -146,8 +142,8 @@ const Row kRows[] = {
     row<getQueryPoolResults>("vkGetQueryPoolResults", Scope::Provided),
     row<cmdResetQueryPool>("vkCmdResetQueryPool", Scope::Provided),
     row<cmdCopyQueryPoolResults>("vkCmdCopyQueryPoolResults", Scope::Provided),
-    row<cmdWriteAccelerationStructuresProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
-    row<writeAccelerationStructuresProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Emulated),
+    row<cmdWriteAccelerationStructuresProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Provided),
+    row<writeAccelerationStructuresProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Provided),
     row<queueWaitIdle>("vkQueueWaitIdle", Scope::Emulated),
     row<deviceWaitIdle>("vkDeviceWaitIdle", Scope::Emulated),
     row<waitForFences>("vkWaitForFences", Scope::Emulated),
@@ -196,24 +192,24 @@ const Row kRows[] = {
     row<createShaders>("vkCreateShadersEXT", Scope::Emulated),
     row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
 
-    row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Emulated),
-    row<destroyAccelerationStructure>("vkDestroyAccelerationStructureKHR", Scope::Emulated),
-    row<getAccelerationStructureBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Emulated),
-    row<getAccelerationStructureDeviceAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Emulated),
+    row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Provided),
+    row<destroyAccelerationStructure>("vkDestroyAccelerationStructureKHR", Scope::Provided),
+    row<getAccelerationStructureBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Provided),
+    row<getAccelerationStructureDeviceAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Provided),
     row<getAccelerationStructureCaptureData>("vkGetAccelerationStructureOpaqueCaptureDescriptorDataEXT",
                                              Scope::Provided),
     row<getDeviceAccelerationStructureCompatibility>("vkGetDeviceAccelerationStructureCompatibilityKHR",
-                                                     Scope::Emulated),
-    row<cmdBuildAccelerationStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Emulated),
+                                                     Scope::Provided),
+    row<cmdBuildAccelerationStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Provided),
 
-    row<cmdBuildAccelerationStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Emulated),
-    row<buildAccelerationStructures>("vkBuildAccelerationStructuresKHR", Scope::Emulated),
-    row<copyAccelerationStructure>("vkCopyAccelerationStructureKHR", Scope::Emulated),
-    row<copyAccelerationStructureToMemory>("vkCopyAccelerationStructureToMemoryKHR", Scope::Emulated),
-    row<copyMemoryToAccelerationStructure>("vkCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
-    row<cmdCopyAccelerationStructure>("vkCmdCopyAccelerationStructureKHR", Scope::Emulated),
-    row<cmdCopyMemoryToAccelerationStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Emulated),
-    row<cmdCopyAccelerationStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Emulated),
+    row<cmdBuildAccelerationStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Provided),
+    row<buildAccelerationStructures>("vkBuildAccelerationStructuresKHR", Scope::Provided),
+    row<copyAccelerationStructure>("vkCopyAccelerationStructureKHR", Scope::Provided),
+    row<copyAccelerationStructureToMemory>("vkCopyAccelerationStructureToMemoryKHR", Scope::Provided),
+    row<copyMemoryToAccelerationStructure>("vkCopyMemoryToAccelerationStructureKHR", Scope::Provided),
+    row<cmdCopyAccelerationStructure>("vkCmdCopyAccelerationStructureKHR", Scope::Provided),
+    row<cmdCopyMemoryToAccelerationStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Provided),
+    row<cmdCopyAccelerationStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Provided),
 
     row<allocateCommandBuffers>("vkAllocateCommandBuffers", Scope::Provided),
     row<freeCommandBuffers>("vkFreeCommandBuffers", Scope::Provided),
@@ -244,7 +240,7 @@ const Row kRows[] = {
     row<createRenderPass2>("vkCreateRenderPass2", Scope::Emulated),
     row<createRenderPass2>("vkCreateRenderPass2KHR", Scope::Emulated),
 
-    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::EmulatedCreate2),
+    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::Create2),
 
     row<createMicromap>("vkCreateMicromapEXT", Scope::Own),
     row<destroyMicromap>("vkDestroyMicromapEXT", Scope::Own),
@@ -261,24 +257,8 @@ const Row kRows[] = {
     row<copyMemoryToMicromap>("vkCopyMemoryToMicromapEXT", Scope::Own),
     row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Own),
 
-    row<createTranslatedStructure>("vkCreateAccelerationStructureKHR", Scope::Translated),
-    row<createTranslatedStructure2>("vkCreateAccelerationStructure2KHR", Scope::TranslatedCreate2),
-    row<destroyTranslatedStructure>("vkDestroyAccelerationStructureKHR", Scope::Translated),
-    row<getTranslatedStructureAddress>("vkGetAccelerationStructureDeviceAddressKHR", Scope::Translated),
-    row<getTranslatedCompatibility>("vkGetDeviceAccelerationStructureCompatibilityKHR", Scope::Translated),
-    row<getTranslatedBuildSizes>("vkGetAccelerationStructureBuildSizesKHR", Scope::Translated),
-    row<cmdBuildTranslatedStructures>("vkCmdBuildAccelerationStructuresKHR", Scope::Translated),
-    row<cmdBuildTranslatedStructuresIndirect>("vkCmdBuildAccelerationStructuresIndirectKHR", Scope::Translated),
-    row<buildTranslatedStructures>("vkBuildAccelerationStructuresKHR", Scope::Translated),
-    row<cmdCopyTranslatedStructure>("vkCmdCopyAccelerationStructureKHR", Scope::Translated),
-    row<cmdCopyTranslatedStructureToMemory>("vkCmdCopyAccelerationStructureToMemoryKHR", Scope::Translated),
-    row<cmdCopyMemoryToTranslatedStructure>("vkCmdCopyMemoryToAccelerationStructureKHR", Scope::Translated),
-    row<copyTranslatedStructure>("vkCopyAccelerationStructureKHR", Scope::Translated),
-    row<copyTranslatedStructureToMemory>("vkCopyAccelerationStructureToMemoryKHR", Scope::Translated),
-    row<copyMemoryToTranslatedStructure>("vkCopyMemoryToAccelerationStructureKHR", Scope::Translated),
-    row<cmdWriteTranslatedProperties>("vkCmdWriteAccelerationStructuresPropertiesKHR", Scope::Translated),
-    row<writeTranslatedProperties>("vkWriteAccelerationStructuresPropertiesKHR", Scope::Translated),
     row<createTranslatedModule>("vkCreateShaderModule", Scope::Translated),
+    row<destroyTranslatedModule>("vkDestroyShaderModule", Scope::Translated),
     row<createTranslatedComputePipelines>("vkCreateComputePipelines", Scope::Translated),
     row<createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Translated),
     row<createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Translated),
@@ -340,8 +320,6 @@ bool applies(const Row &row, const Driver &driver, PFN_vkVoidFunction next)
     case Scope::Own: return driver.emulated && driver.asked.ext;
     case Scope::Address: return provided && driver.ownAddressCommands;
     case Scope::Create2: return provided && driver.asked.addressCommands;
-    case Scope::EmulatedCreate2: return driver.emulated && driver.asked.addressCommands;
-    case Scope::TranslatedCreate2: return driver.translated && driver.asked.addressCommands;
     }
     return false;
 }

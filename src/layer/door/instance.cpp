@@ -5,17 +5,18 @@
 #include <cstring>
 #include <memory>
 #include <mutex>
-#include <shared_mutex>
 #include <string>
-#include <unordered_map>
+#include <type_traits>
 #include <vector>
 
 #include <vulkan/vk_layer.h>
 
 #include "core/curve.h"
 #include "core/records.h"
+#include "layer/door/device.h"
 #include "layer/door/hidden_extensions.h"
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 #include "layer/memory/buffers.h"
 #include "layer/memory/fixed_memory.h"
 #include "layer/pipelines/module_identifiers.h"
@@ -26,8 +27,8 @@ namespace vellum::layer
 namespace
 {
 
-std::shared_mutex instancesMutex;
-std::unordered_map<void *, std::unique_ptr<Instance>> instances;
+constinit Registry<Instance> instances;
+static_assert(std::is_trivially_destructible_v<Registry<Instance>>);
 
 constexpr const char *kDescription = "Opacity micromaps for every device that traces rays";
 
@@ -230,9 +231,7 @@ bool replaysAddresses(Instance &instance, VkPhysicalDevice device)
 
 Instance *instanceOfKey(void *key)
 {
-    std::shared_lock lock(instancesMutex);
-    const auto it = instances.find(key);
-    return it == instances.end() ? nullptr : it->second.get();
+    return instances.find(key);
 }
 
 Implementation Implementations::of(const char *extension) const
@@ -281,8 +280,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     instance->handle = *handle;
     instance->isVulkan11 = isVulkan11(*info);
     instance->next.load(*handle, nextGet, instance->isVulkan11);
-    std::unique_lock lock(instancesMutex);
-    instances[dispatchKey(*handle)] = std::move(instance);
+    instances.add(*instance.release(), dispatchKey(*handle));
     return VK_SUCCESS;
 }
 
@@ -290,16 +288,13 @@ VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance handle, const VkAllocation
 {
     if (!handle)
         return;
-    std::unique_ptr<Instance> instance;
-    {
-        std::unique_lock lock(instancesMutex);
-        const auto it = instances.find(dispatchKey(handle));
-        if (it == instances.end())
-            return;
-        instance = std::move(it->second);
-        instances.erase(it);
-    }
-    instance->next.DestroyInstance(handle, allocator);
+    std::unique_ptr<Instance> instance(instances.take(dispatchKey(handle)));
+    if (!instance)
+        return;
+    const PFN_vkDestroyInstance destroy = instance->next.DestroyInstance;
+    if (forgetDevices(*instance))
+        static_cast<void>(instance.release()); // they use it
+    destroy(handle, allocator);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceLayerProperties(uint32_t *count, VkLayerProperties *properties)
@@ -307,7 +302,7 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceLayerProperties(uint32_t *count,
     VkLayerProperties own{};
     std::strcpy(own.layerName, kLayerName);
     std::strcpy(own.description, kDescription);
-    own.specVersion = VK_API_VERSION_1_3;
+    own.specVersion = VK_MAKE_API_VERSION(0, 1, 4, 359); // as in the manifest
     own.implementationVersion = 1;
     return giveList<VkLayerProperties>({own}, count, properties);
 }
@@ -370,6 +365,13 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->deviceAddressCommands = VK_TRUE;
     if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
         own->pipelineOpacityMicromap = VK_TRUE;
+    // Emulation needs the GPU for builds and copies of acceleration structures: their host commands are always
+    // rejected.
+    auto *structures = const_cast<VkPhysicalDeviceAccelerationStructureFeaturesKHR *>(
+        findInChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR));
+    if (structures && have.ext == Implementation::Emulation)
+        structures->accelerationStructureHostCommands = VK_FALSE;
     if (const auto hidden = hiddenOn(have))
         clearHiddenFeatures(*features, hidden);
 }
@@ -427,11 +429,13 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalD
 {
     Instance &instance = instanceOf(physicalDevice);
     VkPhysicalDeviceExternalBufferInfo driverInfo = *info;
+    Chain chain(info->pNext);
     const Implementations have = implementationsOn(instance, physicalDevice);
     if (have.khr == Implementation::Translation)
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(translatedUsage(info->usage));
+        editUsage(instance.report, chain, driverInfo.usage, info->flags, translatedUsage);
     else if (have.anyEmulated())
-        driverInfo.usage = static_cast<VkBufferUsageFlags>(emulatedUsage(info->usage));
+        editUsage(instance.report, chain, driverInfo.usage, info->flags, emulatedUsage);
+    driverInfo.pNext = chain.head();
     instance.next.GetPhysicalDeviceExternalBufferProperties(physicalDevice, &driverInfo, properties);
 }
 
@@ -475,8 +479,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createDebugUtilsMessenger(VkInstance handle,
 {
     Instance &instance = instanceOf(handle);
     const VkResult result = instance.next.CreateDebugUtilsMessengerEXT(handle, info, allocator, messenger);
-    if (result == VK_SUCCESS)
-        instance.report.addMessenger(*messenger, *info);
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] { instance.next.DestroyDebugUtilsMessengerEXT(handle, *messenger, allocator); });
+    instance.report.addMessenger(*messenger, *info);
+    undo.keep();
     return result;
 }
 

@@ -8,6 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/door/registry.h"
 #include "layer/ground/driver.h"
 #include "layer/ground/report.h"
 #include "layer/ground/settings.h"
@@ -24,7 +25,7 @@ void *dispatchKey(DispatchableHandle handle)
     return *reinterpret_cast<void **>(handle);
 }
 
-struct Instance {
+struct Instance : Registered<Instance> {
     VkInstance handle = VK_NULL_HANDLE;
     InstanceTable next;
     bool isVulkan11 = false; // or later, by the application's version

@@ -3,9 +3,8 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
-#include <mutex>
-#include <optional>
 
 #include <vulkan/vulkan.h>
 

@@ -17,12 +17,33 @@ namespace vellum::layer
 template <typename Handle, typename Value>
 class HandleMap
 {
+    using Values = std::unordered_map<Handle, Value>;
+
 public:
     void set(Handle handle, Value value)
     {
         Shard &shard = shardOf(handle);
         std::unique_lock lock(shard.mutex);
+        shard.grow();
         shard.values[handle] = std::move(value);
+    }
+
+    // A value without its handle, which is set without allocating: of what the driver makes later, where nothing may
+    // fail any more.
+    using Entry = typename Values::node_type;
+    [[nodiscard]] static Entry entry(Value value)
+    {
+        Values one;
+        one.emplace(Handle{}, std::move(value));
+        return one.extract(one.begin());
+    }
+    void set(Handle handle, Entry entry) noexcept
+    {
+        Shard &shard = shardOf(handle);
+        std::unique_lock lock(shard.mutex);
+        entry.key() = handle;
+        if (auto known = shard.values.insert(std::move(entry)); !known.inserted)
+            known.position->second = std::move(known.node.mapped());
     }
     // A copy of the value; a default one where there is none.
     [[nodiscard]] Value get(Handle handle) const
@@ -47,8 +68,16 @@ public:
 
 private:
     struct Shard {
+        // It grows when grow() says so, and not by itself: insertion of an entry does not allocate then.
+        Shard() { values.max_load_factor(1e9f); }
+        void grow()
+        {
+            if (values.size() >= values.bucket_count())
+                values.rehash(values.size() * 2 + kFirstBuckets);
+        }
+        static constexpr std::size_t kFirstBuckets = 13;
         mutable std::shared_mutex mutex;
-        std::unordered_map<Handle, Value> values;
+        Values values;
     };
     static std::size_t index(Handle handle)
     {

@@ -1,6 +1,7 @@
 #include "layer/ground/report.h"
 
 #include <cstdio>
+#include <new>
 
 namespace vellum::layer
 {
@@ -37,12 +38,21 @@ void Reporter::setName(uint64_t object, const std::string &name)
         names_[object] = name;
 }
 
-void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, const std::string &text,
-                    VkObjectType type, uint64_t object)
+void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text,
+                    VkObjectType type, uint64_t object) noexcept
 {
-    const std::string fullId = std::string(kMessagePrefix) + id;
+    try {
+        sendTo(severity, std::string(kMessagePrefix) + id, std::string(text), type, object);
+    } catch (const std::bad_alloc &) {
+        std::fprintf(stderr, "vellum: %s%s: %.*s\n", kMessagePrefix, id, static_cast<int>(text.size()), text.data());
+    }
+}
+
+void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
+                      VkObjectType type, uint64_t object)
+{
     if (levelOf(severity) <= level_)
-        std::fprintf(stderr, "vellum: %s: %s\n", fullId.c_str(), text.c_str());
+        std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
 
     std::vector<Messenger> messengers;
     std::string objectName;
@@ -57,7 +67,7 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
                                        objectName.empty() ? nullptr : objectName.c_str()};
     VkDebugUtilsMessengerCallbackDataEXT data{};
     data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
-    data.pMessageIdName = fullId.c_str();
+    data.pMessageIdName = id.c_str();
     data.pMessage = text.c_str();
     data.objectCount = object != 0 ? 1 : 0;
     data.pObjects = &name;

@@ -1,10 +1,19 @@
 #include "layer/ground/settings.h"
 
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <variant>
+#include <vector>
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "layer/ground/pnext.h"
 #include "layer/ground/vulkan_newer.h"
@@ -16,6 +25,48 @@ namespace
 
 constexpr const char *kFilePrefix = "vellum_opacity_micromap.";
 
+// A setting is called by its key in structures, in files with kFilePrefix before it, and in capitals with
+// kVariablePrefix, or that after VK_, in the environment. The manifest and docs/using.md list the same
+// (tests/structure/check_settings.py).
+struct Row {
+    const char *key;
+    std::variant<bool Settings::*, ReportLevel Settings::*, std::string Settings::*> member;
+};
+constexpr Row kRows[] = {
+    {"force_emulation", &Settings::forceEmulation},
+    {"report", &Settings::report},
+    {"validate", &Settings::validate},
+    {"strict", &Settings::strict},
+    {"assume_micromaps", &Settings::assumeMicromaps},
+    {"constant_ray_flags", &Settings::constantRayFlags},
+    {"cache_folder", &Settings::cacheFolder},
+    {"dump_shaders", &Settings::dumpShaders},
+};
+
+// Variables that begin like those of settings: of the project's tests, and of libvellum's module for Python.
+constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY"};
+
+constexpr std::pair<const char *, ReportLevel> kLevels[] = {
+    {"none", ReportLevel::None},    {"error", ReportLevel::Error}, {"warning", ReportLevel::Warning},
+    {"warn", ReportLevel::Warning}, {"info", ReportLevel::Info},   {"0", ReportLevel::None},
+    {"off", ReportLevel::None},     {"false", ReportLevel::None},  {"1", ReportLevel::Info},
+    {"on", ReportLevel::Info},      {"true", ReportLevel::Info},
+};
+constexpr std::pair<const char *, bool> kBooleans[] = {
+    {"true", true}, {"false", false}, {"1", true}, {"0", false}, {"on", true}, {"off", false},
+};
+
+// Prints what is wrong with the settings, each thing once in the life of the process: they are read before there is a
+// messenger, and may turn messages off.
+void reportOnce(const std::string &text)
+{
+    static std::mutex mutex;
+    static auto &printed = *new std::set<std::string>; // never destroyed: instances may be created by exit handlers
+    std::lock_guard lock(mutex);
+    if (printed.insert(text).second)
+        std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
+}
+
 std::string trimmed(const std::string &text)
 {
     const std::size_t first = text.find_first_not_of(" \t\r");
@@ -24,40 +75,59 @@ std::string trimmed(const std::string &text)
     return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
 }
 
-bool isTrue(const std::string &value)
+std::string inCapitals(std::string text)
 {
-    return value == "1" || value == "true" || value == "TRUE" || value == "on";
+    std::ranges::transform(text, text.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    return text;
 }
 
-ReportLevel reportLevel(const std::string &value)
+template <typename Value, std::size_t count>
+std::optional<Value> named(const std::pair<const char *, Value> (&values)[count], const std::string &text)
 {
-    if (value == "error")
-        return ReportLevel::Error;
-    if (value == "warning" || value == "warn")
-        return ReportLevel::Warning;
-    if (value == "info" || value == "1" || value == "true")
-        return ReportLevel::Info;
-    return ReportLevel::None;
+    const auto found =
+        std::ranges::find_if(values, [&](const auto &value) { return inCapitals(value.first) == inCapitals(text); });
+    return found == std::end(values) ? std::nullopt : std::optional(found->second);
 }
 
-void apply(Settings &settings, const std::string &key, const std::string &value)
+// A setting as someone gave it.
+struct Given {
+    std::string key;
+    std::string origin;
+    std::string value;
+
+    [[nodiscard]] std::string is(const std::string &found) const { return key + " is " + found + " (" + origin + ")"; }
+};
+
+template <typename Value, std::size_t count>
+void assign(Value &setting, const std::pair<const char *, Value> (&values)[count], const Given &given,
+            const char *expected)
 {
-    if (key == "force_emulation")
-        settings.forceEmulation = isTrue(value);
-    else if (key == "validate")
-        settings.validate = isTrue(value);
-    else if (key == "assume_micromaps")
-        settings.assumeMicromaps = isTrue(value);
-    else if (key == "constant_ray_flags")
-        settings.constantRayFlags = isTrue(value);
-    else if (key == "strict")
-        settings.strict = isTrue(value);
-    else if (key == "report")
-        settings.report = reportLevel(value);
-    else if (key == "dump_shaders")
-        settings.dumpShaders = value;
-    else if (key == "cache_folder")
-        settings.cacheFolder = value;
+    if (const std::optional<Value> value = named(values, given.value))
+        setting = *value;
+    else
+        reportOnce(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
+}
+
+void apply(Settings &settings, const Row &row, const Given &given)
+{
+    if (const auto *text = std::get_if<std::string Settings::*>(&row.member))
+        settings.**text = given.value;
+    else if (given.value.empty())
+        return;
+    else if (const auto *level = std::get_if<ReportLevel Settings::*>(&row.member))
+        assign(settings.**level, kLevels, given, "error, warning, info or none");
+    else
+        assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
+}
+
+// Null, after a report, where there is no such setting.
+const Row *rowOf(const Given &given)
+{
+    const auto found = std::ranges::find_if(kRows, [&](const Row &row) { return given.key == row.key; });
+    if (found != std::end(kRows))
+        return &*found;
+    reportOnce("there is no setting " + given.key + " (" + given.origin + ")");
+    return nullptr;
 }
 
 // By the XDG Base Directory Specification. Nowhere in programs that run with more rights than their user has.
@@ -70,41 +140,107 @@ std::string userCacheFolder()
     return {};
 }
 
-std::string settingsFile()
+bool isFile(const std::string &path)
 {
-    const char *path = std::getenv("VK_LAYER_SETTINGS_PATH");
-    if (!path || !*path)
-        return "vk_layer_settings.txt";
     struct stat status {
     };
-    const bool folder = stat(path, &status) == 0 && S_ISDIR(status.st_mode);
-    return folder ? std::string(path) + "/vk_layer_settings.txt" : path;
+    return stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
+// Of the files that there are, the first of: the one that VK_LAYER_SETTINGS_PATH names; that of the user, which Vulkan
+// Configurator writes; that in the working directory; that of the machine. Empty if there is none.
+std::string settingsFile()
+{
+    const std::string name = "vk_layer_settings.txt";
+    const std::string below = "vulkan/settings.d/";
+    if (const char *path = std::getenv("VK_LAYER_SETTINGS_PATH"); path && *path) {
+        for (const std::string &file : {std::string(path), path + ("/" + name)}) {
+            if (isFile(file))
+                return file;
+        }
+        reportOnce("VK_LAYER_SETTINGS_PATH is \"" + std::string(path) +
+                   "\" and must be a file of settings, or a folder with one");
+    }
+    std::vector<std::string> folders;
+    if (const char *data = secure_getenv("XDG_DATA_HOME"); data && *data == '/')
+        folders.push_back(data + ("/" + below));
+    else if (const char *home = secure_getenv("HOME"); home && *home == '/')
+        folders.push_back(home + ("/.local/share/" + below));
+    folders.insert(folders.end(), {"", "/etc/" + below});
+    for (const std::string &folder : folders) {
+        if (isFile(folder + name))
+            return folder + name;
+    }
+    return {};
+}
+
+// An empty value there, as Configurator writes where its user gives none, is no value.
 void readFile(Settings &settings)
 {
-    std::ifstream file(settingsFile());
-    for (std::string line; std::getline(file, line);) {
+    const std::string path = settingsFile();
+    std::ifstream file(path);
+    for (std::string line; !path.empty() && std::getline(file, line);) {
         line = trimmed(line.substr(0, line.find('#')));
         const std::size_t equals = line.find('=');
         if (equals == std::string::npos || line.rfind(kFilePrefix, 0) != 0)
             continue;
-        const std::size_t start = std::strlen(kFilePrefix);
-        apply(settings, trimmed(line.substr(start, equals - start)), trimmed(line.substr(equals + 1)));
+        const std::size_t begin = std::strlen(kFilePrefix);
+        const Given given{trimmed(line.substr(begin, equals - begin)), path, trimmed(line.substr(equals + 1))};
+        const Row *row = rowOf(given);
+        if (row && !given.value.empty())
+            apply(settings, *row, given);
     }
 }
 
-void readStructure(Settings &settings, const void *instanceChain)
+void readStructures(Settings &settings, const void *chain)
 {
-    const auto *info = findInChain<newer::LayerSettingsCreateInfo>(instanceChain, newer::kLayerSettingsCreateInfo);
-    for (uint32_t i = 0; info && i < info->settingCount; ++i) {
-        const newer::LayerSetting &setting = info->pSettings[i];
-        if (std::strcmp(setting.pLayerName, kLayerName) != 0 || setting.valueCount == 0)
-            continue;
-        if (setting.type == newer::kLayerSettingBool32)
-            apply(settings, setting.pSettingName, *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false");
-        else if (setting.type == newer::kLayerSettingString)
-            apply(settings, setting.pSettingName, *static_cast<const char *const *>(setting.pValues));
+    const auto find = [](const void *from) {
+        return findInChain<newer::LayerSettingsCreateInfo>(from, newer::kLayerSettingsCreateInfo);
+    };
+    for (const auto *info = find(chain); info; info = find(info->pNext)) {
+        for (uint32_t i = 0; i < info->settingCount; ++i) {
+            const newer::LayerSetting &setting = info->pSettings[i];
+            if (std::strcmp(setting.pLayerName, kLayerName) != 0)
+                continue;
+            Given given{setting.pSettingName, "VkLayerSettingEXT", {}};
+            const Row *row = rowOf(given);
+            if (!row || setting.valueCount == 0)
+                continue;
+            const bool isText = std::holds_alternative<std::string Settings::*>(row->member);
+            if (setting.type == newer::kLayerSettingString)
+                given.value = *static_cast<const char *const *>(setting.pValues);
+            else if (setting.type == newer::kLayerSettingBool32 && !isText)
+                given.value = *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false";
+            else {
+                reportOnce(given.is("of type " + std::to_string(setting.type)) + " and must be of type " +
+                           (isText ? "STRING" : "BOOL32 or STRING") + "; the setting is ignored");
+                continue;
+            }
+            apply(settings, *row, given);
+        }
+    }
+}
+
+void readVariables(Settings &settings)
+{
+    const std::string prefix = kVariablePrefix;
+    for (const std::string &before : {"VK_" + prefix, prefix}) {
+        for (const Row &row : kRows) {
+            const std::string name = before + inCapitals(row.key);
+            if (const char *value = std::getenv(name.c_str()))
+                apply(settings, row, {row.key, name, value});
+        }
+        for (char **variable = environ; variable && *variable; ++variable) {
+            const std::string name(*variable, std::strcspn(*variable, "="));
+            if (!name.starts_with(before))
+                continue;
+            const std::string key = name.substr(before.size());
+            const bool isSetting =
+                std::ranges::any_of(kRows, [&](const Row &row) { return key == inCapitals(row.key); });
+            if (!isSetting &&
+                std::ranges::none_of(kOtherVariables, [&](const char *other) { return key.starts_with(other); }))
+                reportOnce("there is no setting " + name);
+        }
     }
 }
 
@@ -115,21 +251,8 @@ Settings readSettings(const void *instanceChain)
     Settings settings;
     settings.cacheFolder = userCacheFolder();
     readFile(settings);
-    readStructure(settings, instanceChain);
-    const std::pair<const char *, const char *> variables[] = {
-        {"FORCE_EMULATION", "force_emulation"},
-        {"REPORT", "report"},
-        {"VALIDATE", "validate"},
-        {"ASSUME_MICROMAPS", "assume_micromaps"},
-        {"STRICT", "strict"},
-        {"CONSTANT_RAY_FLAGS", "constant_ray_flags"},
-        {"DUMP_SHADERS", "dump_shaders"},
-        {"CACHE_FOLDER", "cache_folder"},
-    };
-    for (const auto &[variable, key] : variables) {
-        if (const char *value = std::getenv((std::string(kVariablePrefix) + variable).c_str()))
-            apply(settings, key, value);
-    }
+    readStructures(settings, instanceChain);
+    readVariables(settings);
     return settings;
 }
 

@@ -1,5 +1,5 @@
-// The layer's settings. Sources, the later ones winning: vk_layer_settings.txt (working directory, or the file or
-// folder that VK_LAYER_SETTINGS_PATH names), VkLayerSettingsCreateInfoEXT, environment variables.
+// The layer's settings. Sources, the later ones winning: vk_layer_settings.txt, VkLayerSettingsCreateInfoEXT, environment
+// variables. Names and values that are none are reported on stderr.
 #pragma once
 
 #include <string>

@@ -72,6 +72,14 @@ struct DisplacementMicromapProperties {
     uint32_t maxDisplacementMicromapSubdivisionLevel;
 };
 
+// VK_KHR_maintenance6
+inline constexpr auto kBindMemoryStatus = static_cast<VkStructureType>(1000545002);
+struct BindMemoryStatus {
+    VkStructureType sType;
+    const void *pNext;
+    VkResult *pResult;
+};
+
 // VK_KHR_map_memory2 (core in 1.4)
 struct MemoryMapInfo {
     VkStructureType sType;

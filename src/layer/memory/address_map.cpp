@@ -78,6 +78,15 @@ VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
     return place.buffer ? place.bytes : UINT64_MAX;
 }
 
+uint32_t AddressMap::elementsFrom(VkDeviceAddress address, VkDeviceSize bytes, VkDeviceSize stride) const
+{
+    const VkDeviceSize readable = bytesFrom(address);
+    if (readable < bytes)
+        return 0;
+    return stride == 0 ? UINT32_MAX
+                       : static_cast<uint32_t>(std::min<VkDeviceSize>((readable - bytes) / stride, UINT32_MAX - 1)) + 1;
+}
+
 AddressMap::Place AddressMap::covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
 {
     std::shared_lock lock(mutex_);

@@ -30,6 +30,9 @@ public:
     [[nodiscard]] VkDeviceAddress addressOf(VkBuffer buffer) const;
     // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
     [[nodiscard]] VkDeviceSize bytesFrom(VkDeviceAddress address) const;
+    // Elements of `bytes` bytes, `stride` apart, that lie between `address` and the end of its buffer; at most
+    // UINT32_MAX.
+    [[nodiscard]] uint32_t elementsFrom(VkDeviceAddress address, VkDeviceSize bytes, VkDeviceSize stride) const;
     // A buffer that all of a range lies in and that has all of the usage flags. Buffers may alias each other in
     // memory, and so in addresses: the one that an address came from cannot be told, any that may be used will do.
     [[nodiscard]] Place covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 #include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
@@ -13,18 +14,26 @@ namespace
 constexpr VkFlags64 kMicromapUsages =
     VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT;
 
+constexpr VkFlags64 kTileMemoryUsage = 0x08000000; // VK_BUFFER_USAGE_TILE_MEMORY_BIT_QCOM
+
+VkFlags64 sameUsage(VkFlags64 usage, VkBufferCreateFlags)
+{
+    return usage;
+}
+
+VkFlags64 (*usageOn(const Driver &driver))(VkFlags64, VkBufferCreateFlags)
+{
+    if (driver.emulated)
+        return emulatedUsage;
+    return driver.translated && driver.asked.khr ? translatedUsage : sameUsage;
+}
+
 // The application's create info as the driver is to see it.
 struct DriverBufferInfo {
     DriverBufferInfo(const Driver &driver, const VkBufferCreateInfo &application)
         : info(application), chain(application.pNext)
     {
-        usage = driverUsage(driver, application.usage);
-        info.usage = static_cast<VkBufferUsageFlags>(usage);
-        // Where it is given, it replaces the 32-bit flags (VK_KHR_maintenance5).
-        if (findInChain(application.pNext, newer::kBufferUsageFlags2CreateInfo)) {
-            if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
-                usage = flags2->usage = driverUsage(driver, flags2->usage);
-        }
+        usage = editUsage(driver.report(), chain, info.usage, info.flags, usageOn(driver));
         info.pNext = chain.head();
     }
     VkBufferCreateInfo info;
@@ -34,13 +43,15 @@ struct DriverBufferInfo {
 
 } // namespace
 
-VkFlags64 emulatedUsage(VkFlags64 usage)
+VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags)
 {
     const VkFlags64 storage =
         VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
     const VkFlags64 inputs = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT |
                              VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
     VkFlags64 result = usage & ~kMicromapUsages;
+    if ((flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 || (usage & kTileMemoryUsage) != 0)
+        return result;
     // Micromap data is copied, where it can stay as it lies.
     if (usage & inputs)
         result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
@@ -61,7 +72,7 @@ VkFlags64 emulatedUsage(VkFlags64 usage)
     return result;
 }
 
-VkFlags64 translatedUsage(VkFlags64 usage)
+VkFlags64 translatedUsage(VkFlags64 usage, VkBufferCreateFlags)
 {
     VkFlags64 result = usage;
     if (usage & VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR)
@@ -71,11 +82,24 @@ VkFlags64 translatedUsage(VkFlags64 usage)
     return result;
 }
 
-VkFlags64 driverUsage(const Driver &driver, VkFlags64 usage)
+VkFlags64 editUsage(Reporter &report, Chain &chain, VkBufferUsageFlags &usage, VkBufferCreateFlags flags,
+                    VkFlags64 (*driversUsage)(VkFlags64 usage, VkBufferCreateFlags flags))
 {
-    if (driver.emulated)
-        return emulatedUsage(usage);
-    return driver.translated && driver.asked.khr ? translatedUsage(usage) : usage;
+    const VkFlags64 usage32 = driversUsage(usage, flags);
+    usage = static_cast<VkBufferUsageFlags>(usage32);
+    const auto *application =
+        findInChain<newer::BufferUsageFlags2CreateInfo>(chain.head(), newer::kBufferUsageFlags2CreateInfo);
+    if (!application)
+        return usage32;
+    const VkFlags64 usage64 = driversUsage(application->usage, flags);
+    if (auto *own = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
+        return own->usage = usage64;
+    if (usage64 != application->usage)
+        report.warning(
+            "VELLUM-unknown-structure",
+            "VkBufferUsageFlags2CreateInfo lies behind a structure of unknown size: the driver gets the usage "
+            "as it is, without what micromaps and acceleration structures need there");
+    return application->usage;
 }
 
 VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCreateInfo *info,
@@ -83,8 +107,11 @@ VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCrea
 {
     const DriverBufferInfo driverInfo(device.driver, *info);
     const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
-    if (result == VK_SUCCESS)
-        device.infos.set(*buffer, {info->size, driverInfo.usage, ++device.numbers});
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] { device.driver.next.DestroyBuffer(handle, *buffer, allocator); });
+    device.infos.set(*buffer, {info->size, driverInfo.usage, ++device.numbers});
+    undo.keep();
     return result;
 }
 
@@ -109,22 +136,32 @@ void getDeviceBufferMemoryRequirements(DeviceBuffers &device, VkDevice handle,
 VkResult allocateMemory(DeviceBuffers &device, VkDevice handle, const VkMemoryAllocateInfo *info,
                         const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
-    // Acceleration structure storage gets a device address (driverUsage above), which its memory must allow
+    // Acceleration structure storage gets a device address (emulatedUsage), which its memory must allow
     // (VUID-vkBindBufferMemory-bufferDeviceAddress-03339). Which memory that will be is not known here.
     VkMemoryAllocateInfo driverInfo = *info;
     Chain chain(info->pNext);
     VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
     if (auto *own = chain.edit<VkMemoryAllocateFlagsInfo>(VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO)) {
         own->flags |= VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    } else if (!findInChain(info->pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO)) {
+    } else if (const auto *application =
+                   findInChain<VkMemoryAllocateFlagsInfo>(info->pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO)) {
+        if ((application->flags & VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT) == 0)
+            device.driver.report().warning(
+                "VELLUM-unknown-structure",
+                "VkMemoryAllocateFlagsInfo lies behind a structure of unknown size: the memory is allocated without "
+                "DEVICE_ADDRESS, which buffers for micromaps and acceleration structures need");
+    } else {
         flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
         chain.prepend(reinterpret_cast<VkBaseInStructure *>(&flags));
     }
     driverInfo.pNext = chain.head();
     const VkResult result = device.driver.next.AllocateMemory(handle, &driverInfo, allocator, memory);
-    if (result == VK_SUCCESS)
-        device.host.allocated(*memory, info->allocationSize,
-                              device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] { device.driver.next.FreeMemory(handle, *memory, allocator); });
+    device.host.allocated(*memory, info->allocationSize,
+                          device.gpu.memory.memoryTypes[info->memoryTypeIndex].propertyFlags);
+    undo.keep();
     return result;
 }
 
@@ -153,10 +190,8 @@ void cmdBindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuff
     std::vector<Chain> chains;
     chains.reserve(count);
     for (VkDescriptorBufferBindingInfoEXT &info : own) {
-        info.usage = static_cast<VkBufferUsageFlags>(driverUsage(device.driver, info.usage));
         Chain &chain = chains.emplace_back(info.pNext);
-        if (auto *flags2 = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
-            flags2->usage = driverUsage(device.driver, flags2->usage);
+        editUsage(device.driver.report(), chain, info.usage, 0, usageOn(device.driver));
         info.pNext = const_cast<void *>(chain.head());
     }
     device.driver.next.CmdBindDescriptorBuffersEXT(commandBuffer, count, own.data());

@@ -3,19 +3,30 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/ground/pnext.h"
+
 namespace vellum::layer
 {
 
 struct DeviceBuffers;
 struct Driver;
+class Reporter;
 
 // Usage flags as the driver is to see them where micromaps are emulated. The layer's shaders read the inputs and write
 // the storage of micromaps and acceleration structures by address, and copies of micromaps are buffer copies.
-VkFlags64 emulatedUsage(VkFlags64 usage);
+// Buffers that can hold neither structures nor their inputs, protected ones and those in tile memory, get no usage
+// more: what they may have is restricted (VUID-VkBufferCreateInfo-flags-09641, -usage-10764).
+VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags);
 // The same where they are translated: micromaps of VK_KHR_opacity_micromap are acceleration structures, which have no
 // usage flags of their own.
-VkFlags64 translatedUsage(VkFlags64 usage);
-VkFlags64 driverUsage(const Driver &driver, VkFlags64 usage);
+VkFlags64 translatedUsage(VkFlags64 usage, VkBufferCreateFlags flags);
+
+// Of a structure with usage flags: makes them those of the driver, by one of the above or another function. Those of
+// VkBufferUsageFlags2CreateInfo, where the structure's chain has one, replace the 32-bit ones (VK_KHR_maintenance5).
+// Returns what the driver sees. Reports where it sees the application's, since they lie behind a structure of unknown
+// size.
+VkFlags64 editUsage(Reporter &report, Chain &chain, VkBufferUsageFlags &usage, VkBufferCreateFlags flags,
+                    VkFlags64 (*driversUsage)(VkFlags64 usage, VkBufferCreateFlags flags));
 
 // Called when a buffer is bound. A range of device address commands may come from a buffer whose address was not asked
 // for: it is asked for of another one, which shares the memory, or was known from a captured replay.

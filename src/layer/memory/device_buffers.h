@@ -29,6 +29,11 @@ struct DeviceBuffers {
     AddressMap addresses{};
     HostMemory host{};
     MemoryPool scratch{gpu, kScratchAlignment, scratchUsage, GpuBuffer::Content::DevicesOnly}; // of command buffers
+    // Of hit records that the host writes.
+    MemoryPool hitRecords{
+        gpu, kScratchAlignment,
+        [](const GpuContext &) -> VkBufferUsageFlags { return VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR; },
+        GpuBuffer::Content::Undefined};
     // Called when a buffer has got memory, or its address is asked for.
     std::function<void(VkBuffer)> onAddress{};
 };

@@ -9,7 +9,8 @@
 namespace vellum::layer
 {
 
-#if defined(__linux__) && defined(MAP_FIXED_NOREPLACE) && UINTPTR_MAX > UINT32_MAX
+// ThreadSanitizer keeps no shadow of the addresses below.
+#if defined(__linux__) && defined(MAP_FIXED_NOREPLACE) && UINTPTR_MAX > UINT32_MAX && !defined(__SANITIZE_THREAD__)
 
 namespace
 {

@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "layer/ground/pnext.h"
 #include "layer/memory/buffers.h"
 #include "layer/memory/device_buffers.h"
 
@@ -160,10 +161,24 @@ VkResult bindBufferMemory(DeviceBuffers &device, VkDevice handle, VkBuffer buffe
     return result;
 }
 
+namespace
+{
+
+// What became of one of several bindings, of which some fail where the command does (VK_KHR_maintenance6).
+bool isBound(const VkBindBufferMemoryInfo &info, VkResult ofAll)
+{
+    const auto *status = findInChain<newer::BindMemoryStatus>(info.pNext, newer::kBindMemoryStatus);
+    return ofAll == VK_SUCCESS || (status && *status->pResult == VK_SUCCESS);
+}
+
+} // namespace
+
 VkResult bindBufferMemory2(DeviceBuffers &device, VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
 {
     const VkResult result = device.driver.next.BindBufferMemory2(handle, count, infos);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!isBound(infos[i], result))
+            continue;
         device.host.bound(infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
         rememberAddress(device, infos[i].buffer);
     }

@@ -1,6 +1,7 @@
 // Which memory buffers are bound to, and the host's view of it: for the host commands of micromaps, whose buffers need
-// not be mapped by the application, but may be, and to look at what the application has written. A memory object can be mapped only once (VUID-vkMapMemory-memory-00678), so
-// the application's mappings are known here, and are of the whole memory, but for those that only the driver can make.
+// not be mapped by the application, but may be, and to look at what the application has written. A memory object can be
+// mapped only once (VUID-vkMapMemory-memory-00678), so the application's mappings are known here, and are of the whole
+// memory, but for those that only the driver can make.
 #pragma once
 
 #include <cstdint>

@@ -4,6 +4,8 @@
 #include <iterator>
 #include <new>
 
+#include "layer/ground/undo.h"
+
 namespace vellum::layer
 {
 namespace
@@ -26,9 +28,10 @@ MemoryPool::Piece MemoryPool::take(VkDeviceSize bytes)
         found = freeBySize_.lower_bound({needed, 0});
     }
     const auto [room, address] = *found;
-    removeFree(free_.find(address));
     if (room > needed)
-        addFree(address + needed, room - needed);
+        resizeFree(free_.find(address), address + needed, room - needed);
+    else
+        removeFree(free_.find(address));
     Block &block = std::prev(blocks_.upper_bound(address))->second;
     block.used += needed;
     const VkDeviceSize offset = address - block.buffer.address();
@@ -39,30 +42,25 @@ MemoryPool::Piece MemoryPool::take(VkDeviceSize bytes)
 void MemoryPool::giveBack(const Piece &piece)
 {
     std::lock_guard lock(mutex_);
+    addFree(piece.address, piece.bytes); // the only thing that may fail, and nothing is changed then
     const auto at = std::prev(blocks_.upper_bound(piece.address));
     Block &block = at->second;
-    VkDeviceAddress begin = piece.address;
-    VkDeviceAddress end = begin + piece.bytes;
-    const auto after = free_.lower_bound(begin);
-    if (after != free_.begin()) {
-        const auto before = std::prev(after);
-        if (before->first >= block.begin && before->first + before->second == begin) {
-            begin = before->first;
-            removeFree(before);
-        }
+    auto range = free_.find(piece.address);
+    if (range != free_.begin()) {
+        const auto before = std::prev(range);
+        if (before->first >= block.begin && before->first + before->second == range->first)
+            range = joinFree(before, range);
     }
-    if (const auto next = free_.find(end); next != free_.end() && end < block.begin + block.bytes) {
-        end += next->second;
-        removeFree(next);
-    }
+    if (const auto next = std::next(range);
+        next != free_.end() && next->first < block.begin + block.bytes && range->first + range->second == next->first)
+        range = joinFree(range, next);
     block.used -= piece.bytes;
     // One is kept, so that a single user does not make and free it all the time.
     if (block.used == 0 && blocks_.size() > 1) {
+        removeFree(range);
         total_ -= block.bytes;
         blocks_.erase(at);
-        return;
     }
-    addFree(begin, end - begin);
 }
 
 bool MemoryPool::addBlock(VkDeviceSize bytes)
@@ -73,19 +71,41 @@ bool MemoryPool::addBlock(VkDeviceSize bytes)
     const VkDeviceAddress begin = alignUp(block.buffer.address());
     block.begin = begin;
     block.bytes = bytes;
-    total_ += bytes;
+    const auto at = blocks_.emplace(begin, std::move(block)).first;
+    Undo undo([&] { blocks_.erase(at); });
     addFree(begin, bytes);
-    blocks_.emplace(begin, std::move(block));
+    undo.keep();
+    total_ += bytes;
     return true;
 }
 
 void MemoryPool::addFree(VkDeviceAddress begin, VkDeviceSize bytes)
 {
-    free_.emplace(begin, bytes);
+    const auto range = free_.emplace(begin, bytes).first;
+    Undo undo([&] { free_.erase(range); });
     freeBySize_.emplace(bytes, begin);
+    undo.keep();
 }
 
-void MemoryPool::removeFree(std::map<VkDeviceAddress, VkDeviceSize>::iterator range)
+MemoryPool::Free::iterator MemoryPool::resizeFree(Free::iterator range, VkDeviceAddress begin, VkDeviceSize bytes)
+{
+    auto bySize = freeBySize_.extract({range->second, range->first});
+    bySize.value() = {bytes, begin};
+    freeBySize_.insert(std::move(bySize));
+    auto node = free_.extract(range);
+    node.key() = begin;
+    node.mapped() = bytes;
+    return free_.insert(std::move(node)).position;
+}
+
+MemoryPool::Free::iterator MemoryPool::joinFree(Free::iterator first, Free::iterator second)
+{
+    const VkDeviceSize bytes = first->second + second->second;
+    removeFree(second);
+    return resizeFree(first, first->first, bytes);
+}
+
+void MemoryPool::removeFree(Free::iterator range)
 {
     freeBySize_.erase({range->second, range->first});
     free_.erase(range);

@@ -50,8 +50,12 @@ private:
         return (bytes + granularity_ - 1) & ~(granularity_ - 1);
     }
     bool addBlock(VkDeviceSize bytes);
+    using Free = std::map<VkDeviceAddress, VkDeviceSize>;
     void addFree(VkDeviceAddress begin, VkDeviceSize bytes);
-    void removeFree(std::map<VkDeviceAddress, VkDeviceSize>::iterator range);
+    // These do not allocate.
+    Free::iterator resizeFree(Free::iterator range, VkDeviceAddress begin, VkDeviceSize bytes);
+    Free::iterator joinFree(Free::iterator first, Free::iterator second);
+    void removeFree(Free::iterator range);
 
     const GpuContext &context_;
     const VkDeviceSize granularity_;
@@ -60,7 +64,7 @@ private:
     std::mutex mutex_; // guards what is below
     std::map<VkDeviceAddress, Block> blocks_;
     VkDeviceSize total_ = 0;
-    std::map<VkDeviceAddress, VkDeviceSize> free_; // never adjacent within a block
+    Free free_; // never adjacent within a block
     std::set<std::pair<VkDeviceSize, VkDeviceAddress>> freeBySize_;
 };
 

@@ -10,12 +10,6 @@
 namespace vellum::layer
 {
 
-uint64_t complaintObject(VkMicromapEXT handle)
-{
-    const Micromap *micromap = micromapOf(handle);
-    return micromap ? complaintObject(micromap->object.type, micromap->object.handle) : 0;
-}
-
 VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreateInfoEXT *info,
                         const VkAllocationCallbacks *, VkMicromapEXT *micromap)
 {

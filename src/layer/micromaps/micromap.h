@@ -1,25 +1,23 @@
-// Micromaps: what is done with them, and the front end of VK_EXT_opacity_micromap; that of VK_KHR_opacity_micromap is
-// micromap_structure.h.
+// Micromaps: what is done with them, and the commands of VK_EXT_opacity_micromap; those of
+// VK_KHR_opacity_micromap are in structures/structure_commands.h.
 #pragma once
 
 #include <cstdint>
-#include <vector>
+#include <span>
 
 #include <vulkan/vulkan.h>
 
-#include "layer/objects/micromap_object.h"
+#include "layer/micromaps/micromap_input.h"
 
 namespace vellum::layer
 {
 
 struct DeviceMicromaps;
-
-// What the log of wrong input names the micromap by; complaints.h.
-uint64_t complaintObject(VkMicromapEXT micromap);
+class InjectedWork;
 
 // The work of the commands below, whichever front end has checked it; a null or invalid handle must not come here.
 void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
-                          const std::vector<const VkMicromapBuildInfoEXT *> &infos);
+                          std::span<const MicromapBuild> builds);
 // Clone or compact. Refuses, with a message under `command`, what overlaps.
 void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command,
                         const Micromap &source, const Micromap &target);
@@ -29,6 +27,10 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
 enum class DataThatIsNone { ClearsTheTarget, LeavesTheTarget };
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
                            VkDeviceAddress source, DataThatIsNone none = DataThatIsNone::ClearsTheTarget);
+
+// Writes a property of a micromap, kQueryMicromap* of core/records.h, to the 64-bit number at `value`.
+void recordMicromapProperty(InjectedWork &work, const Driver &driver, const Micromap &micromap, uint32_t kind,
+                            VkDeviceAddress value);
 
 VkResult createMicromap(DeviceMicromaps &, VkDevice, const VkMicromapCreateInfoEXT *, const VkAllocationCallbacks *,
                         VkMicromapEXT *);

@@ -9,7 +9,7 @@
 #include "core/records.h"
 #include "layer/ground/align.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap_extent.h"
+#include "layer/micromaps/micromap_input.h"
 
 namespace vellum::layer
 {
@@ -21,38 +21,35 @@ using namespace shared;
 // So that the numbers of the triangles that come after the last one fit 32 bits, too.
 constexpr uint32_t kMostStaying = uint32_t{1} << 31;
 
-bool mayBuildOnDevice(const DeviceMicromaps &device, const Judge &judge, const VkMicromapBuildInfoEXT &info)
+bool checkBuildOnDevice(const DeviceMicromaps &device, const Judge &judge, const VkMicromapBuildInfoEXT &info,
+                        MicromapBuild &build)
 {
-    if (!mayBuild(judge, info))
+    if (!checkMicromapBuild(judge, info, build))
         return false;
-    const MicromapExtent extent = extentOf(info);
-    if (extent.triangles == 0)
+    if (build.extent.triangles == 0)
         return true;
-    if (info.triangleArray.deviceAddress == 0 || info.data.deviceAddress == 0)
-        return judge.refuse(info.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
-                                                         : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10897",
+    if (build.triangles.deviceAddress == 0 || build.data.deviceAddress == 0)
+        return judge.refuse(build.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
+                                                          : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10897",
                             "data or triangleArray is a null address");
-    if (info.scratchData.deviceAddress == 0)
+    if (build.scratch == 0)
         return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address");
-    if (info.scratchData.deviceAddress % kLeastScratchAlignment != 0)
+    if (build.scratch % kLeastScratchAlignment != 0)
         return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned");
-    const uint64_t scratch = device.buffers.addresses.bytesFrom(info.scratchData.deviceAddress);
-    return scratch >= extent.scratchBytes() ||
+    const uint64_t scratch = device.buffers.addresses.bytesFrom(build.scratch);
+    return scratch >= build.extent.scratchBytes() ||
            judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509",
                         "scratchData has " + std::to_string(scratch) + " bytes in its buffer, the build needs " +
-                            std::to_string(extent.scratchBytes()));
+                            std::to_string(build.extent.scratchBytes()));
 }
 
 // Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, where the usage counts say that all have
 // the same; 0: they do not, or their states are kept in the records.
-uint32_t alikeOf(const VkMicromapBuildInfoEXT &info)
+uint32_t alikeOf(const MicromapBuild &build)
 {
     uint32_t alike = 0;
-    for (uint32_t i = 0; i < info.usageCountsCount; ++i) {
-        const VkMicromapUsageEXT usage = usageAt(info, i);
+    for (const VkMicromapUsageEXT &usage : build.usages) {
         const uint32_t word = usage.subdivisionLevel | usage.format << 16;
-        if (usage.count == 0)
-            continue;
         if (usage.subdivisionLevel <= kCoarseLevel || (alike != 0 && word != alike))
             return 0;
         alike = word;
@@ -60,29 +57,26 @@ uint32_t alikeOf(const VkMicromapBuildInfoEXT &info)
     return alike;
 }
 
-MicromapPush pushOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
+MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
 {
-    const MicromapExtent extent = extentOf(info);
+    const MicromapExtent &extent = build.extent;
     MicromapPush push{};
-    push.micromap = micromapAddress(device.driver, info.dstMicromap);
-    push.triangleArray = info.triangleArray.deviceAddress;
-    push.data = info.data.deviceAddress;
-    push.scratch = alignUp(info.scratchData.deviceAddress, kBuildScratchAlignment);
+    push.micromap = micromapAddress(device.driver, build.target);
+    push.triangleArray = build.triangles.deviceAddress;
+    push.data = build.data.deviceAddress;
+    push.scratch = alignUp(build.scratch, kBuildScratchAlignment);
     push.log = device.commands.complaints.address();
-    push.object = complaintObject(info.dstMicromap);
-    push.triangleArrayStride = static_cast<uint32_t>(info.triangleArrayStride);
+    push.object = complaintObject(build.target.object.type, build.target.object.handle);
+    push.triangleArrayStride = static_cast<uint32_t>(build.triangleStride);
     push.triangleCount = static_cast<uint32_t>(extent.triangles);
     push.capacityUnits = static_cast<uint32_t>(extent.units);
     push.partCapacity = static_cast<uint32_t>(extent.parts());
     push.tableMask = static_cast<uint32_t>(extent.tableSlots() - 1);
     push.flags =
-        (info.flags & kBuildFlagsMask) | extent.maxLevel << kBuildMaxLevelShift | (extent.share ? kBuildShare : 0);
-    const VkDeviceSize arrayBytes = device.buffers.addresses.bytesFrom(push.triangleArray);
-    const VkDeviceSize size = sizeof(VkMicromapTriangleEXT);
-    const VkDeviceSize stride = std::max<VkDeviceSize>(info.triangleArrayStride, 1);
-    const VkDeviceSize readable = arrayBytes < size ? 0 : (arrayBytes - size) / stride + 1;
-    push.readable = static_cast<uint32_t>(std::min<VkDeviceSize>(readable, UINT32_MAX));
-    push.alike = alikeOf(info);
+        (build.flags & kBuildFlagsMask) | extent.maxLevel << kBuildMaxLevelShift | (extent.share ? kBuildShare : 0);
+    push.readable =
+        device.buffers.addresses.elementsFrom(push.triangleArray, sizeof(VkMicromapTriangleEXT), build.triangleStride);
+    push.alike = alikeOf(build);
     push.dataBytes =
         static_cast<uint32_t>(std::min<VkDeviceSize>(device.buffers.addresses.bytesFrom(push.data), UINT32_MAX));
     return push;
@@ -117,22 +111,22 @@ struct DataCopy {
     VkBufferCopy region{};
 };
 
-DataCopy dataCopyOf(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info)
+DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
 {
-    const MicromapExtent extent = extentOf(info);
+    const MicromapExtent &extent = build.extent;
     if (extent.share || extent.lossy || extent.units == 0)
         return {};
-    const AddressMap::Place source = device.buffers.addresses.find(info.data.deviceAddress);
+    const VkDeviceAddress from = build.data.deviceAddress;
+    const AddressMap::Place source = device.buffers.addresses.find(from);
     if (!source.buffer || (device.buffers.infos.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
         return {};
-    const Micromap &target = *micromapOf(info.dstMicromap);
     const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
     const uint64_t bytes = std::min(source.bytes, extent.units * kDataUnitBytes);
     // As much as there is room for may reach from the data into the micromap: VUID-vkCmdCopyBuffer-pRegions-00117.
-    const VkDeviceAddress from = info.data.deviceAddress, to = micromapAddress(device.driver, target) + begin;
+    const VkDeviceAddress to = micromapAddress(device.driver, build.target) + begin;
     if (from < to + bytes && to < from + bytes)
         return {};
-    return {source.buffer, target.buffer, {source.offset, target.offset + begin, bytes}};
+    return {source.buffer, build.target.buffer, {source.offset, build.target.offset + begin, bytes}};
 }
 
 // One build of a command.
@@ -176,7 +170,7 @@ uint32_t staysPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
 
 // Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
 // buffer.
-void letStay(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, OneBuild &build)
+void letStay(const DeviceMicromaps &device, VkDeviceSize micromapOffset, OneBuild &build)
 {
     MicromapPush &push = build.push;
     const AddressMap::Place place = device.buffers.addresses.find(push.scratch);
@@ -198,7 +192,7 @@ void letStay(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, 
     build.stays = true;
     build.scratch = place.buffer;
     build.scratchOffset = place.offset;
-    build.micromapOffset = micromapOf(info.dstMicromap)->offset;
+    build.micromapOffset = micromapOffset;
 }
 
 // One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
@@ -210,19 +204,18 @@ public:
     {
     }
 
-    void add(const VkMicromapBuildInfoEXT &info)
+    void add(const MicromapBuild &given)
     {
         OneBuild build;
-        build.copy = dataCopyOf(device_, info);
-        build.push = pushOf(device_, info);
+        build.copy = dataCopyOf(device_, given);
+        build.push = pushOf(device_, given);
         if (build.copy.from)
             build.push.flags |= kBuildVerbatim;
-        const MicromapExtent extent = extentOf(info);
-        if (extent.lossy) {
-            lossy_.emplace_back().push = coarseningOf(build.push, extent);
-            build.push = coarsenedOf(build.push, extent);
+        if (given.extent.lossy) {
+            lossy_.emplace_back().push = coarseningOf(build.push, given.extent);
+            build.push = coarsenedOf(build.push, given.extent);
         }
-        letStay(device_, info, build);
+        letStay(device_, given.target.offset, build);
         builds_.push_back(build);
     }
 
@@ -372,30 +365,29 @@ private:
 
 } // namespace
 
-void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
-                          const std::vector<const VkMicromapBuildInfoEXT *> &infos)
+void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer, std::span<const MicromapBuild> builds)
 {
-    if (infos.empty())
+    if (builds.empty())
         return;
-    Build build(device, commandBuffer);
-    for (const VkMicromapBuildInfoEXT *info : infos)
-        build.add(*info);
-    build.record();
+    Build recording(device, commandBuffer);
+    for (const MicromapBuild &build : builds)
+        recording.add(build);
+    recording.record();
 }
 
 void getMicromapBuildSizes(DeviceMicromaps &device, VkDevice, VkAccelerationStructureBuildTypeKHR type,
                            const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
     sizes->discardable = VK_FALSE;
-    if (!mayMeasure({device.driver.report(), "vkGetMicromapBuildSizesEXT"}, *info)) {
-        sizes->micromapSize = 0;
-        sizes->buildScratchSize = 0;
+    sizes->micromapSize = 0;
+    sizes->buildScratchSize = 0;
+    const auto build = parseMicromapBuild({device.driver.report(), "vkGetMicromapBuildSizesEXT"}, *info);
+    if (!build)
         return;
-    }
-    const MicromapExtent extent = extentOf(*info);
-    sizes->micromapSize = (extent.bytes() + 255) / 256 * 256;
+    sizes->micromapSize = alignUp(build->extent.bytes(), 256);
     // The host has memory of its own.
-    sizes->buildScratchSize = type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR ? 0 : extent.scratchBytes();
+    if (type != VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR)
+        sizes->buildScratchSize = build->extent.scratchBytes();
 }
 
 void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, uint32_t count,
@@ -403,14 +395,15 @@ void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, u
 {
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildMicromapsEXT"))
         return;
-    std::vector<const VkMicromapBuildInfoEXT *> good;
+    std::vector<MicromapBuild> builds;
     for (uint32_t i = 0; i < count; ++i) {
         const Judge judge(device.driver.report(), "vkCmdBuildMicromapsEXT", VK_OBJECT_TYPE_MICROMAP_EXT,
                           reinterpret_cast<uint64_t>(infos[i].dstMicromap), i);
-        if (mayBuildOnDevice(device, judge, infos[i]))
-            good.push_back(&infos[i]);
+        auto build = parseMicromapBuild(judge, infos[i]);
+        if (build && checkBuildOnDevice(device, judge, infos[i], *build))
+            builds.push_back(*std::move(build));
     }
-    recordMicromapBuilds(device, commandBuffer, good);
+    recordMicromapBuilds(device, commandBuffer, builds);
 }
 
 } // namespace vellum::layer

@@ -103,12 +103,23 @@ void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffe
 {
     if (tooSmall(target))
         return refuseTooSmall(device, "deserialization of a micromap", target, true);
-    MicromapMovePush push = movePush(
-        device, target, kMoveDeserialize | (none == DataThatIsNone::LeavesTheTarget ? kMoveOnlyMicromaps : 0));
+    MicromapMovePush push =
+        movePush(device, target, kMoveDeserialize | (none == DataThatIsNone::LeavesTheTarget ? kMoveOnlyMicromaps : 0));
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
     InjectedWork work(device.commands, commandBuffer);
     move(work, device.driver, push);
+}
+
+void recordMicromapProperty(InjectedWork &work, const Driver &driver, const Micromap &micromap, uint32_t kind,
+                            VkDeviceAddress value)
+{
+    QueryValuePush push{};
+    push.target = value;
+    push.micromap = micromapAddress(driver, micromap);
+    push.micromapBytes = micromap.size;
+    push.kind = kind;
+    work.dispatch(InjectedShader::QueryValue, push, 1, 1);
 }
 
 void getDeviceMicromapCompatibility(DeviceMicromaps &device, VkDevice, const VkMicromapVersionInfoEXT *info,

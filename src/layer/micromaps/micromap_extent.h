@@ -1,42 +1,32 @@
-// What a micromap build is asked for: the sizes that follow from it, and what is wrong with it. Device and host builds.
+// The sizes that follow from the usage counts of a micromap build. Device and host builds.
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include <vulkan/vulkan.h>
 
 #include "core/records.h"
-#include "layer/ground/judge.h"
 
 namespace vellum::layer
 {
 
-// Among VkMicromapBuildInfoEXT::flags: the build is lossy. KHR's flag, which is none of EXT's.
+// Among VkMicromapBuildInfoEXT::flags: the build is lossy, a flag that only VK_KHR_opacity_micromap has.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
 
-// Usage count i of a build, however it gives them. One of a format that there is not counts as one of the format that
-// takes most.
-inline VkMicromapUsageEXT usageAt(const VkMicromapBuildInfoEXT &info, uint32_t i)
-{
-    VkMicromapUsageEXT usage = info.pUsageCounts ? info.pUsageCounts[i] : *info.ppUsageCounts[i];
-    if (usage.format != VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT)
-        usage.format = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
-    return usage;
-}
-
-// Of the triangles of a build, which its shaders place block by block.
+// Blocks that the shaders of a build place its triangles by.
 constexpr uint64_t blocksOf(uint64_t triangles)
 {
     return (triangles + shared::kPlaceBlock - 1) / shared::kPlaceBlock;
 }
 
-// What shaders need of scratch memory. Drivers may ask for less (minAccelerationStructureScratchOffsetAlignment;
-// lavapipe says 8), so a build begins at the first such address, and needs so many bytes more. Less than the other no
-// driver asks for.
+// What shaders need of scratch memory. Drivers may ask for less (minAccelerationStructureScratchOffsetAlignment; 8 on
+// lavapipe), so a build begins at the first such address, and needs up to so many bytes more. No known driver asks for
+// less than the second.
 inline constexpr uint64_t kBuildScratchAlignment = 16;
 inline constexpr uint64_t kLeastScratchAlignment = 4;
 
-// What a micromap of these usage counts takes.
+// What a micromap of some usage counts takes.
 struct MicromapExtent {
     uint64_t triangles = 0;
     uint64_t units = 0; // of kDataUnitBytes
@@ -53,17 +43,10 @@ struct MicromapExtent {
     // Where the scratch memory holds the coarsened micromap of a lossy build: behind everything else. Its bytes.
     [[nodiscard]] uint64_t coarsenedOffset() const;
     [[nodiscard]] uint64_t coarsenedBytes() const;
+    // Whether the build's shaders can count its triangles and units.
+    [[nodiscard]] bool countable() const;
 };
-MicromapExtent extentOf(const VkMicromapBuildInfoEXT &info);
-
-// Whether the sizes of a build may be told, by its type, mode and usage counts.
-bool mayMeasure(const Judge &judge, const VkMicromapBuildInfoEXT &info);
-// Whether it may be carried out, as far as the device and the host have the same rules.
-bool mayBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info);
-// What VK_KHR_opacity_micromap has rules of its own for: a subdivision level that is too high, the stride that
-// triangles lie apart, and how much there is in all.
-bool mayHaveLevel(const Judge &judge, uint32_t usage, uint32_t level, uint32_t most, uint32_t count, const char *id);
-bool mayHaveStride(const Judge &judge, VkDeviceSize stride, const MicromapExtent &extent, const char *id);
-bool mayBeSoLarge(const Judge &judge, const MicromapExtent &extent);
+// `usages`: with counts above 0.
+MicromapExtent extentOf(std::span<const VkMicromapUsageEXT> usages, VkBuildMicromapFlagsEXT flags);
 
 } // namespace vellum::layer

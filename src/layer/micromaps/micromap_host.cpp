@@ -7,7 +7,7 @@
 #include "core/micromap_memory.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_extent.h"
+#include "layer/micromaps/micromap_input.h"
 #include "layer/micromaps/micromap_serialized.h"
 
 namespace vellum::layer
@@ -95,26 +95,39 @@ View viewOf(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t used)
     return {device, handle, std::max(used, kHeaderBytes), HostView::For::Reading};
 }
 
-void build(const DeviceMicromaps &device, const VkMicromapBuildInfoEXT &info, uint8_t *out)
+void write(const DeviceMicromaps &device, const MicromapBuild &build, uint8_t *out)
 {
-    const MicromapExtent extent = extentOf(info);
     MicromapBuildInput input;
-    input.triangles = static_cast<const uint8_t *>(info.triangleArray.hostAddress);
-    input.stride = info.triangleArrayStride;
-    input.triangleCount = static_cast<uint32_t>(extent.triangles);
-    input.data = static_cast<const uint8_t *>(info.data.hostAddress);
-    input.capacityUnits = static_cast<uint32_t>(extent.units);
-    input.maxLevel = extent.maxLevel;
-    input.buildFlags = info.flags;
-    input.share = extent.share;
+    input.triangles = static_cast<const uint8_t *>(build.triangles.hostAddress);
+    input.stride = build.triangleStride;
+    input.triangleCount = static_cast<uint32_t>(build.extent.triangles);
+    input.data = static_cast<const uint8_t *>(build.data.hostAddress);
+    input.capacityUnits = static_cast<uint32_t>(build.extent.units);
+    input.maxLevel = build.extent.maxLevel;
+    input.buildFlags = build.flags;
+    input.share = build.extent.share;
     MicromapComplaint tell;
     if (device.commands.complaints.address() != 0) {
         tell = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
-            complain(device.driver.report(), what, triangle, value0, value1,
-                     reinterpret_cast<uint64_t>(info.dstMicromap));
+            complain(device.driver.report(), what, triangle, value0, value1, build.target.object.handle);
         };
     }
     writeMicromapMemory(input, out, tell);
+}
+
+VkResult buildOne(DeviceMicromaps &device, const Judge &judge, const VkMicromapBuildInfoEXT &info)
+{
+    auto build = parseMicromapBuild(judge, info);
+    if (!build || !checkMicromapBuild(judge, info, *build))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    const View view(device, info.dstMicromap, build->extent.bytes(), HostView::For::Writing);
+    if (!view.bytes())
+        return refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
+                      "dstMicromap is not bound to host-visible memory");
+    if (build->extent.triangles > 0 && (!build->data.hostAddress || !build->triangles.hostAddress))
+        return refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553", "data or triangleArray is null");
+    write(device, *build, view.bytes());
+    return VK_SUCCESS;
 }
 
 } // namespace
@@ -128,19 +141,8 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
     VkResult result = VK_SUCCESS;
     for (uint32_t i = 0; i < count; ++i) {
         const Judge judge = judgeOf(device, "vkBuildMicromapsEXT", infos[i].dstMicromap, i);
-        if (!mayBuild(judge, infos[i])) {
-            result = VK_ERROR_VALIDATION_FAILED_EXT;
-            continue;
-        }
-        const View view(device, infos[i].dstMicromap, extentOf(infos[i]).bytes(), HostView::For::Writing);
-        if (!view.bytes())
-            result = refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
-                            "dstMicromap is not bound to host-visible memory");
-        else if (extentOf(infos[i]).triangles > 0 &&
-                 (!infos[i].data.hostAddress || !infos[i].triangleArray.hostAddress))
-            result = refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553", "data or triangleArray is null");
-        else
-            build(device, infos[i], view.bytes());
+        if (const VkResult built = buildOne(device, judge, infos[i]); built != VK_SUCCESS)
+            result = built;
     }
     return result == VK_SUCCESS ? done(operation) : result;
 }

@@ -1,58 +1,69 @@
-// Builds of micromaps as VK_KHR_opacity_micromap puts them: what is wrong with them, and the same builds as
-// VK_EXT_opacity_micromap puts them. For the layer's micromaps and for those of a driver that has only EXT.
+// Micromap builds, parsed from the structures of either extension and checked. Past this nothing looks at those
+// structures again.
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "layer/ground/judge.h"
 #include "layer/ground/vulkan_newer.h"
+#include "layer/micromaps/micromap_extent.h"
+#include "layer/objects/micromap_object.h"
 
 namespace vellum::layer
 {
 
-class AddressMap;
+struct AccelerationStructure;
+struct DeviceObjects;
 struct Driver;
 
-// Whether a build is one of a micromap.
-inline bool isMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &info)
-{
-    return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-}
-
-// What the geometry of such a build has to say; null where it is missing.
-const VkAccelerationStructureGeometryMicromapDataKHR *
-micromapDataOf(const VkAccelerationStructureBuildGeometryInfoKHR &info);
-
-// A build as VK_EXT_opacity_micromap puts it. Points into itself. The flags may hold kLossyBuild (micromap_extent.h).
-struct TranslatedMicromapBuild {
-    TranslatedMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &khr,
-                            const VkAccelerationStructureGeometryMicromapDataKHR &data, VkMicromapEXT target);
-    TranslatedMicromapBuild(TranslatedMicromapBuild &&) = default;
-    TranslatedMicromapBuild(const TranslatedMicromapBuild &) = delete;
-    TranslatedMicromapBuild &operator=(const TranslatedMicromapBuild &) = delete;
-    TranslatedMicromapBuild &operator=(TranslatedMicromapBuild &&) = delete;
-    VkMicromapBuildInfoEXT info;
-    std::vector<VkMicromapUsageEXT> usages;
+struct MicromapBuild {
+    Micromap target;                                  // none where only sizes are queried
+    std::shared_ptr<AccelerationStructure> structure; // the target, in VK_KHR_opacity_micromap
+    VkBuildMicromapFlagsEXT flags = 0;                // may hold kLossyBuild
+    std::vector<VkMicromapUsageEXT> usages;           // with counts above 0; unknown formats count as 4-state
+    MicromapExtent extent;
+    VkDeviceOrHostAddressConstKHR data{};
+    VkDeviceOrHostAddressConstKHR triangles{};
+    VkDeviceSize triangleStride = 0;
+    VkDeviceAddress scratch = 0;
 };
 
-// Of whoever builds micromaps.
+// What whoever builds micromaps can take.
 struct MicromapLimits {
     uint32_t twoStateLevel = 0;
     uint32_t fourStateLevel = 0;
     uint32_t lossyLevel = 0;
-    // Whether builds with unknown formats can be carried out. The layer's can.
     bool takesUnknownFormats = false;
 };
-// Whether the sizes of a build may be told.
-bool mayMeasureMicromap(const Driver &driver, const Judge &judge,
-                        const VkAccelerationStructureBuildGeometryInfoKHR &info, const MicromapLimits &limits);
 
-// Whether the addresses of a build with triangles can be used: of its input, and of so many bytes of scratch memory.
-bool mayReadInput(const AddressMap &addresses, const Judge &judge,
-                  const VkAccelerationStructureBuildGeometryInfoKHR &info, VkDeviceSize scratchBytes);
+// What a build needs: bytes of the micromap and of scratch memory.
+struct MicromapBuildSizes {
+    VkDeviceSize micromap = 0;
+    VkDeviceSize scratch = 0;
+};
 
-// The least size of a micromap that is told to applications, so that a GENERIC structure made for it is known.
+// The build of a VkMicromapBuildInfoEXT. Nothing, after a message, if even its sizes are unknowable.
+std::optional<MicromapBuild> parseMicromapBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info);
+// Finds the target, and checks what device and host builds have in common.
+bool checkMicromapBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info, MicromapBuild &build);
+
+inline bool isMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &info)
+{
+    return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+// The same of VK_KHR_opacity_micromap. `limits`: null if the device has no such micromaps.
+std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const Judge &judge,
+                                                const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                                                const MicromapLimits *limits);
+// Finds the target, and checks it and the input.
+bool checkMicromapBuild(const DeviceObjects &objects, const Judge &judge,
+                        const VkAccelerationStructureBuildGeometryInfoKHR &info, const MicromapBuildSizes &sizes,
+                        MicromapBuild &build);
+
+// The size of a micromap as queries report it, which tells a GENERIC structure made for it from others.
 VkDeviceSize markedMicromapSize(VkDeviceSize bytes);
 
 } // namespace vellum::layer

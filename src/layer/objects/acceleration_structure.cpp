@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/records.h"
+#include "layer/ground/undo.h"
 #include "layer/objects/device_objects.h"
 
 namespace vellum::layer
@@ -56,24 +57,25 @@ constexpr Notice kNoticeTexts[kNotices] = {
 
 // With the place's mutex held, as below. Where one structure of a place is named all are: later, when one is destroyed,
 // the buffer may be gone, and with it what the driver says of the others.
-void letBeNamed(DeviceObjects &device, StructurePlace &place, AccelerationStructure &structure,
-                VkAccelerationStructureKHR handle)
+void letBeNamed(DeviceObjects &device, StructurePlace &place, AccelerationStructure &structure)
 {
-    if (structure.reference != 0 || structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+    if (structure.reference != 0 || isLayersOwn(structure))
         return;
-    const VkDeviceAddress address = device.driver.structureAddress(handle);
+    const VkDeviceAddress address = device.driver.structureAddress(structure.handle);
     const auto known = std::ranges::find(place.references, address, &StructurePlace::Reference::address);
     if (known != place.references.end()) {
         ++known->structures;
-    } else if (!place.cell.address) {
-        place.cell = device.root.acquireCell(address);
-        if (!place.cell.address)
-            return;
-        place.references.push_back({address, 1});
     } else {
-        const VkDeviceAddress leads = place.references.empty() ? place.heldKey : place.references.front().address;
-        if (!device.root.addReference(address, leads))
-            return; // which the next one who asks tries again
+        place.references.reserve(place.references.size() + 1); // before the root knows the address
+        if (!place.cell.address) {
+            place.cell = device.root.acquireCell(address);
+            if (!place.cell.address)
+                return;
+        } else {
+            const VkDeviceAddress leads = place.references.empty() ? place.heldKey : place.references.front().address;
+            if (!device.root.addReference(address, leads))
+                return; // which the next one who asks tries again
+        }
         place.references.push_back({address, 1});
     }
     structure.reference = address;
@@ -107,18 +109,20 @@ std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, Vk
     return structure;
 }
 
-void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
+void takePlace(DeviceObjects &device, AccelerationStructure &structure)
 {
     structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
     structure.place = device.places.acquire(structure.key);
+    Undo undo([&] { leavePlace(device, structure); });
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
     // The last one that left, at the same moment, thought that the place would go, too.
     if (place.structures.empty() && !place.references.empty() && place.references.front().structures > 0)
         forgetReference(device, place, place.references.front().address);
-    place.structures.emplace_back(&structure, handle);
+    place.structures.push_back(&structure);
     if (place.cell.address)
-        letBeNamed(device, place, structure, handle);
+        letBeNamed(device, place, structure);
+    undo.keep();
 }
 
 void leavePlace(DeviceObjects &device, const AccelerationStructure &structure)
@@ -126,7 +130,7 @@ void leavePlace(DeviceObjects &device, const AccelerationStructure &structure)
     {
         StructurePlace &place = *structure.place;
         std::lock_guard lock(place.mutex);
-        std::erase_if(place.structures, [&structure](const auto &entry) { return entry.first == &structure; });
+        std::erase(place.structures, &structure);
         // The last one takes the place along, with all that leads to it.
         if (structure.reference != 0 && !place.structures.empty())
             forgetReference(device, place, structure.reference);
@@ -134,14 +138,14 @@ void leavePlace(DeviceObjects &device, const AccelerationStructure &structure)
     device.places.release(structure.key);
 }
 
-CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle)
+CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure)
 {
     StructurePlace &place = *structure.place;
     std::lock_guard lock(place.mutex);
     if (structure.reference == 0) {
-        letBeNamed(device, place, structure, handle);
-        for (const auto &[other, otherHandle] : place.structures)
-            letBeNamed(device, place, *other, otherHandle);
+        letBeNamed(device, place, structure);
+        for (AccelerationStructure *other : place.structures)
+            letBeNamed(device, place, *other);
     }
     return place.cell;
 }
@@ -211,6 +215,22 @@ void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR ty
     setContent(*structure.place, type, bytes);
 }
 
+void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps)
+{
+    // Which of the driver's types it is, where only the device knows, makes no difference: it is not a micromap.
+    becomes(structure,
+            type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR : type,
+            0);
+    std::lock_guard lock(structure.place->mutex);
+    structure.place->namesMicromaps = namesMicromaps;
+}
+
+bool namesMicromaps(const AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.place->mutex);
+    return structure.place->namesMicromaps;
+}
+
 VkDeviceSize lastBytes(const AccelerationStructure &structure)
 {
     std::lock_guard lock(structure.place->mutex);
@@ -274,20 +294,23 @@ bool canHoldMicromap(const AccelerationStructure &structure)
            structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 }
 
-bool holdsMicromap(const AccelerationStructure &structure)
+std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStructure &structure)
 {
-    return contentOf(structure) == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    const VkAccelerationStructureTypeKHR content = contentOf(structure);
+    if (content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        return content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    // Where micromaps are the driver's, the device leaves no trace of what it found.
+    const bool marked =
+        driver.translated && markedType(structure.size) == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    return marked ? std::optional(true) : std::nullopt;
 }
 
-VkMicromapEXT micromapIn(AccelerationStructure &structure)
+Micromap micromapIn(const AccelerationStructure &structure)
 {
-    return reinterpret_cast<VkMicromapEXT>(&structure.micromap);
-}
-
-VkMicromapEXT micromapOf(const DeviceObjects &device, VkAccelerationStructureKHR handle)
-{
-    const auto structure = device.accelerationStructures.get(handle);
-    return structure && canHoldMicromap(*structure) ? micromapIn(*structure) : VK_NULL_HANDLE;
+    return {structure.buffer,
+            structure.offset,
+            structure.size,
+            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure.handle)}};
 }
 
 void letMicromapBeNamed(DeviceObjects &device, AccelerationStructure &structure)
@@ -333,7 +356,7 @@ bool DeviceObjects::own(VkObjectType type, uint64_t handle) const
     if (type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
         return type == VK_OBJECT_TYPE_MICROMAP_EXT && driver.emulated;
     const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(handle));
-    return structure && structure->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    return structure && isLayersOwn(*structure);
 }
 
 } // namespace vellum::layer

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -21,13 +22,12 @@ struct DeviceObjects;
 
 // What the layer keeps of a VkAccelerationStructureKHR.
 struct AccelerationStructure {
+    // Of type OPACITY_MICROMAP the handle is the layer's own, a pointer to this structure; the driver does not know it.
+    VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-    // The same memory, of those that may hold a micromap. Of type OPACITY_MICROMAP the handle is the layer's own, a
-    // pointer to this structure; the driver knows nothing of it.
-    Micromap micromap;
 
     VkDeviceAddress reference = 0; // its address, once it leads to the cell of its place, whose mutex guards this
     StructurePlaces::Key key;      // of its place
@@ -45,11 +45,11 @@ struct AccelerationStructure {
 std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, VkAccelerationStructureTypeKHR type);
 
 // Finds the place of a structure that was made in `buffer`, and lets go of it.
-void takePlace(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);
+void takePlace(DeviceObjects &device, AccelerationStructure &structure);
 void leavePlace(DeviceObjects &device, const AccelerationStructure &structure);
 
 // Makes the structure's place a user of its reference's cell, if it is none yet. Address 0: no memory.
-CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure, VkAccelerationStructureKHR handle);
+CellPlace cellOf(DeviceObjects &device, AccelerationStructure &structure);
 
 // What is in a structure by what was recorded last into it or into another one at its place: its type, unless it is
 // GENERIC. Of a GENERIC one that data was deserialized to that only the device has looked at: what it found; before
@@ -62,6 +62,9 @@ void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR ty
 void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization);
 // A top-level build for up to so many instances.
 void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
+// Where micromaps are the driver's: a structure of that type, with or without names of micromaps, is recorded into it.
+void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps);
+bool namesMicromaps(const AccelerationStructure &structure);
 // The bytes of what was recorded last, 0: only the device knows.
 VkDeviceSize lastBytes(const AccelerationStructure &structure);
 
@@ -84,12 +87,16 @@ void reportNotices(DeviceObjects &device);
 // --- structures that are or hold micromaps (VK_KHR_opacity_micromap) ---
 // Whether a structure is a micromap, or a GENERIC one, which may become one.
 bool canHoldMicromap(const AccelerationStructure &structure);
-// Whether a structure is a micromap, or a GENERIC one that something of a micromap was recorded into last.
-bool holdsMicromap(const AccelerationStructure &structure);
+// Whether the layer made the handle: the driver must not see it.
+inline bool isLayersOwn(const AccelerationStructure &structure)
+{
+    return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+// Whether a structure is a micromap, or a GENERIC one that something of a micromap was recorded into last. Nothing: it
+// is a GENERIC one, and its content is unknown.
+std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStructure &structure);
 // The micromap that a structure is, or that a GENERIC one is taken for.
-VkMicromapEXT micromapIn(AccelerationStructure &structure);
-// The micromap of a handle that a geometry names; null, where it is no micromap.
-VkMicromapEXT micromapOf(const DeviceObjects &device, VkAccelerationStructureKHR structure);
+Micromap micromapIn(const AccelerationStructure &structure);
 // Something of a micromap is recorded into a structure: a GENERIC one is what was recorded into it last.
 void becomeMicromap(DeviceObjects &device, AccelerationStructure &structure);
 

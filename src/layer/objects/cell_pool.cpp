@@ -37,8 +37,10 @@ bool CellPool::grow(const GpuContext &context)
     if (buffer.create(context, VkDeviceSize{kPagesPerBuffer} * kPageBytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT) !=
         VK_SUCCESS)
         return false;
-    buffers_.push_back(std::move(buffer));
     const auto first = static_cast<uint32_t>(pages_.size());
+    pages_.reserve(first + kPagesPerBuffer);
+    emptyPages_.reserve(first + kPagesPerBuffer); // of all pages, so that release() does not allocate
+    buffers_.push_back(std::move(buffer));
     pages_.resize(first + kPagesPerBuffer);
     for (uint32_t i = kPagesPerBuffer; i-- > 0;)
         emptyPages_.push_back(first + i);

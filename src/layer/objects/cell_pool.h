@@ -1,9 +1,9 @@
 // Cells (core/records.h) by their number, on memory of the layer's.
 //
 // Either the device writes what is in them, or the host does. Tools between the layer and the driver may write a page
-// of mapped memory back as a whole when the host has written to a part of it (as capture tools do that guard pages), and
-// so undo what the device has written beside it. So the host touches a page only while none of its cells is in use: a
-// cell that is given back is not used again before all of its page are.
+// of mapped memory back as a whole when the host has written to a part of it (as capture tools do that guard pages),
+// and so undo what the device has written beside it. So the host touches a page only while none of its cells is in use:
+// a cell that is given back is not used again before all of its page are.
 #pragma once
 
 #include <cstdint>

@@ -22,6 +22,7 @@ struct DeviceObjects {
     RootTable root{};
     StructurePlaces places{root};
     std::atomic<uint32_t> deserializations{0};
+    std::atomic<uint32_t> mostGeometries{1}; // of a bottom-level structure whose build was recorded
     PrivateData privateData{};
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
     std::mutex unnamedMutex{};                                            // guards the next one

@@ -10,8 +10,7 @@
 namespace vellum::layer
 {
 
-// The object of a VkMicromapEXT, whose handles are pointers to these, and part of an acceleration structure that is or
-// may be one.
+// Memory that holds, or is to hold, a micromap. VkMicromapEXT handles are pointers to these.
 struct Micromap {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
@@ -21,23 +20,20 @@ struct Micromap {
         VkObjectType type = VK_OBJECT_TYPE_MICROMAP_EXT;
         uint64_t handle = 0;
     } object;
+
+    explicit operator bool() const { return buffer != VK_NULL_HANDLE; }
 };
 
-// What a handle stands for; null for null.
-inline Micromap *micromapOf(VkMicromapEXT handle)
+// The object of a handle; null for null.
+inline const Micromap *micromapOf(VkMicromapEXT handle)
 {
-    return reinterpret_cast<Micromap *>(handle);
+    return reinterpret_cast<const Micromap *>(handle);
 }
 
-// Device address of a micromap's memory; 0 for null.
+// Device address of a micromap's memory; 0 if there is none.
 inline VkDeviceAddress micromapAddress(const Driver &driver, const Micromap &micromap)
 {
-    return driver.bufferAddress(micromap.buffer) + micromap.offset;
-}
-inline VkDeviceAddress micromapAddress(const Driver &driver, VkMicromapEXT handle)
-{
-    const Micromap *micromap = micromapOf(handle);
-    return micromap ? micromapAddress(driver, *micromap) : 0;
+    return micromap ? driver.bufferAddress(micromap.buffer) + micromap.offset : 0;
 }
 
 } // namespace vellum::layer

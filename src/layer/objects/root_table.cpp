@@ -8,6 +8,7 @@
 #include "core/opacity.h"
 #include "core/records.h"
 #include "layer/ground/align.h"
+#include "layer/ground/undo.h"
 
 namespace vellum::layer
 {
@@ -55,6 +56,17 @@ uint64_t load64(const uint32_t *words)
     return words[0] | uint64_t{words[1]} << 32;
 }
 
+// What `function` returns; nothing where it runs out of host memory.
+template <typename Function>
+auto orNothing(Function function) -> decltype(function())
+{
+    try {
+        return function();
+    } catch (const std::bad_alloc &) {
+        return {};
+    }
+}
+
 bool crossesWord(VkDeviceAddress address, VkDeviceSize bytes)
 {
     return (address >> 32) != ((address + bytes - 1) >> 32);
@@ -85,7 +97,7 @@ VkResult RootTable::create(const GpuContext &context, const std::string &keptAdd
     const VkResult result = createTable(root_, kRoot, true);
     if (result != VK_SUCCESS)
         return result;
-    if (const VkResult made = notices_.create(context, kNoticeCounters * 4); made != VK_SUCCESS)
+    if (const VkResult made = notices_.create(context, (kGreatestRecordOffset + 1) * 4); made != VK_SUCCESS)
         return made;
     store64(root_.words() + kRootNotices, notices_.address());
     freeSlots_ = {{0, kSlots}};
@@ -135,12 +147,14 @@ bool RootTable::addPages(uint32_t lastPage)
         GpuBuffer buffer;
         if (createTable(buffer, kFirstPages, pages_.empty()) != VK_SUCCESS)
             return false;
-        setPage(pageCount_, buffer.address());
-        pages_.push_back(std::move(buffer));
+        const VkDeviceAddress address = pages_.emplace_back(std::move(buffer)).address();
+        if (pageCount_ == 0)
+            firstSlots_ = address;
+        setPage(pageCount_, address); // last, since nothing that shaders reach is freed
     }
     // A shader that reads the custom index where there is no hit reads some slot: every page must be readable.
     for (uint32_t page = pageCount_; page < kDirectoryPages; ++page)
-        setPage(page, firstSlots());
+        setPage(page, firstSlots_);
     return true;
 }
 
@@ -154,19 +168,25 @@ void RootTable::setPage(uint32_t page, VkDeviceAddress address)
 
 std::shared_ptr<SlotRange> RootTable::allocateSlots(uint32_t count)
 {
-    std::lock_guard lock(mutex_);
-    for (auto it = freeSlots_.begin(); it != freeSlots_.end(); ++it) {
-        const auto [first, available] = *it;
-        if (available < count)
-            continue;
-        if (!addPages((first + std::max(count, 1u) - 1) >> kSlotsPerPageLog2))
-            return nullptr;
-        freeSlots_.erase(it);
-        if (available > count)
-            freeSlots_[first + count] = available - count;
-        return std::make_shared<SlotRange>(*this, first, count);
-    }
-    return nullptr;
+    return orNothing([&]() -> std::shared_ptr<SlotRange> {
+        std::lock_guard lock(mutex_);
+        for (auto it = freeSlots_.begin(); it != freeSlots_.end(); ++it) {
+            const auto [first, available] = *it;
+            if (available < count)
+                continue;
+            if (!addPages((first + std::max(count, 1u) - 1) >> kSlotsPerPageLog2))
+                return nullptr;
+            auto slots = std::make_shared<SlotRange>(*this, first, count); // nothing fails after this
+            auto rest = freeSlots_.extract(it);
+            if (available > count) {
+                rest.key() = first + count;
+                rest.mapped() = available - count;
+                freeSlots_.insert(std::move(rest));
+            }
+            return slots;
+        }
+        return nullptr;
+    });
 }
 
 void RootTable::freeSlots(uint32_t first, uint32_t count)
@@ -192,7 +212,7 @@ void RootTable::freeSlots(uint32_t first, uint32_t count)
 CellPlace RootTable::acquireCell(VkDeviceAddress reference)
 {
     std::lock_guard lock(mutex_);
-    return acquireCell(reference, structureCells_);
+    return orNothing([&] { return acquireCell(reference, structureCells_); });
 }
 
 CellPlace RootTable::acquireCell(VkDeviceAddress key, CellPool &pool)
@@ -203,10 +223,12 @@ CellPlace RootTable::acquireCell(VkDeviceAddress key, CellPool &pool)
     }
     if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
         return {};
-    const uint32_t index = pool.acquire(context_);
+    const auto entry = cells_.emplace(key, Cell{CellPool::kNone, 1, &pool, nullptr}).first;
+    Undo undo([&] { cells_.erase(entry); });
+    const uint32_t index = entry->second.index = pool.acquire(context_);
     if (index == CellPool::kNone)
         return {};
-    cells_[key] = {index, 1, &pool, nullptr};
+    undo.keep();
     insertBucket(key, pool.place(index).address);
     return pool.place(index);
 }
@@ -215,7 +237,7 @@ VkDeviceAddress RootTable::acquireMicromap(VkDeviceAddress address, VkDeviceSize
 {
     const VkDeviceAddress key = address + kMicromapKey;
     std::lock_guard lock(mutex_);
-    if (!acquireCell(key, micromapCells_).address)
+    if (!orNothing([&] { return acquireCell(key, micromapCells_); }).address)
         return 0;
     uint32_t *words = micromapCells_.words(cells_.at(key).index);
     words[2] = kCellMicromap;
@@ -239,14 +261,14 @@ void RootTable::releaseCell(VkDeviceAddress key)
 bool RootTable::addReference(VkDeviceAddress reference, VkDeviceAddress known)
 {
     std::lock_guard lock(mutex_);
-    return addKey(reference, known);
+    return orNothing([&] { return addKey(reference, known); });
 }
 
 VkDeviceAddress RootTable::holdCell(VkDeviceAddress known)
 {
     std::lock_guard lock(mutex_);
     const VkDeviceAddress key = ++heldKeys_ * 4 + kHeldKey; // no structure has such an address
-    return addKey(key, known) ? key : 0;
+    return orNothing([&] { return addKey(key, known); }) ? key : 0;
 }
 
 bool RootTable::addKey(VkDeviceAddress reference, VkDeviceAddress known)
@@ -264,11 +286,15 @@ bool RootTable::addKey(VkDeviceAddress reference, VkDeviceAddress known)
     Cell &cell = leads->second;
     if (!cell.keys)
         cell.keys = std::make_shared<uint32_t>(1);
+    cells_.emplace(reference, Cell{cell.index, 1, cell.pool, cell.keys});
     ++*cell.keys;
-    const Cell other{cell.index, 1, cell.pool, cell.keys};
-    cells_[reference] = other;
-    insertBucket(reference, other.pool->place(other.index).address);
+    insertBucket(reference, cell.pool->place(cell.index).address);
     return true;
+}
+
+uint32_t RootTable::greatestRecordOffset() const
+{
+    return __atomic_load_n(notices_.words() + kGreatestRecordOffset, __ATOMIC_ACQUIRE);
 }
 
 uint32_t RootTable::takeNotices()
@@ -334,7 +360,7 @@ bool RootTable::growHashTable()
     if (table.create(context_, (kHashHeaderWords + VkDeviceSize{buckets} * kHashBucketWords) * 4) != VK_SUCCESS)
         return false;
     table.words()[0] = buckets - 1;
-    hashTables_.push_back(std::move(table));
+    hashTables_.push_back(std::move(table)); // nothing fails after this
     buckets_ = buckets;
     usedBuckets_ = 0;
     for (const auto &[reference, cell] : cells_)

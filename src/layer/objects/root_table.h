@@ -51,7 +51,7 @@ public:
     VkResult create(const GpuContext &context, const std::string &keptAddresses = {});
     [[nodiscard]] VkDeviceAddress address() const { return root_.address(); }
     // Of the instance records of the first kFirstSlots slots.
-    [[nodiscard]] VkDeviceAddress firstSlots() const { return pages_.front().address(); }
+    [[nodiscard]] VkDeviceAddress firstSlots() const { return firstSlots_; }
 
     // Null where the 2^24 slots, or memory, are used up.
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
@@ -73,6 +73,14 @@ public:
 
     // What shaders had to tell since the last call: bits kNotice*. The host only reads their counters, see CellPool.
     uint32_t takeNotices();
+
+    // The greatest instanceShaderBindingTableRecordOffset of the builds that the device has carried out so far, and
+    // where shaders find that of all builds before them.
+    [[nodiscard]] uint32_t greatestRecordOffset() const;
+    [[nodiscard]] VkDeviceAddress greatestRecordOffsetAddress() const
+    {
+        return notices_.address() + shared::kGreatestRecordOffset * 4;
+    }
 
 private:
     friend class SlotRange;
@@ -101,7 +109,8 @@ private:
     std::mutex mutex_;
     GpuBuffer root_, notices_;
     uint32_t seenNotices_[shared::kNoticeCounters] = {};
-    std::vector<GpuBuffer> pages_; // each holds kPagesPerBuffer pages
+    std::vector<GpuBuffer> pages_;   // guarded by mutex_, as all below
+    VkDeviceAddress firstSlots_ = 0; // of the first page; set by create(), and read without the mutex
     uint32_t pageCount_ = 0;
     std::map<uint32_t, uint32_t> freeSlots_; // first -> count, never adjacent
 

@@ -14,11 +14,11 @@ StructurePlace::~StructurePlace()
 std::shared_ptr<StructurePlace> StructurePlaces::acquire(const Key &key)
 {
     std::lock_guard lock(mutex_);
-    Entry &entry = places_[key];
-    if (!entry.place)
-        entry.place = std::make_shared<StructurePlace>(root_);
-    ++entry.users;
-    return entry.place;
+    if (const auto known = places_.find(key); known != places_.end()) {
+        ++known->second.users;
+        return known->second.place;
+    }
+    return places_.emplace(key, Entry{std::make_shared<StructurePlace>(root_), 1}).first->second.place;
 }
 
 void StructurePlaces::release(const Key &key)

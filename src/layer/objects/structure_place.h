@@ -30,7 +30,7 @@ struct StructurePlace {
     RootTable &root;
     std::mutex mutex; // guards what is below
     // The structures that begin here, each as long as its handle lives.
-    std::vector<std::pair<AccelerationStructure *, VkAccelerationStructureKHR>> structures;
+    std::vector<AccelerationStructure *> structures;
     // The addresses of those that were asked for theirs, each a user of the cell: what instances may name. Only the
     // address of a GENERIC one must be that of the buffer (vkGetAccelerationStructureDeviceAddressKHR), so there may be
     // several. One that no structure has any more may be given to a structure somewhere else.

@@ -1,5 +1,6 @@
 #include "layer/pipelines/any_hit_modules.h"
 
+#include "layer/ground/undo.h"
 #include "shaders/any_hit.h"
 #include "spirv/module/opcodes.h"
 
@@ -10,28 +11,35 @@ using spirv::Decides;
 
 AnyHitModules::~AnyHitModules()
 {
-    for (const auto &[key, module] : modules_) {
-        if (module)
-            context_.next->DestroyShaderModule(context_.device, module, nullptr);
-    }
+    for (const auto &[key, module] : modules_)
+        context_.next->DestroyShaderModule(context_.device, module, nullptr);
 }
 
 VkShaderModule AnyHitModules::get(Decides decides, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options)
 {
-    std::lock_guard lock(mutex_);
-    VkShaderModule &module = modules_[{decides, hidden}];
-    if (module)
-        return module;
+    const std::pair key(decides, hidden);
+    {
+        std::lock_guard lock(mutex_);
+        if (const auto known = modules_.find(key); known != modules_.end())
+            return known->second;
+    }
+    // Without the lock: rewriting may depend on a trial, which waits for the device.
     spirv::RewriteOptions forStage = options;
     forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, decides, hidden};
     const spirv::RewriteResult result = spirv::rewrite(any_hit, forStage);
     VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     info.codeSize = result.words.size() * 4;
     info.pCode = result.words.data();
+    VkShaderModule module = VK_NULL_HANDLE;
     if (result.status != spirv::RewriteResult::Status::Rewritten ||
         context_.next->CreateShaderModule(context_.device, &info, nullptr, &module) != VK_SUCCESS)
-        module = VK_NULL_HANDLE;
-    return module;
+        return VK_NULL_HANDLE;
+    Undo undo([&] { context_.next->DestroyShaderModule(context_.device, module, nullptr); });
+    std::lock_guard lock(mutex_);
+    const auto [entry, isNew] = modules_.emplace(key, module);
+    if (isNew) // and no other thread was faster
+        undo.keep();
+    return entry->second;
 }
 
 } // namespace vellum::layer

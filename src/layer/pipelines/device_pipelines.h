@@ -3,7 +3,14 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <mutex>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "layer/commands/device_commands.h"
@@ -22,6 +29,27 @@ struct RayTracingModule {
     spirv::TracedFlags traced;
 };
 
+inline uint64_t codeHash(std::span<const uint32_t> words)
+{
+    return std::hash<std::string_view>{}({reinterpret_cast<const char *>(words.data()), words.size_bytes()});
+}
+
+// Warnings about shaders, each sent once for the same code: applications make thousands of pipelines of few shaders.
+class ShaderWarnings
+{
+public:
+    // Whether the message `id` was not asked for before about code with this hash.
+    [[nodiscard]] bool isFirst(const char *id, uint64_t code)
+    {
+        std::lock_guard lock(mutex_);
+        return sent_.emplace(id, code).second;
+    }
+
+private:
+    std::mutex mutex_;
+    std::set<std::pair<std::string, uint64_t>> sent_;
+};
+
 struct DevicePipelines {
     Driver &driver;
     DeviceBuffers &buffers;
@@ -33,6 +61,7 @@ struct DevicePipelines {
     GivenIdentifiers givenIdentifiers{};
     HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};
+    ShaderWarnings shaderWarnings{};
     std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
 };
 

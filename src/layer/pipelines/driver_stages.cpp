@@ -35,6 +35,27 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
             .pipelineStage = pipelineStage};
 }
 
+namespace
+{
+
+// Warnings about a shader that was rewritten.
+void warnOf(DevicePipelines &device, const spirv::RewriteResult &result, std::span<const uint32_t> words)
+{
+    const auto warn = [&](bool applies, const char *id, const char *text) {
+        if (applies && device.shaderWarnings.isFirst(id, codeHash(words)))
+            device.driver.report().warning(id, text);
+    };
+    // Harmless where they meet no micromaps. Applications forget it all the same, like the Vulkan tutorial's engine.
+    warn(result.queriesForget && device.driver.asked.khrFeature, "VELLUM-queries-without-micromaps",
+         "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every hit on "
+         "their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
+    warn(result.lacksHiddenFlags, "VELLUM-intersection-ray-flags",
+         "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
+         "ForceOpacityMicromap2State, which travel in ray payloads where not all rays have them alike");
+}
+
+} // namespace
+
 bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
@@ -52,17 +73,7 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
                                      "a shader that traces rays cannot be rewritten: " + result.error);
         return false;
     }
-    // Harmless where they meet no micromaps. Applications forget it all the same, like the Vulkan tutorial's engine.
-    if (result.queriesForget && device.driver.asked.khrFeature)
-        device.driver.report().warning(
-            "VELLUM-queries-without-micromaps",
-            "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every hit "
-            "on their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
-    if (result.lacksHiddenFlags)
-        device.driver.report().warning(
-            "VELLUM-intersection-ray-flags",
-            "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
-            "ForceOpacityMicromap2State, which travel in ray payloads where not all rays have them alike");
+    warnOf(device, result, words);
     if (result.status == spirv::RewriteResult::Status::Unchanged)
         return true;
     storage = std::move(result.words);

@@ -10,26 +10,34 @@ namespace vellum::layer
 namespace
 {
 
+using Region = VkStridedDeviceAddressRegionKHR;
+
 // Room for the hit records of an indirect command, which only the GPU knows the number of.
 constexpr uint32_t kIndirectRoom = 16 * 1024 * 1024;
 constexpr uint32_t kIndirectThreads = 4096;
 constexpr VkDeviceSize kCommandRoom = 256;
 static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandRoom);
 
+// Bytes for stand-ins behind a table's own records: at least, since builds that the device has not carried out yet may
+// have greater record offsets than the known ones; and at most.
+constexpr VkDeviceSize kLeastPadding = 16 * 1024;
+constexpr VkDeviceSize kMostPadding = 16 * 1024 * 1024;
+constexpr uint32_t kMostRayOffset = 15; // SBT offset of OpTraceRayKHR, of which four bits are used
+
 // The pipeline that a trace in this command buffer uses, if null records have to be replaced for it.
 std::shared_ptr<RayTracingPipeline> pipelineOf(const DevicePipelines &device, const CommandState *state)
 {
-    // Where conditional rendering cannot be suspended, the copy might not be made.
-    if (!state || state->inheritsConditionalRendering)
-        return nullptr;
-    auto pipeline = device.rayTracingPipelines.get(state->rayTracingPipeline);
+    auto pipeline = state ? device.rayTracingPipelines.get(state->rayTracingPipeline) : nullptr;
     return pipeline && pipeline->hasNullGroup ? pipeline : nullptr;
 }
 
-HitRecordsPush pushOf(const RayTracingPipeline &pipeline)
+shared::HitRecordsPush pushOf(const DevicePipelines &device, const RayTracingPipeline &pipeline)
 {
-    HitRecordsPush push{};
-    std::copy(pipeline.nullHandle.begin(), pipeline.nullHandle.end(), push.handle);
+    shared::HitRecordsPush push{};
+    push.standIn = pipeline.standIn.address();
+    push.recordOffset = device.objects.root.greatestRecordOffsetAddress();
+    push.reach = kMostRayOffset + pipeline.mostStride * (device.objects.mostGeometries - 1);
+    push.oneForAll = !pipeline.hasBoxes;
     return push;
 }
 
@@ -43,7 +51,7 @@ VkDeviceAddress allocate(const DevicePipelines &device, CommandState &state, VkD
     return address;
 }
 
-bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const HitRecordsPush &push, uint64_t threads)
+bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const shared::HitRecordsPush &push, uint64_t threads)
 {
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
@@ -52,22 +60,51 @@ bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const HitRecord
     return copied;
 }
 
-VkStridedDeviceAddressRegionKHR withoutNull(DevicePipelines &device, VkCommandBuffer commandBuffer,
-                                            const VkStridedDeviceAddressRegionKHR &hit)
+// How many records of a table hold a whole handle.
+uint64_t recordsOf(const Region &table)
+{
+    if (table.deviceAddress == 0 || table.size < kGroupHandleBytes)
+        return 0;
+    return table.stride == 0 ? 1 : 1 + (table.size - kGroupHandleBytes) / table.stride;
+}
+
+// The application's hit table as the driver is to read it: the layer's any-hit shader runs for every triangle that rays
+// meet, and the driver reads a record for it, also where the application's ray would have needed none.
+Region driverTable(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region &given)
 {
     CommandState *const state = device.commands.states.get(commandBuffer);
     const auto pipeline = pipelineOf(device, state);
-    if (!pipeline || hit.deviceAddress == 0 || hit.size < kGroupHandleBytes || hit.size > UINT32_MAX)
-        return hit;
-    HitRecordsPush push = pushOf(*pipeline);
-    push.source = hit.deviceAddress;
-    push.target = allocate(device, *state, hit.size);
-    push.size = static_cast<uint32_t>(hit.size);
-    push.stride = static_cast<uint32_t>(std::min(hit.stride, hit.size));
-    const uint64_t records = push.stride == 0 ? 1 : (uint64_t{push.size} + push.stride - 1) / push.stride;
-    if (!push.target || !run(device, commandBuffer, push, records))
-        return hit;
-    return {push.target, hit.stride, hit.size};
+    if (!pipeline)
+        return given;
+    Region table = given;
+    table.size = std::min(given.size, device.buffers.addresses.bytesFrom(given.deviceAddress));
+    const uint64_t records = recordsOf(table);
+    if (records == 0)
+        return {pipeline->standIn.address(), 0, kGroupHandleBytes};
+    // Hits through other indices have no record of the application's, so none of its shaders runs for them.
+    if (records == 1 && !pipeline->hasBoxes)
+        table.stride = 0;
+    const bool overlap = table.stride > 0 && table.stride < kGroupHandleBytes;
+    // Where conditional rendering cannot be suspended, the copy might not be made.
+    if (state->inheritsConditionalRendering || overlap || table.size > UINT32_MAX - kMostPadding)
+        return table;
+    VkDeviceSize bytes = table.size;
+    uint64_t reached = records;
+    shared::HitRecordsPush push = pushOf(device, *pipeline);
+    if (table.stride > 0) {
+        reached = uint64_t{device.objects.root.greatestRecordOffset()} + push.reach + 1;
+        const VkDeviceSize needed = std::max(reached * table.stride, table.size);
+        bytes += std::clamp(needed - table.size, kLeastPadding, kMostPadding);
+    }
+    push.source = table.deviceAddress;
+    push.target = allocate(device, *state, bytes);
+    push.size = static_cast<uint32_t>(table.size);
+    push.stride = static_cast<uint32_t>(table.stride);
+    push.capacity = static_cast<uint32_t>(bytes);
+    const Region copy{push.target, table.stride, bytes};
+    if (!push.target || !run(device, commandBuffer, push, std::max(records, std::min(reached, recordsOf(copy)))))
+        return table;
+    return copy;
 }
 
 } // namespace
@@ -76,7 +113,7 @@ void cmdTraceRays(DevicePipelines &device, VkCommandBuffer commandBuffer, const 
                   const VkStridedDeviceAddressRegionKHR *miss, const VkStridedDeviceAddressRegionKHR *hit,
                   const VkStridedDeviceAddressRegionKHR *callable, uint32_t width, uint32_t height, uint32_t depth)
 {
-    const VkStridedDeviceAddressRegionKHR own = withoutNull(device, commandBuffer, *hit);
+    const Region own = driverTable(device, commandBuffer, *hit);
     device.driver.next.CmdTraceRaysKHR(commandBuffer, raygen, miss, &own, callable, width, height, depth);
 }
 
@@ -85,19 +122,20 @@ void cmdTraceRaysIndirect(DevicePipelines &device, VkCommandBuffer commandBuffer
                           const VkStridedDeviceAddressRegionKHR *hit, const VkStridedDeviceAddressRegionKHR *callable,
                           VkDeviceAddress command)
 {
-    const VkStridedDeviceAddressRegionKHR own = withoutNull(device, commandBuffer, *hit);
+    const Region own = driverTable(device, commandBuffer, *hit);
     device.driver.next.CmdTraceRaysIndirectKHR(commandBuffer, raygen, miss, &own, callable, command);
 }
 
 void cmdTraceRaysIndirect2(DevicePipelines &device, VkCommandBuffer commandBuffer, VkDeviceAddress command)
 {
     CommandState *const state = device.commands.states.get(commandBuffer);
-    if (const auto pipeline = pipelineOf(device, state)) {
-        HitRecordsPush push = pushOf(*pipeline);
+    const auto pipeline = pipelineOf(device, state);
+    if (pipeline && !state->inheritsConditionalRendering) {
+        shared::HitRecordsPush push = pushOf(device, *pipeline);
         push.command = command;
         push.commandCopy = allocate(device, *state, kCommandRoom + kIndirectRoom);
         push.target = push.commandCopy + kCommandRoom;
-        push.size = kIndirectRoom;
+        push.capacity = kIndirectRoom;
         if (push.commandCopy && run(device, commandBuffer, push, kIndirectThreads))
             command = push.commandCopy;
     }

@@ -1,5 +1,5 @@
-// vkCmdTraceRays*: a hit record with a null handle has no shaders, but the micromaps of what it is hit through still
-// count. For pipelines that use micromaps the records are copied, with a group of the layer's in the place of null.
+// vkCmdTraceRays*: hits without a shader of the application's, through a null hit record or through none at all, still
+// look up micromaps. Pipelines that use micromaps trace with hit tables in which a record of the layer's stands in.
 #pragma once
 
 #include <vulkan/vulkan.h>

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <new>
 #include <span>
 
 #include "core/hash.h"
@@ -143,11 +144,14 @@ void DriverIdentifiers::choose(uint32_t way)
     }
 }
 
-void DriverIdentifiers::remember(uint32_t way)
+void DriverIdentifiers::remember(uint32_t way) noexcept
 {
-    for (size_t i = 0; i < open_.size(); ++i) {
-        if ((way >> i & 1) != 0)
-            device_.givenIdentifiers.add(open_[i].application);
+    try {
+        for (size_t i = 0; i < open_.size(); ++i) {
+            if ((way >> i & 1) != 0)
+                device_.givenIdentifiers.add(open_[i].application);
+        }
+    } catch (const std::bad_alloc &) { // then the next time begins with way 0 again
     }
 }
 

@@ -19,6 +19,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/ground/pnext.h"
+#include "layer/ground/vulkan_newer.h"
 
 namespace vellum::layer
 {
@@ -69,11 +70,27 @@ public:
     [[nodiscard]] bool any() const { return hidden_ || !bytes_.empty(); }
     // 0: an identifier lies where the layer cannot replace it, and the driver must not see the application's.
     [[nodiscard]] uint32_t ways() const { return hidden_ ? 0 : 1u << open_.size(); }
-    void choose(uint32_t way);
-    // The driver knew them in this way: so it will be the next time, and so keys of such pipelines are made.
-    void remember(uint32_t way);
+    // Calls `use` with the stages read in each way until the driver knows them in one, and returns its last result;
+    // VK_PIPELINE_COMPILE_REQUIRED where there is no way.
+    template <typename Use>
+    VkResult useUntilKnown(Use use)
+    {
+        VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
+        for (uint32_t way = 0;
+             way < ways() && (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
+             ++way) {
+            choose(way);
+            result = use();
+            if (result == VK_SUCCESS || result == VK_INCOMPLETE)
+                remember(way);
+        }
+        return result;
+    }
 
 private:
+    void choose(uint32_t way);
+    // The driver knew them in this way: so it will be the next time, and so keys of such pipelines are made.
+    void remember(uint32_t way) noexcept;
     struct Open {
         std::vector<uint8_t> *bytes; // for the driver
         std::vector<uint8_t> application;

@@ -9,6 +9,7 @@
 
 #include "core/hash.h"
 #include "core/ray_flags.h"
+#include "layer/ground/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
@@ -97,16 +98,7 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
     std::deque<Chain> chains;
     const auto useOwn = [&](auto &own) {
         const newer::PipelineCreateInfo driverInfo{info.sType, &own};
-        VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
-        for (uint32_t way = 0; way < identifiers.ways() &&
-                               (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
-             ++way) {
-            identifiers.choose(way);
-            result = use(driverInfo, {});
-            if (result == VK_SUCCESS || result == VK_INCOMPLETE)
-                identifiers.remember(way);
-        }
-        return result;
+        return identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
     };
     if (structure && structure->sType == VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO) {
         auto own = *reinterpret_cast<const VkComputePipelineCreateInfo *>(structure);
@@ -133,6 +125,24 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
 VkResult withoutShaderError(VkResult result, VkResult instead)
 {
     return result == VK_ERROR_INVALID_SHADER_NV ? instead : result;
+}
+
+// Binaries that the driver has made are known from now on; where there is no memory for that, there are none.
+void addBinaries(DevicePipelines &device, VkDevice handle, const VkAllocationCallbacks *allocator,
+                 std::span<newer::PipelineBinary> binaries, const std::function<HiddenInBinary(size_t)> &hidden)
+{
+    Undo undo([&] {
+        for (newer::PipelineBinary &binary : binaries) {
+            if (binary)
+                destroyPipelineBinary(device, handle, binary, allocator);
+            binary = nullptr;
+        }
+    });
+    for (size_t i = 0; i < binaries.size(); ++i) {
+        if (binaries[i])
+            device.pipelineBinaries.set(binaries[i], hidden(i));
+    }
+    undo.keep();
 }
 
 // The driver makes those that fit; the handles of others are null ("all pipeline binaries ... will be attempted").
@@ -175,11 +185,9 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
     newer::PipelineBinaryCreateInfo driverInfo = info;
     driverInfo.pKeysAndDataInfo = &own;
     const VkResult drivers = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, &handles);
-    for (size_t i = 0; i < made.size(); ++i) {
-        if (made[i])
-            device.pipelineBinaries.set(made[i], hidden[i]);
+    addBinaries(device, handle, allocator, made, [&](size_t i) { return hidden[i]; });
+    for (size_t i = 0; i < made.size(); ++i)
         binaries.pPipelineBinaries[places[i]] = made[i];
-    }
     return result < 0 || drivers == VK_SUCCESS ? result : drivers;
 }
 
@@ -250,16 +258,17 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
                                 const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo *binaries)
 {
     const bool emulated = device.driver.emulated;
-    const uint32_t room = binaries->pPipelineBinaries ? binaries->pipelineBinaryCount : 0;
+    const uint32_t count = binaries->pipelineBinaryCount; // of the array, which the driver may be given again
+    const uint32_t room = binaries->pPipelineBinaries ? count : 0;
     std::fill_n(binaries->pPipelineBinaries, room, nullptr);
     if (emulated && info->pKeysAndDataInfo && binaries->pPipelineBinaries)
         return createFromData(device, handle, *info, allocator, *binaries);
+    binaries->pipelineBinaryCount = 0; // unless the driver is asked
     const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
+        binaries->pipelineBinaryCount = count;
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
-        for (uint32_t i = 0; emulated && i < room; ++i) {
-            if (binaries->pPipelineBinaries[i]) // also where others failed
-                device.pipelineBinaries.set(binaries->pPipelineBinaries[i], hidden);
-        }
+        if (emulated) // also where some failed
+            addBinaries(device, handle, allocator, {binaries->pPipelineBinaries, room}, [&](size_t) { return hidden; });
         return result;
     };
     if (info->pPipelineCreateInfo && !info->pKeysAndDataInfo) {

@@ -16,6 +16,7 @@
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
+#include "layer/pipelines/shaders.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::layer
@@ -110,17 +111,14 @@ public:
         const bool usesMicromaps = asked || with > 0;
         if (usesMicromaps)
             return addMicromapPipeline(own);
-        // Harmless where it meets no micromaps. Applications forget it all the same, NVRHI for one. Not of mere keys.
-        if (pipelines_ && available && (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
-            device_.driver.report().warning(
-                "VELLUM-pipeline-without-micromaps",
-                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
-                    " was created without RAY_TRACING_OPACITY_MICROMAP: where it meets micromaps, every hit on their "
-                    "geometry is non-opaque. The setting assume_micromaps creates all pipelines with it");
+        // Not for queries of pipeline keys. The code of a pipeline of binaries is ignored.
+        if (pipelines_ && available && !binariesOf(info.pNext))
+            warnOfTracing(info);
         // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
         own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
         changed_ = changed_ || own.flags != info.flags;
-        own.pNext = driverChain(own.pNext, chains_);
+        if (!hideMicromapFlags(device_.driver, own.pNext, chains_, "vkCreateRayTracingPipelinesKHR"))
+            return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
             return VK_ERROR_UNKNOWN;
         return takeIdentifiers(own);
@@ -135,8 +133,15 @@ public:
                std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
     }
 
+    // Before the driver makes the pipelines: afterwards nothing allocates.
+    void reserve()
+    {
+        for (const auto &record : records_)
+            entries_.push_back(device_.rayTracingPipelines.entry(record));
+    }
+
     // The driver has made the pipelines, or failed to.
-    void finish() override
+    void finish() noexcept override
     {
         for (const Feedback &feedback : feedback_)
             std::copy_n(feedback.own.begin(), std::min<size_t>(feedback.count, feedback.own.size()),
@@ -145,9 +150,9 @@ public:
             if (!records_[i] || !pipelines_[i])
                 continue;
             if (records_[i]->hasNullGroup)
-                readNullHandle(device_, pipelines_[i], *records_[i]);
+                writeStandIn(device_, pipelines_[i], *records_[i]);
             measureStacks(device_, pipelines_[i], groupsOfOurs_[i]);
-            device_.rayTracingPipelines.set(pipelines_[i], records_[i]);
+            device_.rayTracingPipelines.set(pipelines_[i], std::move(entries_[i]));
         }
     }
 
@@ -180,6 +185,26 @@ private:
         return false;
     }
 
+    // Of a pipeline without the micromap bit, which is harmless where it meets no micromaps. Applications forget it all
+    // the same, NVRHI for one.
+    void warnOfTracing(const VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
+        bool isFirst = false;
+        for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
+            const std::span<const uint32_t> code = stageCode(device_, stage);
+            isFirst =
+                (tracedBy(device_, stage).traces && device_.shaderWarnings.isFirst(kId, codeHash(code))) || isFirst;
+        }
+        if (isFirst)
+            device_.driver.report().warning(
+                kId,
+                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
+                    " traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: where they meet micromaps, "
+                    "every hit on their geometry is non-opaque. The setting assume_micromaps creates all pipelines "
+                    "with it");
+    }
+
     // What a driver's stage is made from: the application's stage, what it decides, and the type of the payload that it
     // gets, if it declares none and needs one.
     using StageKey = std::tuple<uint32_t, Decides, spirv::TypeWords>;
@@ -208,6 +233,12 @@ private:
         record.ownGroups = info.groupCount;
         record.hasNullGroup =
             (flags & (VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) == 0;
+        if (pipelines_ && record.hasNullGroup) {
+            record.standIn = PooledMemory(device_.buffers.hitRecords, kGroupHandleBytes);
+            if (!record.standIn.address())
+                return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+        }
+        noteHitRecords(device_, info, record);
         if (!hideFlags(info))
             return VK_ERROR_INITIALIZATION_FAILED;
         Stages stages;
@@ -294,22 +325,6 @@ private:
         return true;
     }
 
-    // The code of a stage; nothing where only the driver has it.
-    std::span<const uint32_t> codeOf(const VkPipelineShaderStageCreateInfo &stage) const
-    {
-        if (const auto original = device_.rayTracingModules.get(stage.module))
-            return original->words;
-        const auto *inlined =
-            findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-        return inlined ? std::span(inlined->pCode, inlined->codeSize / 4) : std::span<const uint32_t>();
-    }
-
-    spirv::TracedFlags tracedBy(const VkPipelineShaderStageCreateInfo &stage) const
-    {
-        const auto module = device_.rayTracingModules.get(stage.module);
-        return module ? module->traced : spirv::scan(codeOf(stage)).traced;
-    }
-
     // How ray flags that are hidden from the driver reach the shaders of a ray. Most pipelines pass constant flags that
     // agree on the hidden ones. What libraries trace that a pipeline will be made of or linked with, nobody knows here.
     spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
@@ -321,7 +336,7 @@ private:
             return {.fixed = 0};
         spirv::TracedFlags traced;
         for (uint32_t i = 0; i < info.stageCount; ++i)
-            traced.add(tracedBy(info.pStages[i]));
+            traced.add(tracedBy(device_, info.pStages[i]));
         return {traced.fixed, traced.constant};
     }
 
@@ -332,8 +347,8 @@ private:
     {
         spirv::PayloadTypes types;
         for (uint32_t i = 0; i < info.stageCount; ++i)
-            incoming.push_back(
-                types.add(codeOf(info.pStages[i]), info.pStages[i].pName, executionModelOf(info.pStages[i].stage)));
+            incoming.push_back(types.add(stageCode(device_, info.pStages[i]), info.pStages[i].pName,
+                                         executionModelOf(info.pStages[i].stage)));
         // A pipeline of binaries, whose stages may come without code, must have the stages of the one of code.
         if (device_.driver.next.CreatePipelineBinariesKHR)
             incoming.clear();
@@ -435,22 +450,25 @@ private:
             // told so.
             return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
         }
-        const auto [known, isNew] = rewritten_.try_emplace(
-            {stage.module, stage.stage, decides, hidden, std::string(stage.pName)}, VK_NULL_HANDLE);
-        if (isNew) {
+        VkShaderModule &module =
+            rewritten_[{stage.module, stage.stage, decides, hidden, std::string(stage.pName)}]; // null until it is made
+        if (!module) {
             const uint32_t *code = original->words.data();
             size_t bytes = original->words.size() * 4;
             std::vector<uint32_t> storage;
             if (!rewriteShader(device_, code, bytes, storage, target))
                 return VK_ERROR_UNKNOWN;
             const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
+            modules_.reserve(modules_.size() + 1);
+            VkShaderModule made = VK_NULL_HANDLE;
             const VkResult result =
-                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &known->second);
+                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &made);
             if (result != VK_SUCCESS)
                 return result;
-            modules_.push_back(known->second);
+            module = made;
+            modules_.push_back(module);
         }
-        stage.module = known->second;
+        stage.module = module;
         return VK_SUCCESS;
     }
 
@@ -497,7 +515,8 @@ private:
     DriverStages stages_;
     VkPipeline *pipelines_; // the application's, which must stay valid until a deferred operation is complete
     std::vector<VkRayTracingPipelineCreateInfoKHR> infos_;
-    std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
+    std::vector<std::shared_ptr<RayTracingPipeline>> records_;                   // null for pipelines without micromaps
+    std::vector<decltype(DevicePipelines::rayTracingPipelines)::Entry> entries_; // of the records
     std::vector<std::vector<uint32_t>> groupsOfOurs_; // per pipeline, those whose any-hit shader is the layer's
     std::deque<Chain> chains_;
     std::deque<DriverIdentifiers> identifiers_;
@@ -511,32 +530,6 @@ private:
         rewritten_;
     std::vector<VkShaderModule> modules_;
 };
-
-// Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
-VkResult createOneByOne(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
-                        const VkRayTracingPipelineCreateInfoKHR *infos, const VkAllocationCallbacks *allocator,
-                        VkPipeline *pipelines)
-{
-    VkResult worst = VK_SUCCESS;
-    for (uint32_t i = 0; i < count; ++i) {
-        VkRayTracingPipelineCreateInfoKHR info = infos[i];
-        const bool derived = (flagsOf(info) & VK_PIPELINE_CREATE_DERIVATIVE_BIT) != 0 && info.basePipelineIndex >= 0 &&
-                             static_cast<uint32_t>(info.basePipelineIndex) < i;
-        VkResult result = worst;
-        if (derived) {
-            info.basePipelineHandle = pipelines[info.basePipelineIndex];
-            info.basePipelineIndex = -1;
-        }
-        if (!derived || info.basePipelineHandle)
-            result =
-                createRayTracingPipelines(device, handle, VK_NULL_HANDLE, cache, 1, &info, allocator, &pipelines[i]);
-        if (result < 0 || worst == VK_SUCCESS)
-            worst = result;
-        if (result != VK_SUCCESS && (flagsOf(info) & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
-            break;
-    }
-    return worst;
-}
 
 } // namespace
 
@@ -556,9 +549,17 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
 {
     std::fill_n(pipelines, count, VK_NULL_HANDLE);
     auto creation = std::make_unique<Creation>(device, pipelines);
-    for (uint32_t i = 0; i < count; ++i) {
-        if (const VkResult result = creation->add(infos[i]); result != VK_SUCCESS)
-            return count == 1 ? result : createOneByOne(device, handle, cache, count, infos, allocator, pipelines);
+    const std::vector<VkResult> prepared =
+        prepareEach(std::span(infos, count), [&](const auto &info) { return creation->add(info); });
+    if (!allSucceeded(prepared)) {
+        const VkResult result =
+            createPrepared(std::span(creation->infos()), prepared, pipelines,
+                           [&](uint32_t one, const VkRayTracingPipelineCreateInfoKHR *info, VkPipeline *pipeline) {
+                               return device.driver.next.CreateRayTracingPipelinesKHR(handle, VK_NULL_HANDLE, cache,
+                                                                                      one, info, allocator, pipeline);
+                           });
+        creation->finish();
+        return result;
     }
     if (!creation->changed())
         return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,
@@ -569,6 +570,7 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
             handle, VK_NULL_HANDLE, cache, count, creation->infos().data(), allocator, pipelines);
         return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;
     }
+    creation->reserve();
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();

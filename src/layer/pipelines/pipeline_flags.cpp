@@ -50,16 +50,24 @@ bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags
            driver.asked.khrFeature || toleratesMixedSpecialIndex(driver, id, command);
 }
 
-const void *driverChain(const void *pNext, std::deque<Chain> &chains)
+bool hideMicromapFlags(const Driver &driver, const void *&pNext, std::deque<Chain> &chains, const char *command)
 {
     const auto *flags2 =
         findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
     if (!flags2 || (flags2->flags & kMicromapPipelineFlags) == 0)
-        return pNext;
+        return true;
     Chain &chain = chains.emplace_back(pNext);
-    if (auto *edited = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
-        edited->flags &= ~kMicromapPipelineFlags;
-    return chain.head();
+    auto *own = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
+    if (!own) {
+        driver.report().error("VELLUM-pipeline-flags",
+                              std::string(command) +
+                                  ": VkPipelineCreateFlags2CreateInfo, with flags that the driver does not know, lies "
+                                  "behind a structure of unknown size");
+        return false;
+    }
+    own->flags &= ~kMicromapPipelineFlags;
+    pNext = chain.head();
+    return true;
 }
 
 } // namespace vellum::layer

@@ -34,7 +34,8 @@ bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags
 // pStages is ignored, and may be anything, for a pipeline library without the parts that have shaders.
 bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info);
 
-// A pipeline's pNext chain without them. Copies are kept in `chains`.
-const void *driverChain(const void *pNext, std::deque<Chain> &chains);
+// Takes them out of a pipeline's pNext chain; copies are kept in `chains`. Returns false, after a message, where they
+// lie behind a structure of unknown size.
+bool hideMicromapFlags(const Driver &driver, const void *&pNext, std::deque<Chain> &chains, const char *command);
 
 } // namespace vellum::layer

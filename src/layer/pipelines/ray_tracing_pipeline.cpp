@@ -1,12 +1,46 @@
 #include "layer/pipelines/ray_tracing_pipeline.h"
 
 #include <algorithm>
+#include <array>
 
+#include "layer/ground/atomic_max.h"
+#include "layer/ground/pnext.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/pipeline_flags.h"
 
 namespace vellum::layer
 {
+
+std::span<const uint32_t> stageCode(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage)
+{
+    if (const auto original = device.rayTracingModules.get(stage.module))
+        return original->words;
+    const auto *inlined =
+        findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    return inlined ? std::span(inlined->pCode, inlined->codeSize / 4) : std::span<const uint32_t>();
+}
+
+spirv::TracedFlags tracedBy(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage)
+{
+    const auto module = device.rayTracingModules.get(stage.module);
+    return module ? module->traced : spirv::scan(stageCode(device, stage)).traced;
+}
+
+void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                    RayTracingPipeline &record)
+{
+    for (uint32_t i = 0; i < info.groupCount; ++i)
+        record.hasBoxes =
+            record.hasBoxes || info.pGroups[i].type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
+    for (uint32_t i = 0; i < info.stageCount; ++i)
+        record.mostStride = std::max(record.mostStride, tracedBy(device, info.pStages[i]).mostStride);
+    for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
+        if (const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i])) {
+            record.hasBoxes = record.hasBoxes || library->hasBoxes;
+            record.mostStride = std::max(record.mostStride, library->mostStride);
+        }
+    }
+}
 
 bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                       const spirv::HiddenFlags &hidden)
@@ -26,14 +60,15 @@ bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateI
     return alike;
 }
 
-void readNullHandle(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeline &record)
+void writeStandIn(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeline &record)
 {
+    std::array<uint32_t, kGroupHandleBytes / 4> handle{};
     if (device.driver.next.GetRayTracingShaderGroupHandlesKHR(device.driver.handle, pipeline, record.ownGroups, 1,
-                                                              kGroupHandleBytes,
-                                                              record.nullHandle.data()) != VK_SUCCESS) {
+                                                              kGroupHandleBytes, handle.data()) != VK_SUCCESS) {
         device.driver.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
-        record.nullHandle = {}; // null stays null
+        handle = {}; // null stays null
     }
+    std::copy(handle.begin(), handle.end(), record.standIn.words());
 }
 
 void measureStacks(DevicePipelines &device, VkPipeline pipeline, const std::vector<uint32_t> &groups)
@@ -41,10 +76,7 @@ void measureStacks(DevicePipelines &device, VkPipeline pipeline, const std::vect
     for (const uint32_t group : groups) {
         const VkDeviceSize bytes = device.driver.next.GetRayTracingShaderGroupStackSizeKHR(
             device.driver.handle, pipeline, group, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR);
-        const auto stack = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX));
-        uint32_t most = device.anyHitStack.load();
-        while (most < stack && !device.anyHitStack.compare_exchange_weak(most, stack)) {
-        }
+        atomicMax(device.anyHitStack, static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, UINT32_MAX)));
     }
 }
 

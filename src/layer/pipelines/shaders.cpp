@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "layer/ground/pnext.h"
+#include "layer/ground/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
@@ -20,48 +21,8 @@ namespace vellum::layer
 namespace
 {
 
-VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
-{
-    for (uint32_t i = 0; i < count; ++i)
-        pipelines[i] = VK_NULL_HANDLE;
-    return result;
-}
-
-// Pipelines with stages that are known by their identifiers only, in every way to read these until the driver knows
-// one. Pipelines that can be made are made also where others cannot ("Multiple Pipeline Creation").
-template <typename Info, typename Create>
-VkResult createIdentified(std::vector<Info> &infos, std::deque<DriverIdentifiers> &identifiers, VkPipeline *pipelines,
-                          Create create)
-{
-    VkResult worst = VK_SUCCESS;
-    std::fill_n(pipelines, infos.size(), VK_NULL_HANDLE);
-    for (size_t i = 0; i < infos.size(); ++i) {
-        Info &info = infos[i];
-        const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
-        const bool derived = (flags & VK_PIPELINE_CREATE_DERIVATIVE_BIT) != 0 && info.basePipelineIndex >= 0 &&
-                             static_cast<size_t>(info.basePipelineIndex) < i;
-        if (derived) {
-            info.basePipelineHandle = pipelines[info.basePipelineIndex];
-            info.basePipelineIndex = -1;
-        }
-        VkResult result = derived && !info.basePipelineHandle ? worst : VK_PIPELINE_COMPILE_REQUIRED;
-        for (uint32_t way = 0; way < identifiers[i].ways() && result == VK_PIPELINE_COMPILE_REQUIRED &&
-                               (!derived || info.basePipelineHandle);
-             ++way) {
-            identifiers[i].choose(way);
-            result = create(info, &pipelines[i]);
-            if (result == VK_SUCCESS)
-                identifiers[i].remember(way);
-        }
-        if (result < 0 || worst == VK_SUCCESS)
-            worst = result;
-        if (result != VK_SUCCESS && (flags & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0)
-            break;
-    }
-    return worst;
-}
-
-// Compute or graphics pipelines, by the driver's command.
+// Compute or graphics pipelines, by the driver's command. Those with stages that are known by their identifiers only
+// are made one by one, in every way to read these until the driver knows one.
 template <typename Info, typename Command>
 VkResult createPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
                          const Info *infos, const VkAllocationCallbacks *allocator, VkPipeline *pipelines,
@@ -71,17 +32,15 @@ VkResult createPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCac
     std::deque<DriverIdentifiers> identifiers;
     std::deque<Chain> chains;
     std::vector<Info> own(infos, infos + count);
-    bool identified = false;
-    for (Info &info : own) {
-        if (const VkResult result = translate(device, info, stages, identifiers.emplace_back(device), chains);
-            result != VK_SUCCESS)
-            return failAll(count, pipelines, result);
-        identified = identified || identifiers.back().any();
-    }
-    if (!identified)
+    const std::vector<VkResult> prepared = prepareEach(std::span(own), [&](Info &info) {
+        return translate(device, info, stages, identifiers.emplace_back(device), chains);
+    });
+    if (allSucceeded(prepared) && std::ranges::none_of(identifiers, &DriverIdentifiers::any))
         return command(handle, cache, count, own.data(), allocator, pipelines);
-    return createIdentified(own, identifiers, pipelines, [&](const Info &info, VkPipeline *pipeline) {
-        return command(handle, cache, 1, &info, allocator, pipeline);
+    return createEach(std::span(own), pipelines, [&](size_t i, const Info &info, VkPipeline &pipeline) {
+        return prepared[i] != VK_SUCCESS ? prepared[i] : identifiers[i].useUntilKnown([&] {
+            return command(handle, cache, 1, &info, allocator, &pipeline);
+        });
     });
 }
 
@@ -101,10 +60,14 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
     if (emulated && scan.hasStages)
         original = std::make_shared<RayTracingModule>(RayTracingModule{{words.begin(), words.end()}, scan.traced});
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
-    if (result == VK_SUCCESS && original)
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] { destroyShaderModule(device, handle, *module, allocator); });
+    if (original)
         device.rayTracingModules.set(*module, std::move(original));
-    if (result == VK_SUCCESS && scan.tracesRays)
+    if (scan.tracesRays)
         device.tracingModules.set(*module, true);
+    undo.keep();
     return result;
 }
 
@@ -123,8 +86,8 @@ VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, D
     if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
                                   "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593", "vkCreateComputePipelines"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    if (emulated)
-        info.pNext = driverChain(info.pNext, chains);
+    if (emulated && !hideMicromapFlags(device.driver, info.pNext, chains, "vkCreateComputePipelines"))
+        return VK_ERROR_INITIALIZATION_FAILED;
     if (binariesOf(info.pNext))
         return VK_SUCCESS;
     const VkPipelineShaderStageCreateInfo *stage = &info.stage;
@@ -143,8 +106,8 @@ VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, 
     if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
                                   "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595", "vkCreateGraphicsPipelines"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    if (emulated)
-        info.pNext = driverChain(info.pNext, chains);
+    if (emulated && !hideMicromapFlags(device.driver, info.pNext, chains, "vkCreateGraphicsPipelines"))
+        return VK_ERROR_INITIALIZATION_FAILED;
     if (!hasShaderStages(info) || binariesOf(info.pNext))
         return VK_SUCCESS;
     if (emulated && !stages.rewrite(info.pStages, info.stageCount))
@@ -174,29 +137,26 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
 {
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
-    for (newer::ShaderCreateInfo &info : own) {
-        if (!takeMixedSpecialIndex(device.driver, info)) {
-            std::fill_n(shaders, count, nullptr);
+    const auto prepare = [&](newer::ShaderCreateInfo &info) {
+        if (!takeMixedSpecialIndex(device.driver, info))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        }
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
-            if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0) {
-                std::fill_n(shaders, count, nullptr);
+            if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0)
                 return newer::kIncompatibleShaderBinary;
-            }
             info.pCode = static_cast<const std::byte *>(info.pCode) + sizeof header;
             info.codeSize -= sizeof header;
-            continue;
+            return VK_SUCCESS;
         }
         const auto *code = static_cast<const uint32_t *>(info.pCode);
-        if (!rewriteShader(device, code, info.codeSize, storage.emplace_back())) {
-            std::fill_n(shaders, count, nullptr);
+        if (!rewriteShader(device, code, info.codeSize, storage.emplace_back()))
             return VK_ERROR_INITIALIZATION_FAILED; // of the errors of vkCreateShadersEXT the one about the code
-        }
         info.pCode = code;
-    }
-    return device.driver.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
+        return VK_SUCCESS;
+    };
+    return createShadersBeforeFailure(own, shaders, prepare, [&](uint32_t prepared) {
+        return device.driver.next.CreateShadersEXT(handle, prepared, own.data(), allocator, shaders);
+    });
 }
 
 } // namespace vellum::layer

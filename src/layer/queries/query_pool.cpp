@@ -9,8 +9,8 @@
 
 #include "core/records.h"
 #include "layer/ground/judge.h"
+#include "layer/ground/undo.h"
 #include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_structure.h"
 #include "layer/queries/device_queries.h"
 #include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_size.h"
@@ -103,38 +103,9 @@ std::vector<VkBufferCopy> copiesOf(const QueryPool &pool, uint32_t first, uint32
     return regions;
 }
 
-void askMicromap(InjectedWork &work, const DeviceQueries &device, const Micromap &micromap, uint32_t kind,
-                 VkDeviceAddress value)
+bool isMicromap(const DeviceQueries &device, const AccelerationStructure &structure)
 {
-    QueryValuePush push{};
-    push.target = value;
-    push.micromap = micromapAddress(device.driver, micromap);
-    push.micromapBytes = micromap.size;
-    push.kind = kind;
-    work.dispatch(InjectedShader::QueryValue, push, 1, 1);
-}
-
-// The micromap that an acceleration structure is; null where it is none.
-const Micromap *micromapAt(const DeviceQueries &device, VkAccelerationStructureKHR handle)
-{
-    const auto structure = device.objects.accelerationStructures.get(handle);
-    return structure && holdsMicromap(*structure) ? &structure->micromap : nullptr;
-}
-
-void recordMicromapProperty(InjectedWork &work, const DeviceQueries &device, const Micromap &micromap, VkQueryType type,
-                            VkDeviceAddress value)
-{
-    switch (type) {
-    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
-        return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
-    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
-        return askMicromap(work, device, micromap, kQueryMicromapSerialized, value);
-    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
-        // That of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
-        return askMicromap(work, device, micromap, kQueryMicromapCompacted | kQueryMarked, value);
-    default: // the bottom-level pointers of a top-level structure: the query was reset to none
-        return;
-    }
+    return holdsMicromap(device.driver, structure).value_or(false);
 }
 
 // Of the driver's micromaps, where there is such a type.
@@ -179,12 +150,13 @@ void makeAvailable(InjectedWork &work, const DeviceQueries &device, VkCommandBuf
 bool mayWriteProperty(const DeviceQueries &device, const Judge &judge, VkAccelerationStructureKHR structure,
                       uint32_t element, VkQueryType type)
 {
-    if (!device.objects.accelerationStructures.get(structure))
+    const auto known = device.objects.accelerationStructures.get(structure);
+    if (!known)
         return judge.refuse(
             "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter",
             "pAccelerationStructures[" + std::to_string(element) + "] is not an acceleration structure of this device");
     return type != VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR ||
-           !micromapAt(device, structure) ||
+           !isMicromap(device, *known) ||
            judge.tolerate("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
                           "pAccelerationStructures[" + std::to_string(element) +
                               "] is a micromap, which has no bottom-level pointers");
@@ -237,15 +209,20 @@ VkResult createQueryPool(DeviceQueries &device, VkDevice handle, const VkQueryPo
     if (micromaps)
         driverInfo.queryType = VK_QUERY_TYPE_OCCLUSION;
     VkResult driver = device.driver.next.CreateQueryPool(handle, &driverInfo, allocator, result);
-    if (driver == VK_SUCCESS && device.driver.translated && device.driver.asked.khr) {
+    if (driver != VK_SUCCESS)
+        return driver;
+    Undo undo([&] {
+        if (pool->micromaps)
+            device.driver.next.DestroyQueryPool(handle, pool->micromaps, nullptr);
+        device.driver.next.DestroyQueryPool(handle, *result, allocator);
+        *result = VK_NULL_HANDLE;
+    });
+    if (device.driver.translated && device.driver.asked.khr)
         driver = createMicromapPool(device, *info, pool->micromaps);
-        if (driver != VK_SUCCESS) {
-            device.driver.next.DestroyQueryPool(handle, *result, allocator);
-            *result = VK_NULL_HANDLE;
-        }
-    }
-    if (driver == VK_SUCCESS)
-        device.pools.set(*result, std::move(pool));
+    if (driver != VK_SUCCESS)
+        return driver;
+    device.pools.set(*result, pool);
+    undo.keep();
     return driver;
 }
 
@@ -362,7 +339,7 @@ void cmdWriteMicromapsProperties(DeviceQueries &device, VkCommandBuffer commandB
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     for (uint32_t i = 0; i < count; ++i)
-        askMicromap(work, device, *micromapOf(micromaps[i]), kind, pool->valueAddress(first + i));
+        recordMicromapProperty(work, device.driver, *micromapOf(micromaps[i]), kind, pool->valueAddress(first + i));
     makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 
@@ -370,55 +347,75 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueries &device, VkCommandBu
                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
                                               VkQueryPool queryPool, uint32_t first)
 {
+    constexpr const char *kCommand = "vkCmdWriteAccelerationStructuresPropertiesKHR";
     const auto pool = device.pools.get(queryPool);
     if (!mayWriteProperties(device, pool.get(), type))
         return;
-    if (count == 0 || !queriesInRange(device, *pool, first, count, "vkCmdWriteAccelerationStructuresPropertiesKHR") ||
-        InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR"))
+    if (count == 0 || !queriesInRange(device, *pool, first, count, kCommand) ||
+        InjectedWork::refusedIn(device.commands, commandBuffer, kCommand))
         return;
-    const Judge judge(device.driver.report(), "vkCmdWriteAccelerationStructuresPropertiesKHR");
+    const Judge judge(device.driver.report(), kCommand);
     for (uint32_t i = 0; i < count; ++i) {
         if (!mayWriteProperty(device, judge, structures[i], i, type))
             return;
     }
-    // The driver's answers are taken over, and corrected in place; of micromaps it knows nothing. What a structure
-    // holds may be what the device finds meanwhile: it is asked once.
-    std::vector<const Micromap *> micromaps;
-    for (uint32_t i = 0; i < count; ++i)
-        micromaps.push_back(micromapAt(device, structures[i]));
+    // The driver's answers are taken over, and corrected in place. What a structure holds may be what the device finds
+    // meanwhile: it is asked once.
+    Backend &backend = *device.structures.backend;
+    std::vector<std::shared_ptr<AccelerationStructure>> known;
+    std::vector<Backend::Property> properties;
+    for (uint32_t i = 0; i < count; ++i) {
+        known.push_back(device.objects.accelerationStructures.get(structures[i]));
+        const std::optional<bool> micromap = holdsMicromap(device.driver, *known.back());
+        if (!micromap && device.driver.translated)
+            device.driver.report().warning(
+                "VELLUM-unknown-content",
+                std::string(kCommand) + ": pAccelerationStructures[" + std::to_string(i) +
+                    "] is of type GENERIC, and nothing was recorded into it so far: it is taken for no micromap");
+        const uint32_t query = first + i;
+        properties.push_back({type, *known.back(), micromap.value_or(false), pool->memory.buffer(),
+                              pool->valueInBuffer(query), pool->valueAddress(query), pool->micromaps, query});
+    }
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     for (uint32_t begin = 0; begin < count;) {
         uint32_t end = begin;
-        while (end < count && !micromaps[end])
-            ++end;
+        std::vector<VkAccelerationStructureKHR> handles;
+        for (; end < count && !properties[end].micromap; ++end)
+            handles.push_back(backend.driverHandle(*known[end]));
         if (end > begin) {
-            std::vector<VkAccelerationStructureKHR> fitted;
-            for (uint32_t i = begin; i < end; ++i)
-                fitted.push_back(fittedHandle(device.structures, structures[i]));
-            device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, end - begin, fitted.data(),
+            device.driver.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, end - begin, handles.data(),
                                                                            type, queryPool, first + begin);
             device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first + begin, end - begin,
                                                        pool->memory.buffer(), pool->valueInBuffer(first + begin), 8,
                                                        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
         }
+        if (end < count)
+            backend.recordMicromapAnswer(commandBuffer, properties[end]);
         begin = end + 1;
     }
     work.barrier();
-    for (uint32_t i = 0; i < count; ++i) {
-        if (micromaps[i])
-            recordMicromapProperty(work, device, *micromaps[i], type, pool->valueAddress(first + i));
-        else
-            recordStructureProperty(work, device.structures, structures[i], type, pool->valueAddress(first + i));
-    }
+    for (const Backend::Property &property : properties)
+        backend.recordCorrection(work, property);
     makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 
-VkResult writeAccelerationStructuresProperties(DeviceQueries &device, VkDevice, uint32_t,
-                                               const VkAccelerationStructureKHR *, VkQueryType, size_t, void *, size_t)
+VkResult writeAccelerationStructuresProperties(DeviceQueries &device, VkDevice handle, uint32_t count,
+                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
+                                               size_t bytes, void *data, size_t stride)
 {
-    // The host does not know what a structure holds.
-    device.driver.report().notAvailable("vkWriteAccelerationStructuresPropertiesKHR");
+    // The host does not know what a structure with emulated micromaps holds.
+    bool possible = device.driver.translated;
+    for (uint32_t i = 0; possible && i < count; ++i) {
+        const auto structure = device.objects.accelerationStructures.get(structures[i]);
+        possible = structure && !holdsMicromap(device.driver, *structure).value_or(true);
+    }
+    if (possible)
+        return device.driver.next.WriteAccelerationStructuresPropertiesKHR(handle, count, structures, type, bytes, data,
+                                                                           stride);
+    device.driver.report().notAvailable(device.driver.translated
+                                            ? "vkWriteAccelerationStructuresPropertiesKHR of a micromap"
+                                            : "vkWriteAccelerationStructuresPropertiesKHR");
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 

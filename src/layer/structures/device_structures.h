@@ -2,7 +2,10 @@
 // lead from a hit to its micromap.
 #pragma once
 
+#include <memory>
+
 #include "layer/micromaps/device_micromaps.h"
+#include "layer/structures/backend.h"
 #include "layer/structures/blank_structure.h"
 
 namespace vellum::layer
@@ -15,6 +18,7 @@ struct DeviceStructures {
     DeviceCommands &commands;
     DeviceMicromaps &micromaps;
     BlankStructure blank{};
+    std::unique_ptr<Backend> backend{}; // set while the device is made, if micromaps are the layer's business
 };
 
 } // namespace vellum::layer

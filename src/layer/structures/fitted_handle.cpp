@@ -13,11 +13,10 @@ bool reachesOver(const DeviceStructures &device, const AccelerationStructure &st
                                                 roomOf(device.objects, structure) < structure.size);
 }
 
-VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure,
-                                        VkAccelerationStructureKHR handle, VkDeviceSize bytes)
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure, VkDeviceSize bytes)
 {
     if (structure.size <= bytes || !reachesOver(device, structure))
-        return handle;
+        return structure.handle;
     std::lock_guard lock(structure.mutex);
     const auto known = std::ranges::find(structure.fitted, bytes, &AccelerationStructure::Fitted::bytes);
     if (known != structure.fitted.end())
@@ -27,19 +26,18 @@ VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationSt
     info.offset = structure.offset;
     info.size = bytes;
     info.type = structure.type;
+    structure.fitted.reserve(structure.fitted.size() + 1); // before the driver has made one
     VkAccelerationStructureKHR fitted = VK_NULL_HANDLE;
     if (device.driver.next.CreateAccelerationStructureKHR(device.driver.handle, &info, nullptr, &fitted) != VK_SUCCESS)
-        return handle;
+        return structure.handle;
     structure.fitted.push_back({bytes, fitted});
     return fitted;
 }
 
-VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, VkAccelerationStructureKHR handle)
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure)
 {
-    const auto structure =
-        device.driver.clearsWholeHandles ? device.objects.accelerationStructures.get(handle) : nullptr;
-    const VkDeviceSize bytes = structure ? lastBytes(*structure) : 0;
-    return bytes > 0 ? fittedHandle(device, *structure, handle, bytes) : handle;
+    const VkDeviceSize bytes = device.driver.clearsWholeHandles ? lastBytes(structure) : 0;
+    return bytes > 0 ? fittedHandle(device, structure, bytes) : structure.handle;
 }
 
 void destroyFittedHandles(DeviceStructures &device, AccelerationStructure &structure)

@@ -15,12 +15,11 @@ struct DeviceStructures;
 bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure);
 
 // The handle that the driver is to build `bytes` bytes into: the application's own, or, where that one is larger and
-// reaches over something else, one at the same place of just that size, which lives as long as the structure.
-VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure,
-                                        VkAccelerationStructureKHR handle, VkDeviceSize bytes);
-// The handle that was built or copied to last at a structure's place, as far as the host knows: for what the driver is
-// to read of it.
-VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, VkAccelerationStructureKHR handle);
+// reaches over something else, one at the same location of just that size, which lives as long as the structure.
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure, VkDeviceSize bytes);
+// The handle that was built or copied to last at a structure's location, as far as the host knows: for what the driver
+// is to read of it.
+VkAccelerationStructureKHR fittedHandle(DeviceStructures &device, AccelerationStructure &structure);
 void destroyFittedHandles(DeviceStructures &device, AccelerationStructure &structure);
 
 } // namespace vellum::layer

@@ -1,16 +1,13 @@
-#include "layer/structures/structure_build.h"
-
+// Builds and updates of acceleration structures: the patched instances and the records around the driver's build.
 #include <algorithm>
 #include <cstring>
 #include <string>
-#include <unordered_set>
 
 #include "core/records.h"
-#include "layer/ground/judge.h"
+#include "layer/ground/atomic_max.h"
 #include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_structure.h"
-#include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/emulated_backend.h"
 #include "layer/structures/fitted_handle.h"
 #include "layer/structures/structure_layout.h"
 
@@ -27,51 +24,32 @@ constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
 constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
 
 // An intersection shader cannot know whether its geometry is opaque: the cell says it.
-void setBoxes(uint32_t (&cell)[kCellWords], const DriverBuildInfo &build)
+void setBoxes(uint32_t (&cell)[kCellWords], const StructureBuild &build)
 {
     bool alike = true;
     uint32_t opaque = 0;
     for (uint32_t i = 0; i < build.geometryCount(); ++i) {
-        alike = alike && build.opaque(i) == build.opaque(0);
-        if (build.opaque(i))
+        alike = alike && build.inputs[i].opaque == build.inputs[0].opaque;
+        if (build.inputs[i].opaque)
             opaque |= 1u << i % 32;
     }
-    if (!build.hasBoxes() || (!alike && build.geometryCount() > 32))
+    if (!build.hasBoxes || (!alike && build.geometryCount() > 32))
         return;
     cell[2] = kCellBoxes;
-    cell[7] = alike ? (build.opaque(0) ? ~0u : 0) : opaque;
+    cell[7] = alike ? (build.inputs[0].opaque ? ~0u : 0) : opaque;
 }
 
-// The ranges of one build, direct or indirect.
-struct Ranges {
-    const RangeInfo *direct = nullptr; // of each geometry
-    VkDeviceAddress indirect = 0;      // of the first geometry's; the next ones are `stride` bytes apart
-    uint32_t stride = 0;
-    const uint32_t *most = nullptr; // primitives of each geometry, of an indirect build
-
-    // The most primitives that geometry g may have.
-    [[nodiscard]] uint32_t primitives(uint32_t g) const { return direct ? direct[g].primitiveCount : most[g]; }
-    // Where the device finds geometry g's range; 0 where the host knows it.
-    [[nodiscard]] VkDeviceAddress address(uint32_t g) const { return direct ? 0 : indirect + uint64_t{g} * stride; }
-};
-
-// One vkCmdBuildAccelerationStructuresKHR or ...IndirectKHR: the patched copies, and the work around the driver's
-// build.
+// The builds of one command, and the work around the driver's builds.
 class Build
 {
 public:
-    // `ranges`: of each element of `infos`.
-    Build(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
-          const BuildInfo *infos, const std::vector<Ranges> &ranges)
-        : device_(device), commandBuffer_(commandBuffer), command_(command), infos_(infos), ranges_(ranges)
+    Build(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command,
+          std::vector<StructureBuild> builds)
+        : device_(device), commandBuffer_(commandBuffer), command_(command)
     {
-        parts_.reserve(count);
-        for (uint32_t i = 0; i < count; ++i) {
-            if (isMicromapBuild(infos[i]))
-                built_.insert(infos[i].dstAccelerationStructure);
-            else
-                parts_.emplace_back(i, infos[i]);
-        }
+        parts_.reserve(builds.size());
+        for (StructureBuild &build : builds)
+            parts_.emplace_back(std::move(build));
     }
 
     void record()
@@ -88,11 +66,8 @@ public:
 
 private:
     struct Part {
-        Part(uint32_t index, const BuildInfo &info) : i(index), build(info) {}
-        uint32_t i; // of pInfos
-        DriverBuildInfo build;
-        std::shared_ptr<AccelerationStructure> target;
-        std::shared_ptr<AccelerationStructure> source; // of an update; null: it is none
+        explicit Part(StructureBuild &&given) : build(std::move(given)) {}
+        StructureBuild build;
         VkDeviceAddress sourceCell = 0;
         VkDeviceAddress tail = 0; // where the records go; 0: there are none
         VkDeviceSize tailBytes = 0;
@@ -101,125 +76,60 @@ private:
         RangeInfo instanceRange{}; // of the patched instances
         TlasInstancesPush instances{};
         bool skipped = false;
+
+        [[nodiscard]] AccelerationStructure &target() const { return *build.target; }
     };
 
-    [[nodiscard]] Judge judgeOf(const Part &part) const
-    {
-        return {device_.driver.report(), command_, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                reinterpret_cast<uint64_t>(infos_[part.i].dstAccelerationStructure), part.i};
-    }
     void refuse(Part &part, const char *id, const std::string &text)
     {
-        judgeOf(part).refuse(id, text);
+        judgeOf(device_.driver, command_, part.target().handle, part.build.element).refuse(id, text);
         part.skipped = true;
     }
 
     void prepare(Part &part)
     {
-        const uint32_t i = part.i;
-        part.target = device_.objects.accelerationStructures.get(infos_[i].dstAccelerationStructure);
-        if (!part.target || part.target->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-            refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
-                   "dstAccelerationStructure is not an acceleration structure of this device");
-            return;
-        }
-        // Only builds of micromaps have none.
-        if (!ranges_[i].direct && !ranges_[i].most) {
-            refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
-                   "a null pointer in place of the geometries' numbers of primitives");
-            return;
-        }
-        if (infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR && sourceIsWrong(part))
-            return;
-        // The driver does not know the type.
-        if (part.build.hasMicromapGeometry()) {
-            refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
-                   "a geometry of type VK_GEOMETRY_TYPE_MICROMAP_KHR in a build that is none of a micromap");
-            return;
-        }
-        part.cell = cellOf(device_.objects, *part.target, infos_[i].dstAccelerationStructure);
-        if (!part.cell.address) {
+        hideMicromaps(part.build);
+        if (part.build.source)
+            part.sourceCell = cellOf(device_.objects, *part.build.source).address;
+        part.cell = cellOf(device_.objects, part.target());
+        if (!part.cell.address)
             refuse(part, "VELLUM-out-of-memory", "no memory for the layer's tables");
-            return;
-        }
-        if (!part.build.topLevel())
+        else if (!part.build.topLevel)
             prepareBottomLevel(part);
-        else if (part.build.geometryCount() != 1)
-            refuse(part, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790",
-                   "a top-level structure has one geometry");
-    }
-
-    // A micromap's handle means nothing to the driver.
-    bool sourceIsWrong(Part &part)
-    {
-        const VkAccelerationStructureKHR handle = infos_[part.i].srcAccelerationStructure;
-        part.source = device_.objects.accelerationStructures.get(handle);
-        if (part.source && part.source->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-            part.sourceCell = cellOf(device_.objects, *part.source, handle).address;
-            return false;
-        }
-        refuse(part,
-               handle ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629"
-                      : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630",
-               "srcAccelerationStructure is not an acceleration structure of this device that can be updated");
-        return true;
     }
 
     void refuseSmall(Part &part)
     {
         refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
-               "dstAccelerationStructure has " + std::to_string(part.target->size) +
+               "dstAccelerationStructure has " + std::to_string(part.target().size) +
                    " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
     }
 
-    // A geometry's micromap that is none, or is being built by the same command.
-    bool micromapsAreWrong(Part &part)
+    [[nodiscard]] VkDeviceSize driverBytes(StructureBuild &build, const std::vector<uint32_t> &primitives) const
     {
-        for (uint32_t g = 0; g < part.build.geometryCount(); ++g) {
-            const MicromapAttachment *attachment = part.build.micromap(g);
-            if (!attachment || !attachment->structure)
-                continue;
-            const std::string where = "geometry " + std::to_string(g) + ": ";
-            if (!micromapOf(device_.objects, attachment->structure)) {
-                refuse(part, "VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
-                       where + "micromap is not a micromap of this device");
-                return true;
-            }
-            // Here they are built first, with a barrier.
-            if (built_.contains(attachment->structure) &&
-                !judgeOf(part).tolerate(
-                    "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
-                    where + "micromap is built by the same command")) {
-                part.skipped = true;
-                return true;
-            }
-        }
-        return false;
+        VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+        device_.driver.next.GetAccelerationStructureBuildSizesKHR(device_.driver.handle,
+                                                                  VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                                                                  &build.driverInfo(), primitives.data(), &sizes);
+        return sizes.accelerationStructureSize;
     }
 
     void prepareBottomLevel(Part &part)
     {
-        if (micromapsAreWrong(part))
-            return;
-        const uint32_t i = part.i;
-        AccelerationStructure &target = *part.target;
-        std::vector<uint32_t> primitives(part.build.geometryCount());
-        for (uint32_t g = 0; g < part.build.geometryCount(); ++g)
-            primitives[g] = ranges_[i].primitives(g);
+        AccelerationStructure &target = part.target();
+        atomicMax(device_.objects.mostGeometries, part.build.geometryCount());
+        const std::vector<uint32_t> primitives = part.build.primitives();
         part.tailBytes = bottomLevelTailBytes(part.build, primitives.data());
         if (part.tailBytes == 0 && !device_.driver.clearsWholeHandles)
             return becomes(target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
-        const VkDeviceSize driverBytes =
-            driverSizes(device_.driver, part.build, primitives.data(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR)
-                .accelerationStructureSize;
+        const VkDeviceSize needed = driverBytes(part.build, primitives);
         if (part.tailBytes == 0) {
-            part.driverBytes = std::min(alignUp(driverBytes, 16), target.size);
+            part.driverBytes = std::min(alignUp(needed, 16), target.size);
             return fitBottomLevel(part, part.driverBytes);
         }
-        VkDeviceSize offset = alignUp(driverBytes, kPartAlignment);
+        VkDeviceSize offset = alignUp(needed, kPartAlignment);
         const VkDeviceSize bytes = offset + part.tailBytes;
-        if (part.tailBytes > target.size || (offset + part.tailBytes > target.size &&
-                                             infos_[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR)) {
+        if (part.tailBytes > target.size || (offset + part.tailBytes > target.size && !part.build.source)) {
             refuseSmall(part);
             return;
         }
@@ -235,65 +145,72 @@ private:
     void fitBottomLevel(Part &part, VkDeviceSize bytes)
     {
         // What is updated may be a compacted structure, of fewer bytes.
-        const bool known = !part.source || device_.driver.clearsWholeHandles;
-        becomes(*part.target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
-                known ? std::min(bytes, part.target->size) : 0);
+        const bool known = !part.build.source || device_.driver.clearsWholeHandles;
+        becomes(part.target(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
+                known ? std::min(bytes, part.target().size) : 0);
         fit(part, bytes);
     }
     void fit(Part &part, VkDeviceSize bytes)
     {
-        part.build.setTarget(fittedHandle(device_, *part.target, infos_[part.i].dstAccelerationStructure, bytes));
+        VkAccelerationStructureBuildGeometryInfoKHR &info = part.build.info;
+        const VkAccelerationStructureKHR fitted = fittedHandle(device_, part.target(), bytes);
+        if (info.srcAccelerationStructure == info.dstAccelerationStructure)
+            info.srcAccelerationStructure = fitted;
+        info.dstAccelerationStructure = fitted;
+    }
+
+    // False: the part is skipped.
+    bool prepareTopLevel(Part &part)
+    {
+        StructureBuild &build = part.build;
+        AccelerationStructure &target = part.target();
+        const uint32_t count = build.ranges.primitives(0);
+        const TopLevelLayout layout(device_.driver, build.info.flags, count);
+        if (layout.bytes() > target.size) {
+            refuseSmall(part);
+            return false;
+        }
+        const auto slots = slotsFor(device_.objects, target, count);
+        if (!slots) {
+            refuse(part, "VELLUM-out-of-slots",
+                   "more than 2^24 instances in all acceleration structures together, or no "
+                   "memory for the layer's tables");
+            return false;
+        }
+        becomesTopLevel(target, count, layout.bytes());
+        fit(part, layout.bytes());
+        VkAccelerationStructureGeometryInstancesDataKHR &instances = build.geometries[0].geometry.instances;
+        TlasInstancesPush &push = part.instances;
+        push.source = instances.data.deviceAddress;
+        if (build.ranges.direct)
+            push.source += build.ranges.direct[0].primitiveOffset;
+        push.range = build.ranges.address(0);
+        // Behind what the driver itself needs of the scratch memory.
+        push.target = alignUp(build.info.scratchData.deviceAddress + layout.driverScratch, kPatchedAlignment);
+        push.root = device_.objects.root.address();
+        push.tail = beginOf(device_.driver, target) + layout.tailOffset;
+        push.cell = part.cell.address;
+        push.count = count;
+        push.firstSlot = slots->first();
+        push.from = instances.arrayOfPointers ? kFromPointers : kFromArray;
+        instances.arrayOfPointers = VK_FALSE;
+        instances.data.deviceAddress = push.target;
+        part.instanceRange = {count, 0, 0, 0};
+        return true;
     }
 
     void patchInstances(InjectedWork &work)
     {
         bool any = false;
         for (Part &part : parts_) {
-            if (part.skipped || !part.build.topLevel())
-                continue;
-            const uint32_t i = part.i;
-            const uint32_t count = ranges_[i].primitives(0);
-            const VkBuildAccelerationStructureFlagsKHR flags = infos_[i].flags;
-            const VkDeviceSize bytes = topLevelBytes(device_.driver, flags, count);
-            if (bytes > part.target->size) {
-                refuseSmall(part);
-                continue;
-            }
-            const auto slots = slotsFor(device_.objects, *part.target, count);
-            if (!slots) {
-                refuse(part, "VELLUM-out-of-slots",
-                       "more than 2^24 instances in all acceleration structures together, or no "
-                       "memory for the layer's tables");
-                continue;
-            }
-            becomesTopLevel(*part.target, count, bytes);
-            fit(part, bytes);
-            VkAccelerationStructureGeometryInstancesDataKHR &instances = part.build.geometry(0).geometry.instances;
-            TlasInstancesPush &push = part.instances;
-            push.source = instances.data.deviceAddress;
-            if (ranges_[i].direct)
-                push.source += ranges_[i].direct[0].primitiveOffset;
-            push.range = ranges_[i].address(0);
-            // Behind what the driver itself needs of the scratch memory.
-            push.target = alignUp(infos_[i].scratchData.deviceAddress +
-                                      topLevelDriverSizes(device_.driver, flags, count).buildScratchSize,
-                                  kPatchedAlignment);
-            push.root = device_.objects.root.address();
-            push.tail = beginOf(device_.driver, *part.target) + topLevelTailOffset(device_.driver, flags, count);
-            push.cell = part.cell.address;
-            push.count = count;
-            push.firstSlot = slots->first();
-            push.from = instances.arrayOfPointers ? InstancesFrom::Pointers : InstancesFrom::Array;
-            instances.arrayOfPointers = VK_FALSE;
-            instances.data.deviceAddress = push.target;
-            part.instanceRange = {count, 0, 0, 0};
-            any = true;
+            if (!part.skipped && part.build.topLevel)
+                any |= prepareTopLevel(part);
         }
         if (!any)
             return;
         work.barrier();
         for (Part &part : parts_) {
-            if (!part.skipped && part.build.topLevel())
+            if (!part.skipped && part.build.topLevel)
                 part.skipped = !work.dispatch(InjectedShader::TlasInstances, part.instances,
                                               std::max(part.instances.count, 1u), 64);
         }
@@ -302,7 +219,7 @@ private:
 
     [[nodiscard]] static bool writesPlainCell(const Part &part)
     {
-        return !part.skipped && !part.build.topLevel() && !part.tail;
+        return !part.skipped && !part.build.topLevel && !part.tail;
     }
 
     // A queue that waits for another one's build of a structure, by a semaphore, does so in the stage of builds: the
@@ -334,13 +251,13 @@ private:
         for (Part &part : parts_) {
             if (part.skipped)
                 continue;
-            const Ranges &given = ranges_[part.i];
-            if (part.build.topLevel() || given.direct) {
+            const BuildRanges &given = part.build.ranges;
+            if (part.build.topLevel || given.direct) {
                 // A top-level structure is built for as many instances as there may be; the rest are inactive.
-                infos.push_back(part.build.info());
-                ranges.push_back(part.build.topLevel() ? &part.instanceRange : given.direct);
+                infos.push_back(part.build.driverInfo());
+                ranges.push_back(part.build.topLevel ? &part.instanceRange : given.direct);
             } else {
-                indirectInfos.push_back(part.build.info());
+                indirectInfos.push_back(part.build.driverInfo());
                 addresses.push_back(given.indirect);
                 strides.push_back(given.stride);
                 most.push_back(given.most);
@@ -369,7 +286,7 @@ private:
             words[2] = kCellPlain;
             setBoxes(words, part.build);
             if (part.driverBytes > 0) {
-                const VkDeviceAddress end = beginOf(device_.driver, *part.target) + part.driverBytes;
+                const VkDeviceAddress end = beginOf(device_.driver, part.target()) + part.driverBytes;
                 std::memcpy(words, &end, sizeof end);
             }
             device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words,
@@ -396,7 +313,7 @@ private:
             if (!hasTail(part))
                 continue;
             if (part.tail) {
-                writeRecords(work, part, ranges_[part.i]);
+                writeRecords(work, part);
             } else {
                 part.instances.pass = 1;
                 work.dispatch(InjectedShader::TlasInstances, part.instances, part.instances.count, 64);
@@ -405,37 +322,36 @@ private:
         work.barrier();
     }
 
-    void writeRecords(InjectedWork &work, const Part &part, const Ranges &ranges)
+    void writeRecords(InjectedWork &work, const Part &part)
     {
-        const uint32_t geometries = part.build.geometryCount();
+        const StructureBuild &build = part.build;
+        const uint32_t geometries = build.geometryCount();
         VkDeviceSize triangles = geometries * (kGeometryRecordBytes + kMicromapNameWords * 4); // offset in the tail
         for (uint32_t g = 0; g < geometries; ++g) {
             BlasRecordsPush push{};
             push.tail = part.tail;
-            push.geometryWord = part.build.opaque(g) ? kGeometryRecordOpaque : 0;
+            push.geometryWord = build.inputs[g].opaque ? kGeometryRecordOpaque : 0;
             push.cell = g == 0 ? part.cell.address : 0;
             push.geometryCount = geometries;
             push.geometry = g;
             push.tailUnits = unitsOf(part.tailBytes);
-            if (part.source) {
+            if (build.source) {
                 push.source = part.sourceCell;
-                push.sourceBegin = beginOf(device_.driver, *part.source);
-                push.begin = beginOf(device_.driver, *part.target);
-                push.commonUnits = unitsOf(std::min(part.source->size, part.target->size));
+                push.sourceBegin = beginOf(device_.driver, *build.source);
+                push.begin = beginOf(device_.driver, part.target());
+                push.commonUnits = unitsOf(std::min(build.source->size, part.target().size));
             }
-            if (const auto *micromap = part.build.micromap(g)) {
-                push.triangleCount = ranges.primitives(g);
-                push.range = ranges.address(g);
+            if (const auto &attachment = build.inputs[g].micromap) {
+                push.triangleCount = build.ranges.primitives(g);
+                push.range = build.ranges.address(g);
                 push.geometryWord |= static_cast<uint32_t>(triangles / kTriangleRecordBytes) << kGeometryTrianglesShift;
-                const VkMicromapEXT handle =
-                    micromap->structure ? micromapOf(device_.objects, micromap->structure) : micromap->micromap;
-                push.micromap = micromapAddress(device_.driver, handle);
-                push.micromapSize = handle ? unitsOf(micromapOf(handle)->size) : 0;
-                push.named = micromap->structure != VK_NULL_HANDLE;
-                push.baseTriangle = micromap->baseTriangle;
+                push.micromap = micromapAddress(device_.driver, attachment->micromap);
+                push.micromapSize = unitsOf(attachment->micromap.size);
+                push.named = attachment->structure != nullptr;
+                push.baseTriangle = attachment->baseTriangle;
                 push.log = device_.commands.complaints.address();
-                push.object = complaintObject(handle);
-                setIndices(push, *micromap);
+                push.object = complaintObject(attachment->micromap.object.type, attachment->micromap.object.handle);
+                setIndices(push, *attachment);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }
             work.dispatch(InjectedShader::BlasRecords, push, std::max(push.triangleCount, 1u), 64);
@@ -452,64 +368,20 @@ private:
                           : micromap.indexType == VK_INDEX_TYPE_UINT16  ? 2
                                                                         : 4;
         push.indexStride = static_cast<uint32_t>(micromap.indexStride);
-        const VkDeviceSize bytes = device_.buffers.addresses.bytesFrom(push.indices);
-        VkDeviceSize readable = bytes < push.indexBytes ? 0 : UINT32_MAX;
-        if (readable > 0 && push.indexStride > 0)
-            readable = std::min<VkDeviceSize>((bytes - push.indexBytes) / push.indexStride + 1, UINT32_MAX);
-        push.readable = static_cast<uint32_t>(readable);
+        push.readable = device_.buffers.addresses.elementsFrom(push.indices, push.indexBytes, push.indexStride);
     }
 
     DeviceStructures &device_;
     VkCommandBuffer commandBuffer_;
     const char *command_;
-    const BuildInfo *infos_;
-    const std::vector<Ranges> &ranges_;
     std::vector<Part> parts_;
-    std::unordered_set<VkAccelerationStructureKHR> built_; // micromaps, by the same command
 };
 
 } // namespace
 
-void cmdBuildAccelerationStructures(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
-                                    const BuildInfo *infos, const RangeInfo *const *ranges)
+void EmulatedBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds)
 {
-    reportNotices(device.objects);
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildAccelerationStructuresKHR"))
-        return;
-    cmdBuildMicromapStructures(device.micromaps, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos);
-    std::vector<Ranges> all(count);
-    for (uint32_t i = 0; i < count; ++i)
-        all[i].direct = ranges ? ranges[i] : nullptr;
-    Build(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, all).record();
-}
-
-void cmdBuildAccelerationStructuresIndirect(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
-                                            const BuildInfo *infos, const VkDeviceAddress *addresses,
-                                            const uint32_t *strides, const uint32_t *const *most)
-{
-    constexpr const char *kCommand = "vkCmdBuildAccelerationStructuresIndirectKHR";
-    reportNotices(device.objects);
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, kCommand))
-        return;
-    std::vector<Ranges> all(count);
-    for (uint32_t i = 0; i < count; ++i) {
-        all[i] = {nullptr, addresses[i], strides[i], most[i]};
-        const Judge judge(device.driver.report(), kCommand, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                          reinterpret_cast<uint64_t>(infos[i].dstAccelerationStructure), i);
-        // It has no ranges that could be indirect.
-        if (isMicromapBuild(infos[i]) &&
-            judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
-                           "a micromap is not built indirectly"))
-            cmdBuildMicromapStructures(device.micromaps, commandBuffer, kCommand, 1, &infos[i]);
-    }
-    Build(device, commandBuffer, kCommand, count, infos, all).record();
-}
-
-VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice, VkDeferredOperationKHR, uint32_t,
-                                     const BuildInfo *, const RangeInfo *const *)
-{
-    device.driver.report().notAvailable("vkBuildAccelerationStructuresKHR");
-    return VK_ERROR_FEATURE_NOT_PRESENT;
+    Build(device_, commandBuffer, command, std::move(builds)).record();
 }
 
 } // namespace vellum::layer

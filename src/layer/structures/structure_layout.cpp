@@ -9,22 +9,47 @@ namespace vellum::layer
 
 using namespace shared;
 
-VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Driver &driver, DriverBuildInfo &build,
-                                                     const uint32_t *primitives,
-                                                     VkAccelerationStructureBuildTypeKHR type)
+namespace
 {
-    VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-    driver.next.GetAccelerationStructureBuildSizesKHR(driver.handle, type, &build.info(), primitives, &sizes);
-    return sizes;
+
+// What is left of the flags of a top-level build: the driver neither updates nor copies what it builds.
+VkBuildAccelerationStructureFlagsKHR topLevelFlags(VkBuildAccelerationStructureFlagsKHR application)
+{
+    return application & (VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
+                          VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR |
+                          VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR);
 }
 
-VkDeviceSize bottomLevelTailBytes(const DriverBuildInfo &build, const uint32_t *primitives)
+} // namespace
+
+void hideMicromaps(StructureBuild &build)
 {
-    if (!build.hasMicromaps())
+    const VkBuildAccelerationStructureFlagsKHR micromapFlags =
+        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
+        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
+        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT |
+        VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
+    build.info.flags &= ~micromapFlags;
+    for (uint32_t g = 0; g < build.geometryCount(); ++g) {
+        if (build.inputs[g].micromap)
+            build.geometries[g].flags &= ~static_cast<VkGeometryFlagsKHR>(VK_GEOMETRY_OPAQUE_BIT_KHR);
+    }
+    if (!build.topLevel)
+        return;
+    // An update is carried out as a build, since a copy may have more instances, inactive ones, than the application
+    // knows of. Copies of top-level structures are builds too.
+    build.info.flags = topLevelFlags(build.info.flags);
+    build.info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+    build.info.srcAccelerationStructure = VK_NULL_HANDLE;
+}
+
+VkDeviceSize bottomLevelTailBytes(const StructureBuild &build, const uint32_t *primitives)
+{
+    if (!build.hasMicromaps)
         return 0;
     VkDeviceSize bytes = build.geometryCount() * VkDeviceSize{kGeometryRecordWords + kMicromapNameWords} * 4;
     for (uint32_t i = 0; i < build.geometryCount(); ++i) {
-        if (build.micromap(i))
+        if (build.inputs[i].micromap)
             bytes += alignUp((primitives ? primitives[i] : 0) * VkDeviceSize{kTriangleRecordWords} * 4, 16);
     }
     return alignUp(bytes, kPartAlignment);
@@ -44,30 +69,22 @@ TopLevelBuild::TopLevelBuild(VkBuildAccelerationStructureFlagsKHR flags, VkDevic
     info.pGeometries = &geometry;
 }
 
-VkAccelerationStructureBuildSizesInfoKHR topLevelDriverSizes(const Driver &driver,
-                                                             VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
+TopLevelLayout::TopLevelLayout(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t instances)
+    : count(instances)
 {
-    VkAccelerationStructureBuildSizesInfoKHR most{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
-    for (const VkBuildAccelerationStructureFlagsKHR f :
-         {topLevelFlags(flags), VkBuildAccelerationStructureFlagsKHR{0}}) {
-        const TopLevelBuild build(f, 0);
+    VkDeviceSize driverBytes = 0;
+    const auto measure = [&](VkBuildAccelerationStructureFlagsKHR buildFlags) {
+        const TopLevelBuild build(buildFlags, 0);
         VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
         driver.next.GetAccelerationStructureBuildSizesKHR(
             driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, &count, &sizes);
-        most.accelerationStructureSize = std::max(most.accelerationStructureSize, sizes.accelerationStructureSize);
-        most.buildScratchSize = std::max(most.buildScratchSize, sizes.buildScratchSize);
-    }
-    return most;
-}
-
-VkDeviceSize topLevelTailOffset(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
-{
-    return alignUp(topLevelDriverSizes(driver, flags, count).accelerationStructureSize, kPartAlignment);
-}
-
-VkDeviceSize topLevelBytes(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count)
-{
-    return topLevelTailOffset(driver, flags, count) + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
+        driverBytes = std::max(driverBytes, sizes.accelerationStructureSize);
+        driverScratch = std::max(driverScratch, sizes.buildScratchSize);
+    };
+    measure(0);
+    if (topLevelFlags(flags) != 0)
+        measure(flags);
+    tailOffset = alignUp(driverBytes, kPartAlignment);
 }
 
 uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size)
@@ -78,7 +95,7 @@ uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size)
                                                                 VkDeviceSize{kDirectoryPages} << kSlotsPerPageLog2));
     while (tooMany - fits > 1) {
         const uint32_t middle = fits + (tooMany - fits) / 2;
-        (topLevelBytes(driver, 0, middle) <= size ? fits : tooMany) = middle;
+        (TopLevelLayout(driver, 0, middle).bytes() <= size ? fits : tooMany) = middle;
     }
     return fits;
 }

@@ -6,36 +6,41 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/ground/align.h"
-#include "layer/ground/driver.h"
-#include "layer/structures/driver_build_info.h"
+#include "layer/structures/structure_input.h"
 
 namespace vellum::layer
 {
 
 inline constexpr VkDeviceSize kPartAlignment = 256; // of parts within acceleration structures and scratch memory
 
-// What the driver needs for a build with at most so many primitives in each geometry.
-VkAccelerationStructureBuildSizesInfoKHR driverSizes(const Driver &driver, DriverBuildInfo &build,
-                                                     const uint32_t *primitives,
-                                                     VkAccelerationStructureBuildTypeKHR type);
+// Makes the build what the driver gets: without micromaps, and with every geometry that has one non-opaque, so that
+// each hit on it is handed to a shader; of a top-level structure never an update.
+void hideMicromaps(StructureBuild &build);
 
 // Bytes of the records of a bottom-level structure; 0: it needs none. `primitives`: of each geometry.
-VkDeviceSize bottomLevelTailBytes(const DriverBuildInfo &build, const uint32_t *primitives);
+VkDeviceSize bottomLevelTailBytes(const StructureBuild &build, const uint32_t *primitives);
 
 // --- top level ---
-// The driver's part for builds of up to `count` instances with these flags, and for copies, which are builds without
-// any flags: never less for more instances.
-VkAccelerationStructureBuildSizesInfoKHR
-topLevelDriverSizes(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 // The instances that the driver builds from lie behind its scratch memory.
 inline constexpr VkDeviceSize kPatchedAlignment = 64;
-constexpr VkDeviceSize patchedInstancesBytes(uint32_t count)
-{
-    return kPartAlignment + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
-}
-// From the beginning of the structure to the instances that are kept, and to the end of them.
-VkDeviceSize topLevelTailOffset(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
-VkDeviceSize topLevelBytes(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
+
+// The parts of a top-level structure for builds of up to `count` instances with some flags, and for copies, which are
+// builds without flags: never less for more instances. Asks the driver for sizes, twice at most.
+struct TopLevelLayout {
+    TopLevelLayout(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
+
+    uint32_t count;
+    VkDeviceSize driverScratch = 0; // that the driver needs, in front of the instances it builds from
+    VkDeviceSize tailOffset = 0;    // of the instances that are kept, behind the driver's part
+    [[nodiscard]] VkDeviceSize bytes() const
+    {
+        return tailOffset + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
+    }
+    [[nodiscard]] VkDeviceSize scratchBytes() const
+    {
+        return driverScratch + kPartAlignment + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
+    }
+};
 // The largest number of instances that a structure of that size can hold.
 uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size);
 

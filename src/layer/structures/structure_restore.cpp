@@ -9,13 +9,10 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/ground/judge.h"
 #include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_structure.h"
-#include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/emulated_backend.h"
 #include "layer/structures/serialized_data.h"
-#include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -25,16 +22,17 @@ namespace
 
 using namespace shared;
 
+constexpr const char *kCommand = "vkCmdCopyMemoryToAccelerationStructureKHR";
 constexpr uint32_t kPlanCellWord = 8; // shaders/serialized.glsl
 
 struct Restore {
     DeviceStructures &device;
     VkCommandBuffer commandBuffer;
-    const VkCopyMemoryToAccelerationStructureInfoKHR &info;
-    std::shared_ptr<AccelerationStructure> target;
+    VkDeviceAddress data;
+    AccelerationStructure *target;
     CommandState *state;
 
-    [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(info.src.deviceAddress); }
+    [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(data); }
 
     // Of any bottom-level structure.
     [[nodiscard]] VkDeviceSize leastBytes() const { return blankStructure(device).structureBytes; }
@@ -53,34 +51,23 @@ struct Restore {
     }
     [[nodiscard]] bool mayBeMicromap() const { return device.driver.asked.khr && canHoldMicromap(*target); }
 
-    [[nodiscard]] Judge judge() const
+    bool refuse(const char *id, const char *text) const
     {
-        return {device.driver.report(), "vkCmdCopyMemoryToAccelerationStructureKHR",
-                VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(info.dst)};
+        return judgeOf(device.driver, kCommand, target->handle).refuse(id, text);
     }
-    void refused(const char *id, const char *text) const { judge().refuse(id, text); }
 
-    [[nodiscard]] bool valid() const
+    // Whether the back end can do it at all.
+    [[nodiscard]] bool possible() const
     {
-        if (!target)
-            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter",
-                    "dst is not an acceleration structure of this device");
-        else if (blankStructure(device).units == 0)
-            device.driver.report().notAvailable(
-                "vkCmdCopyMemoryToAccelerationStructureKHR, since the driver's serialized "
-                "data could not be looked at,");
-        else if (kind() == kCellBottom && target->size < leastBytes())
-            // Not even what stands in for data that is refused has room.
-            refused("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
-                    "dst is smaller than any deserialized structure");
-        else
-            return (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR ||
-                    judge().tolerate("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413",
-                                     "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR")) &&
-                   judge().mayHoldSerialized(info.src.deviceAddress, mayBeMicromap() ? 128 : 256,
-                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
-                                             "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743");
-        return false;
+        if (blankStructure(device).units == 0) {
+            device.driver.report().notAvailable(std::string(kCommand) + ", since the driver's serialized data could "
+                                                                        "not be looked at,");
+            return false;
+        }
+        // There is no memory even for what stands in for rejected data.
+        return kind() != kCellBottom || target->size >= leastBytes() ||
+               refuse("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+                      "dst is smaller than any deserialized structure");
     }
 
     // The instances of the data, by its header: what the host can see of it, and where it is there already. A build for
@@ -88,7 +75,7 @@ struct Restore {
     [[nodiscard]] std::optional<uint32_t> instancesInHeader() const
     {
         constexpr VkDeviceSize kBytes = kSerializedHeaderWords * 4;
-        const AddressMap::Place place = device.buffers.addresses.find(info.src.deviceAddress);
+        const AddressMap::Place place = device.buffers.addresses.find(data);
         if (!place.buffer || place.bytes < kBytes)
             return std::nullopt;
         std::array<uint32_t, kSerializedHeaderWords> words;
@@ -121,7 +108,7 @@ struct Restore {
     {
         const BlankFacts blank = blankStructure(device);
         StructureRestorePush push{};
-        push.blob = info.src.deviceAddress;
+        push.blob = data;
         push.cell = cell;
         push.begin = beginOf(device.driver, *target);
         push.root = device.objects.root.address();
@@ -134,9 +121,9 @@ struct Restore {
         return push;
     }
 
-    void dispatch(InjectedWork &work, StructureRestorePush &push, RestorePass pass, VkDeviceSize bytes) const
+    void dispatch(InjectedWork &work, StructureRestorePush &push, uint32_t pass, VkDeviceSize bytes) const
     {
-        const bool one = pass == RestorePass::Check || pass == RestorePass::Decide;
+        const bool one = pass == kPassCheck || pass == kPassDecide;
         push.pass = pass;
         work.dispatch(InjectedShader::StructureRestore, push, one ? 1 : copyInvocations(bytes), 64);
         work.barrier();
@@ -144,10 +131,10 @@ struct Restore {
 
     void record() const
     {
-        const CellPlace cell = cellOf(device.objects, *target, info.dst);
+        const CellPlace cell = cellOf(device.objects, *target);
         if (kind() == kCellMicromap) {
             becomeMicromap(device.objects, *target);
-            return recordMicromapRestore(device.micromaps, commandBuffer, target->micromap, info.src.deviceAddress);
+            return recordMicromapRestore(device.micromaps, commandBuffer, micromapIn(*target), data);
         }
         const bool top = kind() == kCellTop;
         const uint32_t most = kind() == kCellBottom ? 0 : mostInstances();
@@ -159,7 +146,7 @@ struct Restore {
         VkDeviceSize keptBytes = 0;
         bool topFits = false;
         if (kind() == kCellUnbuilt) {
-            const VkDeviceSize topBytes = topLevelBytes(device.driver, 0, most);
+            const VkDeviceSize topBytes = TopLevelLayout(device.driver, 0, most).bytes();
             topFits = topBytes <= roomOf(device.objects, *target);
             keptBytes = std::max(alignUp(blankBytes, 16), topFits ? topBytes : 0);
         }
@@ -169,7 +156,7 @@ struct Restore {
         push.staging = state && cell.address ? state->scratch.allocate(kPlanBytes + stagingBytes) : 0;
         push.kept = push.staging && keptBytes > 0 ? state->scratch.allocate(keptBytes) : 0;
         if (!push.staging || (keptBytes > 0 && !push.kept)) {
-            refused("VELLUM-out-of-memory", "no memory for the serialized data");
+            refuse("VELLUM-out-of-memory", "no memory for the serialized data");
             return;
         }
         push.keptUnits = unitsOf(std::min(keptBytes, target->size));
@@ -187,17 +174,17 @@ struct Restore {
             recordTop(work, push, most);
             return;
         }
-        dispatch(work, push, RestorePass::Stage, target->size);
+        dispatch(work, push, kPassStage, target->size);
         recordDriver(work, push);
-        dispatch(work, push, RestorePass::Finish, target->size);
+        dispatch(work, push, kPassFinish, target->size);
         becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
     }
 
     void check(InjectedWork &work, StructureRestorePush &push) const
     {
-        dispatch(work, push, RestorePass::Check, target->size);
-        dispatch(work, push, RestorePass::AddUp, target->size);
-        dispatch(work, push, RestorePass::Decide, target->size);
+        dispatch(work, push, kPassCheck, target->size);
+        dispatch(work, push, kPassAddUp, target->size);
+        dispatch(work, push, kPassDecide, target->size);
     }
 
     void recordEither(StructureRestorePush &push, uint32_t most, VkDeviceSize keptBytes) const
@@ -206,21 +193,21 @@ struct Restore {
             InjectedWork work(device.commands, commandBuffer);
             work.barrier();
             check(work, push);
-            dispatch(work, push, RestorePass::Keep, keptBytes);
+            dispatch(work, push, kPassKeep, keptBytes);
             if (push.topWay != 0 && !recordTop(work, push, most)) {
                 push.topWay = 0; // data of that kind is refused
                 check(work, push);
             }
-            dispatch(work, push, RestorePass::GiveBack, keptBytes);
-            dispatch(work, push, RestorePass::Stage, target->size);
+            dispatch(work, push, kPassGiveBack, keptBytes);
+            dispatch(work, push, kPassStage, target->size);
             recordDriver(work, push);
-            dispatch(work, push, RestorePass::GiveBackLast, leastBytes());
-            dispatch(work, push, RestorePass::Finish, target->size);
+            dispatch(work, push, kPassGiveBackLast, leastBytes());
+            dispatch(work, push, kPassFinish, target->size);
             work.barrier(true); // the host looks at the cell
         }
         if (mayBeMicromap()) {
             letMicromapBeNamed(device.objects, *target);
-            recordMicromapRestore(device.micromaps, commandBuffer, target->micromap, info.src.deviceAddress,
+            recordMicromapRestore(device.micromaps, commandBuffer, micromapIn(*target), data,
                                   DataThatIsNone::LeavesTheTarget);
         }
         becomesUnknown(*target, push.serial);
@@ -228,13 +215,16 @@ struct Restore {
 
     bool recordTop(InjectedWork &work, const StructureRestorePush &push, uint32_t most) const
     {
-        return recordTopLevelCopy(work, device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info.dst,
-                                  push.staging + VkDeviceSize{kPlanCellWord} * 4, most, InstancesFrom::Serialized);
+        return recordTopLevelCopy(work, device, commandBuffer, kCommand, *target,
+                                  push.staging + VkDeviceSize{kPlanCellWord} * 4,
+                                  TopLevelLayout(device.driver, 0, most), kFromSerialized);
     }
 
     void recordDriver(InjectedWork &work, const StructureRestorePush &push) const
     {
-        VkCopyMemoryToAccelerationStructureInfoKHR driverInfo = info;
+        VkCopyMemoryToAccelerationStructureInfoKHR driverInfo{
+            VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR};
+        driverInfo.dst = target->handle;
         driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
         driverInfo.src.deviceAddress = push.staging + kPlanBytes;
         device.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &driverInfo);
@@ -244,16 +234,16 @@ struct Restore {
 
 } // namespace
 
-void cmdCopyMemoryToAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
-                                          const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+void EmulatedBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
 {
-    reportNotices(device.objects);
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR") ||
-        restoresMicromapStructure(device.micromaps, commandBuffer, *info))
-        return;
-    const Restore restore{device, commandBuffer, *info, device.objects.accelerationStructures.get(info->dst),
-                          device.commands.states.get(commandBuffer)};
-    if (restore.valid())
+    AccelerationStructure &target = *copy.structure;
+    if (isLayersOwn(target)) {
+        becomeMicromap(device_.objects, target);
+        return recordMicromapRestore(device_.micromaps, commandBuffer, micromapIn(target), copy.data);
+    }
+    const auto state = device_.commands.states.get(commandBuffer);
+    const Restore restore{device_, commandBuffer, copy.data, &target, state};
+    if (restore.possible())
         restore.record();
 }
 

@@ -5,14 +5,12 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/ground/judge.h"
+#include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_serialized.h"
-#include "layer/micromaps/micromap_structure.h"
-#include "layer/objects/acceleration_structure.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/emulated_backend.h"
 #include "layer/structures/fitted_handle.h"
 #include "layer/structures/serialized_data.h"
-#include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -24,12 +22,6 @@ using namespace shared;
 
 constexpr uint32_t kUuidWords = 2 * VK_UUID_SIZE / 4;
 
-Judge judgeOf(const DeviceStructures &device, const char *command, VkAccelerationStructureKHR structure)
-{
-    return {device.driver.report(), command, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-            reinterpret_cast<uint64_t>(structure)};
-}
-
 void saveTopLevel(InjectedWork &work, DeviceStructures &device, const AccelerationStructure &source,
                   VkDeviceAddress cell, VkDeviceAddress target)
 {
@@ -40,7 +32,7 @@ void saveTopLevel(InjectedWork &work, DeviceStructures &device, const Accelerati
     push.root = device.objects.root.address();
     push.blank = blankStructure(device).address;
     push.structureUnits = unitsOf(source.size);
-    push.leastUnits = unitsOf(topLevelTailOffset(device.driver, 0, 0));
+    push.leastUnits = unitsOf(TopLevelLayout(device.driver, 0, 0).tailOffset);
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(target));
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::TopSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
@@ -49,19 +41,19 @@ void saveTopLevel(InjectedWork &work, DeviceStructures &device, const Accelerati
 }
 
 void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer, CommandState &state,
-                     const VkCopyAccelerationStructureToMemoryInfoKHR &info, const AccelerationStructure &source,
-                     VkDeviceAddress cell)
+                     AccelerationStructure &source, VkDeviceAddress cell, VkDeviceAddress target)
 {
-    const VkAccelerationStructureKHR fitted = fittedHandle(device, info.src);
-    const VkDeviceSize stagingBytes = (fitted == info.src ? source.size : lastBytes(source)) + kDriverOverhead;
+    const VkAccelerationStructureKHR fitted = fittedHandle(device, source);
+    const VkDeviceSize stagingBytes = (fitted == source.handle ? source.size : lastBytes(source)) + kDriverOverhead;
     state.scratch.restart();
     const VkDeviceAddress staging = state.scratch.allocate(kPlanBytes + stagingBytes);
     if (!staging) {
-        judgeOf(device, "vkCmdCopyAccelerationStructureToMemoryKHR", info.src)
+        judgeOf(device.driver, "vkCmdCopyAccelerationStructureToMemoryKHR", source.handle)
             .refuse("VELLUM-out-of-memory", "no memory for the driver's serialized data");
         return;
     }
-    VkCopyAccelerationStructureToMemoryInfoKHR driverInfo = info;
+    VkCopyAccelerationStructureToMemoryInfoKHR driverInfo{
+        VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR};
     driverInfo.src = fitted;
     driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
@@ -72,7 +64,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     push.cell = cell;
     push.begin = beginOf(device.driver, source);
     push.staging = staging;
-    push.blob = info.dst.deviceAddress;
+    push.blob = target;
     push.root = device.objects.root.address();
     push.structureUnits = unitsOf(source.size);
     push.stagingUnits = unitsOf(stagingBytes);
@@ -88,68 +80,47 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
 
 } // namespace
 
-void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuffer commandBuffer,
-                                          const VkCopyAccelerationStructureToMemoryInfoKHR *info)
+void EmulatedBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
 {
-    constexpr const char *kCommand = "vkCmdCopyAccelerationStructureToMemoryKHR";
-    reportNotices(device.objects);
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, kCommand) ||
-        savesMicromapStructure(device.micromaps, commandBuffer, *info))
-        return;
-    const auto source = device.objects.accelerationStructures.get(info->src);
-    const auto state = device.commands.states.get(commandBuffer);
-    const Judge judge = judgeOf(device, kCommand, info->src);
-    if (!source || !state) {
-        judge.refuse("VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter",
-                     "src is not an acceleration structure of this device");
+    AccelerationStructure &source = *copy.structure;
+    if (copy.content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        return recordMicromapSave(device_.micromaps, commandBuffer, micromapIn(source), copy.data);
+    const auto state = device_.commands.states.get(commandBuffer);
+    const CellPlace cell = cellOf(device_.objects, source);
+    if (!state || !cell.address || blankStructure(device_).units == 0) {
+        device_.driver.report().notAvailable(
+            "vkCmdCopyAccelerationStructureToMemoryKHR without memory for the layer's tables,");
         return;
     }
-    if (info->mode != VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR &&
-        !judge.tolerate("VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412",
-                        "mode is not VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR"))
-        return;
-    if (!judge.mayHoldSerialized(info->dst.deviceAddress, 256,
-                                 "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
-                                 "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740"))
-        return;
-    const VkAccelerationStructureTypeKHR content = contentOf(*source);
-    const CellPlace cell = cellOf(device.objects, *source, info->src);
-    if (content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR || !cell.address || blankStructure(device).units == 0) {
-        device.driver.report().notAvailable(
-            "vkCmdCopyAccelerationStructureToMemoryKHR of a GENERIC structure recorded before "
-            "any build of it, or without memory for the layer's tables,");
-        return;
-    }
-    InjectedWork work(device.commands, commandBuffer);
+    InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
-    if (content == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
-        saveTopLevel(work, device, *source, cell.address, info->dst.deviceAddress);
+    if (copy.content == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
+        saveTopLevel(work, device_, source, cell.address, copy.data);
     else
-        saveBottomLevel(work, device, commandBuffer, *state, *info, *source, cell.address);
+        saveBottomLevel(work, device_, commandBuffer, *state, source, cell.address, copy.data);
 }
 
-void getDeviceAccelerationStructureCompatibility(DeviceStructures &device, VkDevice handle,
-                                                 const VkAccelerationStructureVersionInfoKHR *info,
-                                                 VkAccelerationStructureCompatibilityKHR *compatibility)
+VkAccelerationStructureCompatibilityKHR
+EmulatedBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
 {
-    const SerializedMicromapHeader micromap = serializedHeader(device.driver.driverUuid, 0);
-    if (std::memcmp(info->pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0) {
-        *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
-        return;
-    }
+    const SerializedMicromapHeader micromap = serializedHeader(device_.driver.driverUuid, 0);
+    if (std::memcmp(info.pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0)
+        return VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
     // Whether the driver can read it is the driver's to say. Data of the driver alone is not compatible.
     uint32_t words[kUuidWords];
-    std::memcpy(words, info->pVersionData, sizeof words);
+    std::memcpy(words, info.pVersionData, sizeof words);
     for (uint32_t w = VK_UUID_SIZE / 4; w < kUuidWords; ++w)
         words[w] ^= kCompatibilityWord;
-    VkAccelerationStructureVersionInfoKHR driverInfo = *info;
+    VkAccelerationStructureVersionInfoKHR driverInfo = info;
     driverInfo.pVersionData = reinterpret_cast<const uint8_t *>(words);
-    device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(handle, &driverInfo, compatibility);
-    if (*compatibility != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
-        return;
-    const BlankFacts blank = blankStructure(device);
-    if (blank.units == 0 || std::memcmp(words, blank.words, sizeof words) != 0)
-        *compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+    VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+    device_.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(device_.driver.handle, &driverInfo, &result);
+    if (result != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
+        return result;
+    const BlankFacts blank = blankStructure(device_);
+    const bool same = blank.units != 0 && std::memcmp(words, blank.words, sizeof words) == 0;
+    return same ? VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR
+                : VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 
 } // namespace vellum::layer

@@ -3,10 +3,8 @@
 // driver use this room in the place of those that emulate.
 #pragma once
 
-#include "layer/micromaps/micromap_input.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/queries/device_queries.h"
-#include "layer/translation/serialized_places.h"
 
 namespace vellum::layer
 {
@@ -18,8 +16,7 @@ struct DeviceTranslation {
     DeviceCommands &commands;
     DeviceQueries &queries;
     DevicePipelines &pipelines;
-    MicromapLimits limits{}; // the driver's
-    SerializedPlaces serialized{};
+    HandleMap<VkShaderModule, uint64_t> tracingModules{}; // codeHash of those that trace rays by pipelines
 };
 
 } // namespace vellum::layer

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "core/records.h"
 #include "layer/translation/device_translation.h"
 
 namespace vellum::layer
@@ -39,6 +38,7 @@ VkMicromapEXT PlacedMicromaps::ofSize(VkBuffer buffer, VkDeviceSize offset, VkDe
     info.offset = offset;
     info.size = bytes;
     info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    micromaps_.reserve(micromaps_.size() + 1); // before the driver has made one
     VkMicromapEXT handle = VK_NULL_HANDLE;
     if (driver_.next.CreateMicromapEXT(driver_.handle, &info, nullptr, &handle) != VK_SUCCESS)
         return VK_NULL_HANDLE;
@@ -93,35 +93,6 @@ void becomesMicromap(DeviceTranslation &device, AccelerationStructure &structure
 {
     becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, micromap.bytes);
     placeOf(device, structure).record(std::move(micromap));
-}
-
-void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps)
-{
-    // Which one of the driver's, where only the device knows it, makes no difference here. It is no micromap.
-    becomes(structure,
-            type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR : type,
-            0);
-    std::lock_guard lock(structure.place->mutex);
-    structure.place->namesMicromaps = namesMicromaps;
-}
-
-bool namesMicromaps(const AccelerationStructure &structure)
-{
-    std::lock_guard lock(structure.place->mutex);
-    return structure.place->namesMicromaps;
-}
-
-std::optional<bool> knownMicromap(const AccelerationStructure &structure)
-{
-    const VkAccelerationStructureTypeKHR content = contentOf(structure);
-    if (content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        return content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    return structure.size % 256 == shared::kMicromapSizeMark ? std::optional(true) : std::nullopt;
-}
-
-bool isDrivers(const AccelerationStructure *structure)
-{
-    return structure && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
 
 } // namespace vellum::layer

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <mutex>
-#include <optional>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -61,14 +60,5 @@ VkMicromapEXT micromapOfSize(DeviceTranslation &device, const AccelerationStruct
 PlacedMicromap lastMicromap(DeviceTranslation &device, const AccelerationStructure &structure);
 // Something of a micromap is recorded into the structure.
 void becomesMicromap(DeviceTranslation &device, AccelerationStructure &structure, PlacedMicromap micromap);
-// Something else is: a structure of that type, with or without names of micromaps.
-void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps);
-bool namesMicromaps(const AccelerationStructure &structure);
-// Whether a structure holds a micromap. Nothing: it is a GENERIC one that nothing was recorded into so far, and that
-// has not the size of a micromap.
-std::optional<bool> knownMicromap(const AccelerationStructure &structure);
-
-// Handles of the type OPACITY_MICROMAP are the layer's own, and must not reach the driver.
-bool isDrivers(const AccelerationStructure *structure);
 
 } // namespace vellum::layer

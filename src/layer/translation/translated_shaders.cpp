@@ -3,9 +3,12 @@
 #include <span>
 #include <vector>
 
+#include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
+#include "layer/pipelines/shaders.h"
 #include "layer/translation/device_translation.h"
 #include "layer/translation/translation.h"
+#include "spirv/rewrite.h"
 #include "spirv/translation/translate.h"
 
 namespace vellum::layer
@@ -17,13 +20,15 @@ constexpr VkFlags64 kUsesMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICR
 
 // SPIR-V as a driver takes it that knows SPV_EXT_opacity_micromap only. `code` and `bytes` are replaced where something
 // changes; `storage` then holds the words.
-void translateShader(const DeviceTranslation &device, const uint32_t *&code, size_t &bytes,
-                     std::vector<uint32_t> &storage)
+void translateShader(DeviceTranslation &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage)
 {
-    spirv::TranslateResult result = spirv::translateToExt({code, bytes / 4});
-    if (result.queriesForget && device.driver.asked.khrFeature && !device.driver.asked.ext)
+    constexpr const char *kForgetful = "VELLUM-queries-without-micromaps";
+    const std::span<const uint32_t> words(code, bytes / 4);
+    spirv::TranslateResult result = spirv::translateToExt(words);
+    if (result.queriesForget && device.driver.asked.khrFeature && !device.driver.asked.ext &&
+        device.pipelines.shaderWarnings.isFirst(kForgetful, codeHash(words)))
         device.driver.report().warning(
-            "VELLUM-queries-without-micromaps",
+            kForgetful,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
             "VK_EXT_opacity_micromap, they use micromaps all the same; on others, every hit on geometry with micromaps "
             "is non-opaque");
@@ -40,7 +45,7 @@ class DriverInfos final : public DeferredWork
 {
 public:
     explicit DriverInfos(DeviceTranslation &device) : device_(device) {}
-    void finish() override {}
+    void finish() noexcept override {}
 
     // False: it cannot be, and that is told.
     bool translate(VkComputePipelineCreateInfo &info) { return setFlags(info) && translateStage(info.stage); }
@@ -117,7 +122,33 @@ private:
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
 };
 
-bool mayHaveRayTracingFlags(const DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
+// codeHash of a stage's code, if that traces rays; else 0.
+uint64_t tracingCode(const DeviceTranslation &device, const VkPipelineShaderStageCreateInfo &stage)
+{
+    const auto *inlined =
+        findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    if (stage.module || !inlined)
+        return device.tracingModules.get(stage.module);
+    const std::span<const uint32_t> words(inlined->pCode, inlined->codeSize / 4);
+    return spirv::scan(words).traced.traces ? codeHash(words) : 0;
+}
+
+void warnOfTracing(DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
+    bool isFirst = false;
+    for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
+        const uint64_t code = tracingCode(device, stage);
+        isFirst = (code != 0 && device.pipelines.shaderWarnings.isFirst(kId, code)) || isFirst;
+    }
+    if (isFirst)
+        device.driver.report().warning(
+            kId, "vkCreateRayTracingPipelinesKHR: a pipeline traces rays and was created without "
+                 "RAY_TRACING_OPACITY_MICROMAP: they must meet no micromaps. The setting assume_micromaps creates all "
+                 "pipelines with it");
+}
+
+bool mayHaveRayTracingFlags(DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
 {
     const Driver &driver = device.driver;
     const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
@@ -133,11 +164,8 @@ bool mayHaveRayTracingFlags(const DeviceTranslation &device, const VkRayTracingP
         !toleratesMixedSpecialIndex(driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
                                     "vkCreateRayTracingPipelinesKHR"))
         return false;
-    if (!uses && available && !driver.settings->assumeMicromaps && (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
-        driver.report().warning(
-            "VELLUM-pipeline-without-micromaps",
-            "vkCreateRayTracingPipelinesKHR: a pipeline was created without RAY_TRACING_OPACITY_MICROMAP: it must meet "
-            "no micromaps. The setting assume_micromaps creates all pipelines with it");
+    if (!uses && available && !driver.settings->assumeMicromaps && !binariesOf(info.pNext))
+        warnOfTracing(device, info);
     return true;
 }
 
@@ -164,12 +192,6 @@ VkResult withDriverInfo(DeviceTranslation &device, const newer::PipelineCreateIn
     }
 }
 
-VkResult failAll(uint32_t count, VkPipeline *pipelines, VkResult result)
-{
-    std::fill_n(pipelines, count, VK_NULL_HANDLE);
-    return result;
-}
-
 // Pipelines without groups: compute and graphics, by the driver's command for them.
 template <typename Info, typename Create>
 VkResult createPipelines(DeviceTranslation &device, uint32_t count, const Info *infos, VkPipeline *pipelines,
@@ -177,13 +199,12 @@ VkResult createPipelines(DeviceTranslation &device, uint32_t count, const Info *
 {
     DriverInfos own(device);
     std::vector<Info> driverInfos(infos, infos + count);
-    for (Info &info : driverInfos) {
+    const std::vector<VkResult> prepared = prepareEach(std::span(driverInfos), [&](Info &info) {
         if (!mayHaveFlags(device.driver, info.pNext, info.flags, id, command))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        if (!own.translate(info))
-            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
-    }
-    return create(driverInfos.data());
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        return own.translate(info) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
+    });
+    return createPrepared(std::span(driverInfos), prepared, pipelines, create);
 }
 
 } // namespace
@@ -194,7 +215,18 @@ VkResult createTranslatedModule(DeviceTranslation &device, VkDevice handle, cons
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
     translateShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
-    return device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
+    const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
+    const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
+    if (result == VK_SUCCESS && spirv::scan(words).traced.traces)
+        device.tracingModules.set(*module, codeHash(words));
+    return result;
+}
+
+void destroyTranslatedModule(DeviceTranslation &device, VkDevice handle, VkShaderModule module,
+                             const VkAllocationCallbacks *allocator)
+{
+    device.tracingModules.take(module);
+    device.driver.next.DestroyShaderModule(handle, module, allocator);
 }
 
 VkResult createTranslatedComputePipelines(DeviceTranslation &device, VkDevice handle, VkPipelineCache cache,
@@ -202,9 +234,10 @@ VkResult createTranslatedComputePipelines(DeviceTranslation &device, VkDevice ha
                                           const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     return createPipelines(device, count, infos, pipelines, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593",
-                           "vkCreateComputePipelines", [&](const VkComputePipelineCreateInfo *driverInfos) {
-                               return device.driver.next.CreateComputePipelines(handle, cache, count, driverInfos,
-                                                                                allocator, pipelines);
+                           "vkCreateComputePipelines",
+                           [&](uint32_t some, const VkComputePipelineCreateInfo *driverInfos, VkPipeline *made) {
+                               return device.driver.next.CreateComputePipelines(handle, cache, some, driverInfos,
+                                                                                allocator, made);
                            });
 }
 
@@ -213,9 +246,10 @@ VkResult createTranslatedGraphicsPipelines(DeviceTranslation &device, VkDevice h
                                            const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     return createPipelines(device, count, infos, pipelines, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
-                           "vkCreateGraphicsPipelines", [&](const VkGraphicsPipelineCreateInfo *driverInfos) {
-                               return device.driver.next.CreateGraphicsPipelines(handle, cache, count, driverInfos,
-                                                                                 allocator, pipelines);
+                           "vkCreateGraphicsPipelines",
+                           [&](uint32_t some, const VkGraphicsPipelineCreateInfo *driverInfos, VkPipeline *made) {
+                               return device.driver.next.CreateGraphicsPipelines(handle, cache, some, driverInfos,
+                                                                                 allocator, made);
                            });
 }
 
@@ -226,19 +260,26 @@ VkResult createTranslatedRayTracingPipelines(DeviceTranslation &device, VkDevice
 {
     auto own = std::make_unique<DriverInfos>(device);
     own->rayTracing.assign(infos, infos + count);
-    for (VkRayTracingPipelineCreateInfoKHR &info : own->rayTracing) {
-        if (!mayHaveRayTracingFlags(device, info))
-            return failAll(count, pipelines, VK_ERROR_VALIDATION_FAILED_EXT);
-        if (!own->translate(info))
-            return failAll(count, pipelines, VK_ERROR_INVALID_SHADER_NV);
-    }
+    const std::vector<VkResult> prepared =
+        prepareEach(std::span(own->rayTracing), [&](VkRayTracingPipelineCreateInfoKHR &info) {
+            if (!mayHaveRayTracingFlags(device, info))
+                return VK_ERROR_VALIDATION_FAILED_EXT;
+            return own->translate(info) ? VK_SUCCESS : VK_ERROR_INVALID_SHADER_NV;
+        });
+    const auto create = [&](VkDeferredOperationKHR deferral, uint32_t some,
+                            const VkRayTracingPipelineCreateInfoKHR *driverInfos, VkPipeline *made) {
+        return device.driver.next.CreateRayTracingPipelinesKHR(handle, deferral, cache, some, driverInfos, allocator,
+                                                               made);
+    };
+    if (!allSucceeded(prepared))
+        return createPrepared(std::span(own->rayTracing), prepared, pipelines,
+                              [&](auto... arguments) { return create(VK_NULL_HANDLE, arguments...); });
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();
         device.commands.deferredOperations.set(operation, deferred);
     }
-    const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
-        handle, operation, cache, count, own->rayTracing.data(), allocator, pipelines);
+    const VkResult result = create(operation, count, own->rayTracing.data(), pipelines);
     if (result == VK_OPERATION_DEFERRED_KHR && deferred)
         deferred->work = std::move(own);
     return result;
@@ -250,18 +291,19 @@ VkResult createTranslatedShaders(DeviceTranslation &device, VkDevice handle, uin
 {
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
-    for (newer::ShaderCreateInfo &info : own) {
-        if (!takeMixedSpecialIndex(device.driver, info)) {
-            std::fill_n(shaders, count, nullptr);
+    const auto prepare = [&](newer::ShaderCreateInfo &info) {
+        if (!takeMixedSpecialIndex(device.driver, info))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        }
         if (info.codeType != newer::kShaderCodeTypeSpirv)
-            continue;
+            return VK_SUCCESS;
         const auto *code = static_cast<const uint32_t *>(info.pCode);
         translateShader(device, code, info.codeSize, storage.emplace_back());
         info.pCode = code;
-    }
-    return device.driver.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
+        return VK_SUCCESS;
+    };
+    return createShadersBeforeFailure(own, shaders, prepare, [&](uint32_t prepared) {
+        return device.driver.next.CreateShadersEXT(handle, prepared, own.data(), allocator, shaders);
+    });
 }
 
 void getTranslatedInfoIdentifier(DeviceTranslation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
@@ -288,8 +330,11 @@ VkResult createTranslatedBinaries(DeviceTranslation &device, VkDevice handle,
             asked = true;
             return create(handle, &driverInfo, allocator, binaries);
         });
-    if (!asked && binaries->pPipelineBinaries)
-        std::fill_n(binaries->pPipelineBinaries, binaries->pipelineBinaryCount, nullptr);
+    if (!asked) {
+        std::fill_n(binaries->pPipelineBinaries, binaries->pPipelineBinaries ? binaries->pipelineBinaryCount : 0,
+                    nullptr);
+        binaries->pipelineBinaryCount = 0;
+    }
     return result;
 }
 

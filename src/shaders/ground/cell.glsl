@@ -30,19 +30,37 @@ void storeCell(uvec2 address, Cell cell)
     c.w[7] = cell.extra.y;
 }
 
+// Words that the host changes while shaders read them, two at a time.
+layout(buffer_reference, std430, buffer_reference_align = 4) readonly volatile buffer ChangingWords { uint w[]; };
+
+// Two words of which the host writes both at once. They are read one after the other, until nothing has changed between
+// them: no value that they had comes back.
+uvec2 changingPair(uvec2 words, uint at)
+{
+    ChangingWords c = ChangingWords(words);
+    uvec2 pair = uvec2(c.w[at], c.w[at + 1u]);
+    for (;;) {
+        const uvec2 again = uvec2(c.w[at], c.w[at + 1u]);
+        if (again == pair)
+            return pair;
+        pair = again;
+    }
+}
+
 // The cell of a key in the hash table (core/records.h) that the root table leads to; 0: there is none.
 uvec2 findCell(uvec2 root, uvec2 key)
 {
     if ((key.x | key.y) == 0u || (key.x & key.y) == ~0u) // empty and deleted entries
         return uvec2(0);
-    Words header = Words(root);
-    Words table = Words(uvec2(header.w[kRootHashTable], header.w[kRootHashTable + 1u]));
+    const uvec2 address = changingPair(root, kRootHashTable); // another one once the table has grown
+    Words table = Words(address);
     const uint mask = table.w[0];
     uint bucket = hashReference(key.x, key.y) & mask;
     for (uint probes = 0u; probes <= mask; ++probes) {
         const uint at = kHashHeaderWords + bucket * kHashBucketWords;
         const uvec2 found = uvec2(table.w[at], table.w[at + 1u]);
-        if (found.x == key.x && found.y == key.y)
+        // Halves of two other keys, of which one took the place of the other, may look like this one.
+        if (found == key && changingPair(address, at) == key)
             return uvec2(table.w[at + 2u], table.w[at + 3u]);
         if ((found.x | found.y) == 0u)
             break;

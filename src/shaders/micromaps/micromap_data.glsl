@@ -5,9 +5,13 @@ layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uve
 
 // Two words that lie together are declared as an address: a driver for the CPU loads and stores each member of a vector
 // lane by lane, and an address in one go. What it would be the address of is aligned to 8 bytes: glslang takes that for the
-// alignment of the access, too, which may not be less than 8 (VUID-StandaloneSpirv-PhysicalStorageBuffer64-06314).
+// alignment of the access, too, which may not be less than 8 (VUID-StandaloneSpirv-PhysicalStorageBuffer64-06314). In a
+// structure: of an array of addresses without a size glslang declares RuntimeDescriptorArray, which a device need not have.
 layout(buffer_reference, std430, buffer_reference_align = 8) buffer Eight { uint w[]; };
-layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Eight at[]; };
+struct Pair {
+    Eight words;
+};
+layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Pair at[]; };
 
 // A data unit of a source at an address that is a multiple of 4; `bytes` is 8 or 16.
 uvec4 loadAlignedUnit(uvec2 address, uint bytes)

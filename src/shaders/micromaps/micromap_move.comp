@@ -5,6 +5,7 @@
 #include "shared.h"
 #include "curve.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/micromap_layout.glsl"
 #include "ground/cell.glsl"
@@ -13,17 +14,8 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 micromap;   // of a copy, the target
-    uvec2 serialized; // of a copy, the source
-    uvec2 log;
-    uvec2 object;
-    uvec2 micromapBytes;
-    uvec2 serializedBytes; // that lie inside their buffer; of a copy, inside the source
-    uvec4 driverUuid;
-    uvec2 root;
-    uint mode; // kMove*, and perhaps kMoveMarked
-    uint invocations;
-} push;
+    MicromapMovePush push;
+};
 
 #include "ground/complaints.glsl"
 

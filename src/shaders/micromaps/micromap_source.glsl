@@ -2,30 +2,14 @@
 #include "shared.h"
 #include "curve.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/micromap_layout.glsl"
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 micromap;      // destination
-    uvec2 triangleArray; // VkMicromapTriangleEXT, each triangleArrayStride bytes
-    uvec2 data;
-    uvec2 scratch;
-    uvec2 log;    // where wrong input is told of (complaints.glsl); 0: nowhere
-    uvec2 object; // VkMicromapEXT handle, for the log
-    uint triangleArrayStride;
-    uint triangleCount; // records in the destination
-    uint readable;      // elements of triangleArray that lie inside its buffer
-    uint dataBytes;     // bytes of data that lie inside its buffer
-    uint capacityUnits; // data units in the destination
-    uint partCapacity;  // entries of the list of parts
-    uint tableMask;
-    uint flags; // kBuild*
-    uint alike;              // level | format << 16, where all triangles have the same; 0: they do not
-    uint lastOffset;         // of such triangles' data in place
-    uint staysPerInvocation; // triangles, of micromap_stay.comp
-    uint unused;
-} push;
+    MicromapPush push;
+};
 
 #include "ground/complaints.glsl"
 

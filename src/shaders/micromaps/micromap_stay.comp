@@ -34,7 +34,7 @@ Stay stayAlike(uint first, uint last)
         uvec2 triangles[kAtOnce];
         for (uint i = 0u; i < kAtOnce; ++i) {
             const uint next = t + i * kTogether;
-            triangles[i] = uvec2(source.at[next < last ? next : t]);
+            triangles[i] = uvec2(source.at[next < last ? next : t].words);
         }
         for (uint i = 0u; i < kAtOnce; ++i) {
             const uint offset = triangles[i].x;
@@ -43,7 +43,7 @@ Stay stayAlike(uint first, uint last)
             // 16-byte units, so the offset is the shifted index of the unit but for one bit.
             const uint word0 = (offset & ~15u) << (kUnitShift - 4u) | (kind + (offset >> 3u & 1u) * kKindUpperHalf);
             if (t + i * kTogether < last)
-                records.at[t + i * kTogether] = Eight(uvec2(word0, kLookEverywhere));
+                records.at[t + i * kTogether].words = Eight(uvec2(word0, kLookEverywhere));
         }
     }
     Stay stay;

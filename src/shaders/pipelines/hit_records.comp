@@ -1,27 +1,23 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Copies the hit records of a shader binding table, with a handle of ours in the place of null handles: a hit group
-// without shaders still has to look up micromaps. The region is given, or that of a VkTraceRaysIndirectCommand2KHR in
-// memory, which is copied too and then names the copied records.
+// Copies the hit records of a shader binding table, with the record of the layer's group in the place of null handles,
+// and behind the table's end as far as instances may reach: a hit without shaders still has to look up micromaps. The
+// table is given, or that of a VkTraceRaysIndirectCommand2KHR in memory, which is copied too and then names the copy.
 #include "shared.h"
+#include "push.h"
 #include "ground/memory.glsl"
 
 layout(local_size_x = 64) in;
 
-const uint kHandleWords = 8u;
+const uint kHandleBytes = 32u;
+const uint kHandleWords = kHandleBytes / 4u;
 const uint kCommandWords = 26u;
 const uint kHitWord = 10u; // of the command: hit records' address, size and stride, 64 bits each
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 source; // hit records; with a command taken from it
-    uvec2 target;
-    uvec2 command; // 0: none
-    uvec2 commandCopy;
-    uint size; // bytes; with a command: those at `target`
-    uint stride;
-    uint handle[kHandleWords];
-} push;
+    HitRecordsPush push;
+};
 
 void copyRecord(uvec2 from, uvec2 to, uint words)
 {
@@ -31,7 +27,21 @@ void copyRecord(uvec2 from, uvec2 to, uint words)
     for (uint w = 0u; w < min(words, kHandleWords); ++w)
         bits |= source.w[w];
     for (uint w = 0u; w < words; ++w)
-        target.w[w] = bits == 0u && w < kHandleWords ? push.handle[w] : source.w[w];
+        target.w[w] = bits == 0u && w < kHandleWords ? Words(push.standIn).w[w] : source.w[w];
+}
+
+void writeStandIn(uvec2 to)
+{
+    for (uint w = 0u; w < kHandleWords; ++w)
+        Words(to).w[w] = Words(push.standIn).w[w];
+}
+
+// How many records hold a whole handle.
+uint recordsOf(uint size, uint stride)
+{
+    if (size < kHandleBytes)
+        return 0u;
+    return stride == 0u ? 1u : 1u + (size - kHandleBytes) / stride;
 }
 
 void main()
@@ -47,25 +57,40 @@ void main()
         source = uvec2(command.w[kHitWord], command.w[kHitWord + 1u]);
         size = command.w[kHitWord + 2u];
         stride = command.w[kHitWord + 4u];
-        // Too many for the room there is: they stay where they are.
-        const bool fits = command.w[kHitWord + 3u] == 0u && command.w[kHitWord + 5u] == 0u && size <= push.size;
+        const bool large = (command.w[kHitWord + 3u] | command.w[kHitWord + 5u]) != 0u;
+        const bool none = all(equal(source, uvec2(0))) || (!large && size < kHandleBytes);
+        if (!large && push.oneForAll != 0u && recordsOf(size, stride) == 1u)
+            stride = 0u;
+        // Too many for the room there is, and records that overlap, stay where they are.
+        const bool copied = !none && !large && size <= push.capacity && (stride == 0u || stride >= kHandleBytes);
         if (thread == 0u) {
             Words copy = Words(push.commandCopy);
             for (uint w = 0u; w < kCommandWords; ++w)
                 copy.w[w] = command.w[w];
-            if (fits && size > 0u) {
-                copy.w[kHitWord] = push.target.x;
-                copy.w[kHitWord + 1u] = push.target.y;
+            if (none || copied) {
+                const uvec2 table = none ? push.standIn : push.target;
+                copy.w[kHitWord] = table.x;
+                copy.w[kHitWord + 1u] = table.y;
+                copy.w[kHitWord + 2u] = none ? kHandleBytes : stride == 0u ? size : push.capacity;
+                copy.w[kHitWord + 3u] = 0u;
+                copy.w[kHitWord + 4u] = none ? 0u : stride;
+                copy.w[kHitWord + 5u] = 0u;
             }
         }
-        if (!fits)
+        if (!copied)
             return;
     }
-    // Without a stride there is one record, which every hit uses.
+    const uint records = recordsOf(size, stride);
+    uint all = records;
     if (stride == 0u)
-        stride = max(size, 1u);
-    for (uint record = thread; record < (size + stride - 1u) / stride; record += threads) {
-        const uint bytes = min(stride, size - record * stride);
-        copyRecord(elementAddress(source, record, stride), elementAddress(push.target, record, stride), bytes / 4u);
+        stride = size;
+    else
+        all = max(records, min(Words(push.recordOffset).w[0] + push.reach + 1u, recordsOf(push.capacity, stride)));
+    for (uint record = thread; record < all; record += threads) {
+        const uvec2 target = elementAddress(push.target, record, stride);
+        if (record < records)
+            copyRecord(elementAddress(source, record, stride), target, min(stride, size - record * stride) / 4u);
+        else
+            writeStandIn(target);
     }
 }

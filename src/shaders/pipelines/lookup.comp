@@ -23,9 +23,13 @@ layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Qu
 
 // Two words that lie together are declared as an address, whether they are one or not: a driver for the CPU loads each
 // member lane by lane, and an address in one load. What it would be the address of has the alignment that glslang takes for
-// that of the load.
+// that of the load. glslang takes an array of addresses without a size for one of descriptors, and declares
+// RuntimeDescriptorArray, which a device need not have; an array of structures is none.
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Eight { uint w[]; };
-layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Eight at[]; };
+struct Pair {
+    Eight words;
+};
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Pairs { Pair at[]; };
 
 // Records by their members (core/records.h), so that only the words that are needed are loaded.
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Instance
@@ -52,7 +56,7 @@ uvec2 vellumRecord(const in uint slot)
     uint high = kFirstSlotsHigh;
     if (number >= kFirstSlots) {
         const uint page = number >> kSlotsPerPageLog2;
-        const uvec2 entry = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at[0]);
+        const uvec2 entry = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at[0].words);
         low = entry.x;
         high = entry.y;
     }
@@ -78,7 +82,7 @@ uint vellumState(const in uvec2 geometries, const in uint triangle, const in uve
 {
     // Not where it is needed: so it does not wait for the triangle's record.
     const uvec2 units = uvec2(Geometry(geometry).units);
-    const uvec2 record = uvec2(Pairs(geometries).at[triangle]);
+    const uvec2 record = uvec2(Pairs(geometries).at[triangle].words);
     // It needs nothing of the record, and is computed while that is on its way. Its leading digits are the index at every
     // level, the coarse one and the micromap's.
     const uint index = finestCurveIndex(uv.x, uv.y);

@@ -3,6 +3,7 @@
 // Writes the value of one query about a micromap (layer/queries/query_pool.h).
 #include "shared.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/micromap_layout.glsl"
 
@@ -10,12 +11,8 @@ layout(local_size_x = 1) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 target; // 64-bit value
-    uvec2 micromap;
-    uvec2 micromapBytes; // size of the micromap: what a micromap that was never built claims is not believed
-    uint kind;           // kQuery*
-    uint padding;
-} push;
+    QueryValuePush push;
+};
 
 void main()
 {

@@ -4,6 +4,7 @@
 // the geometry's micromap indices, and the geometry record itself. VkAccelerationStructureTrianglesOpacityMicromapEXT.
 #include "shared.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/micromap_layout.glsl"
 #include "ground/cell.glsl"
@@ -12,29 +13,8 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 tail;     // where the records go: geometry records, names, triangle records
-    uvec2 micromap; // 0: special indices only
-    uvec2 indices;  // 0: the index is the triangle's number
-    uvec2 cell;     // to be written; 0: not with this dispatch
-    uvec2 log;      // 0: nothing is validated
-    uvec2 range;    // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
-    uvec2 object;   // the micromap's handle
-    uvec2 source;   // of an update, the cell of what is updated; 0: it is none
-    uvec2 sourceBegin;
-    uvec2 begin; // of the structure
-    uint triangleCount;
-    uint indexBytes; // 1, 2 or 4
-    uint indexStride;
-    uint readable; // indices that lie inside their buffer
-    uint baseTriangle;
-    uint geometryWord; // word 0 of the geometry record; without triangle records, the geometry has no micromap
-    uint geometryCount;
-    uint tailUnits; // of all records
-    uint geometry;     // its number
-    uint named;        // 1: the micromap is one of VK_KHR_opacity_micromap
-    uint micromapSize; // in units of 16 bytes
-    uint commonUnits;  // of an update: of the smaller one of source and structure
-} push;
+    BlasRecordsPush push;
+};
 
 #include "ground/complaints.glsl"
 

@@ -5,6 +5,7 @@
 // would copy all that a handle reaches over, copies the driver's part, too, as that driver does.
 #include "shared.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/cell.glsl"
 
@@ -12,16 +13,8 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 sourceCell;
-    uvec2 targetCell;
-    uvec2 sourceBegin;
-    uvec2 targetBegin;
-    uvec2 root;
-    uint sourceUnits; // sizes of the structures
-    uint targetUnits;
-    uint compact;
-    uint whole; // the driver's part, too
-} push;
+    StructureCopyPush push;
+};
 
 void main()
 {

@@ -12,38 +12,14 @@
 #include "ground/memory.glsl"
 #include "ground/cell.glsl"
 #include "serialized.glsl"
+#include "push.h"
 
 layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 blob;
-    uvec2 staging; // plan (kPlanUnits), then the driver's data
-    uvec2 cell;
-    uvec2 begin; // of the structure
-    uvec2 root;
-    uvec2 blank; // serialized by the driver; its first 32 bytes are the driver's UUIDs
-    uvec2 kept;  // what is overwritten
-    uint blankUnits;
-    uint capacity;     // units in the source's buffer
-    uint stagingUnits; // of the driver's data
-    uint targetUnits;  // of the structure
-    uint kind;         // kCellBottom or kCellTop: what is expected; kCellUnbuilt: what the data holds
-    uint keptUnits;    // room for what is overwritten
-    uint blankBuiltUnits; // of a structure that a blank one was deserialized to
-    uint topWay;       // 1: a top-level structure is built before the driver deserializes
-    uint pass;         // kPass*
-    uint serial;       // of this command
-} push;
-
-const uint kPassCheck = 0u;
-const uint kPassAddUp = 1u;
-const uint kPassDecide = 2u;
-const uint kPassStage = 3u;
-const uint kPassFinish = 4u;
-const uint kPassKeep = 5u;         // before the build of a top-level structure
-const uint kPassGiveBack = 6u;     // after it
-const uint kPassGiveBackLast = 7u; // after the driver's deserialization
+    StructureRestorePush push;
+};
 
 uint kind; // what the data holds, or is taken for
 

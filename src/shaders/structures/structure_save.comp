@@ -9,25 +9,14 @@
 #include "ground/memory.glsl"
 #include "ground/cell.glsl"
 #include "serialized.glsl"
+#include "push.h"
 
 layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 cell;
-    uvec2 begin;   // of the structure
-    uvec2 staging; // plan (kPlanUnits), then what the driver has serialized
-    uvec2 blob;    // destination
-    uvec2 root;
-    uint structureUnits;
-    uint stagingUnits; // of the driver's data
-    uint leastUnits;   // of any deserialized structure
-    uint capacity;     // units in the destination's buffer
-    uint wholeCopies;  // the driver serializes whole structures, whatever was built in them
-    uint pass;
-    uint blocks; // 1: the header has the form of VK_KHR_opacity_micromap
-    uint padding;
-} push;
+    StructureSavePush push;
+};
 
 // Writes the addresses of the named micromaps where `target` is not 0; returns how many there are.
 uint placeNames(Cell cell, uvec2 target)

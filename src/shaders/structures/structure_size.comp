@@ -7,23 +7,14 @@
 #include "ground/memory.glsl"
 #include "ground/cell.glsl"
 #include "serialized.glsl"
+#include "push.h"
 
 layout(local_size_x = 1) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 cell;
-    uvec2 begin;
-    uvec2 value;
-    uint structureUnits;
-    uint property;    // kProperty*
-    uint wholeCopies; // the driver serializes whole structures, whatever was built in them
-} push;
-
-const uint kPropertyCompactedSize = 0u;
-const uint kPropertySerializationSize = 1u;
-const uint kPropertySize = 2u;
-const uint kPropertyPointers = 3u;
+    StructureSizePush push;
+};
 
 void main()
 {

@@ -5,6 +5,7 @@
 #include "shared.h"
 #include "opacity.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/cell.glsl"
 
@@ -12,22 +13,8 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 source; // instances, pointers to them, or a cell that leads to them
-    uvec2 target; // instances for the driver
-    uvec2 root;
-    uvec2 tail; // where the instances are kept for copies of the structure
-    uvec2 cell; // of the structure that is built
-    uvec2 range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
-    uint count; // the driver builds so many
-    uint firstSlot;
-    uint from; // kFrom*
-    uint pass; // 0: before the driver's build; 1: after it, since the driver may clear all of the structure
-} push;
-
-const uint kFromArray = 0u;
-const uint kFromPointers = 1u;
-const uint kFromStructure = 2u;  // a copy: the instances are those of another structure
-const uint kFromSerialized = 3u; // with the references in an array of their own
+    TlasInstancesPush push;
+};
 
 const uint kInstanceBytes = 64u;
 const uint kCustomIndexWord = 12u; // custom index 24 bits, mask 8
@@ -93,6 +80,15 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
     else if (found.geometries == 1u)
         only = Words(found.records).w[0];
     record.w[1] = (only & kManyGeometries) != 0u ? kManyGeometries | mask : only & mask;
+}
+
+// The driver reads hit records of all instances: tables of the layer reach as far (hit_records.comp).
+void noteRecordOffset(uint offset)
+{
+    Words header = Words(push.root);
+    Words counters = Words(uvec2(header.w[kRootNotices], header.w[kRootNotices + 1u]));
+    if (counters.w[kGreatestRecordOffset] < offset)
+        atomicMax(counters.w[kGreatestRecordOffset], offset);
 }
 
 // The VkAccelerationStructureBuildRangeInfoKHR of an indirect build: primitiveCount, primitiveOffset.
@@ -189,4 +185,5 @@ void main()
     target.w[kReferenceWord] = dead ? 0u : reference.x;
     target.w[kReferenceWord + 1u] = dead ? 0u : reference.y;
     writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, found);
+    noteRecordOffset(offsetAndFlags & 0x00ffffffu);
 }

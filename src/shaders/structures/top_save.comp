@@ -7,21 +7,14 @@
 #include "ground/memory.glsl"
 #include "ground/cell.glsl"
 #include "serialized.glsl"
+#include "push.h"
 
 layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 cell;
-    uvec2 begin;
-    uvec2 blob;
-    uvec2 root;
-    uvec2 blank; // serialized by the driver: its first 32 bytes are the driver's UUIDs
-    uint structureUnits;
-    uint leastUnits; // of any top-level structure
-    uint capacity;   // units in the destination's buffer
-    uint pass;       // 0: headers, 1: instances
-} push;
+    TopSavePush push;
+};
 
 void main()
 {

@@ -4,6 +4,7 @@
 // layer/micromaps/micromap_input.h).
 #include "shared.h"
 #include "records.h"
+#include "push.h"
 #include "ground/memory.glsl"
 #include "ground/micromap_layout.glsl"
 
@@ -11,8 +12,8 @@ layout(local_size_x = 1) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 value; // a 64-bit number
-} push;
+    MarkedSizePush push;
+};
 
 void main()
 {

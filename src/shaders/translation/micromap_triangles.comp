@@ -2,19 +2,15 @@
 #extension GL_GOOGLE_include_directive : require
 // Copies the triangles of a micromap build to where a driver with VK_EXT_opacity_micromap takes them: packed, and with
 // offsets from an address of the data that is a bit lower. One invocation a triangle.
+#include "push.h"
 #include "ground/memory.glsl"
 
 layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 source; // VkMicromapTriangleKHR, each `stride` bytes
-    uvec2 target;
-    uint stride;
-    uint count;
-    uint readable; // triangles that lie inside their buffer
-    uint shift;    // bytes that the data begins later than the driver is told
-} push;
+    MicromapTrianglesPush push;
+};
 
 void main()
 {

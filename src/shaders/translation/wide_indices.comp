@@ -1,19 +1,15 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Makes 32-bit micromap indices of 8-bit ones, which VK_EXT_opacity_micromap does not have. One invocation an index.
+#include "push.h"
 #include "ground/memory.glsl"
 
 layout(local_size_x = 64) in;
 
 layout(push_constant, std430) uniform Push
 {
-    uvec2 source; // bytes, each `stride` bytes from the next
-    uvec2 target;
-    uint stride;
-    uint count;
-    uint readable; // indices that lie inside their buffer
-    uint unused;
-} push;
+    WideIndicesPush push;
+};
 
 void main()
 {

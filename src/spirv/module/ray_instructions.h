@@ -16,6 +16,8 @@ struct RayInstruction {
     std::uint32_t query = 0;   // the ray query that the hit object is made from
     bool empties = false;      // the hit object is of no ray any more
 
+    // The SBT stride of a ray that is traced: behind its flags, cull mask and SBT offset.
+    [[nodiscard]] std::uint32_t stride() const { return payload != 0 && flags != 0 ? flags + 3 : 0; }
     // It calls shaders for a hit object that was made before.
     [[nodiscard]] bool onlyExecutes() const { return payload != 0 && flags == 0; }
 };

@@ -1,5 +1,7 @@
 #include "spirv/module/scan.h"
 
+#include <algorithm>
+#include <optional>
 #include <unordered_map>
 
 #include "spirv/module/ray_instructions.h"
@@ -9,6 +11,8 @@ namespace vellum::spirv
 {
 namespace
 {
+
+constexpr std::uint32_t kStrideMask = 15; // the bits of an SBT stride that are used (OpTraceRayKHR)
 
 bool isRayTracingStage(std::uint32_t model)
 {
@@ -30,7 +34,7 @@ bool declaresRays(std::uint32_t capability)
     }
 }
 
-// The flags of all rays that a module's stages trace.
+// The rays that a module's stages trace.
 class FlagScan
 {
 public:
@@ -47,6 +51,9 @@ public:
             fromQuery_ = fromQuery_ || ray->query != 0;
             if (ray->query == 0)
                 traced_.add(ray->flags != 0 ? flagsIn(in, ray->flags) : TracedFlags{.traces = true});
+            if (ray->stride() != 0)
+                traced_.mostStride =
+                    std::max(traced_.mostStride, valueIn(in, ray->stride()).value_or(kStrideMask) & kStrideMask);
         }
     }
 
@@ -57,17 +64,22 @@ public:
         if (fromQuery_)
             traced_.add(queries_);
         if (!whole)
-            traced_.add({.traces = traced_.traces, .fixed = 0});
+            traced_.add({.traces = traced_.traces, .fixed = 0, .mostStride = kStrideMask});
         return traced_;
     }
 
 private:
-    TracedFlags flagsIn(Words in, std::uint32_t word) const
+    [[nodiscard]] std::optional<std::uint32_t> valueIn(Words in, std::uint32_t word) const
     {
         const auto value = word < in.size() ? constants_.find(in[word]) : constants_.end();
-        if (value == constants_.end())
+        return value == constants_.end() ? std::nullopt : std::optional(value->second);
+    }
+    [[nodiscard]] TracedFlags flagsIn(Words in, std::uint32_t word) const
+    {
+        const auto value = valueIn(in, word);
+        if (!value)
             return {.traces = true, .fixed = 0};
-        return {.traces = true, .constant = value->second & shared::kHiddenRayFlags};
+        return {.traces = true, .constant = *value & shared::kHiddenRayFlags};
     }
 
     std::unordered_map<std::uint32_t, std::uint32_t> constants_;
@@ -79,6 +91,7 @@ private:
 
 void TracedFlags::add(const TracedFlags &other)
 {
+    mostStride = std::max(mostStride, other.mostStride);
     if (!other.traces)
         return;
     fixed = traces ? fixed & other.fixed & ~(constant ^ other.constant) : other.fixed;
@@ -89,8 +102,10 @@ void TracedFlags::add(const TracedFlags &other)
 ModuleScan scan(std::span<const std::uint32_t> words)
 {
     ModuleScan found;
-    if (!isSpirv(words))
+    if (!isSpirv(words)) {
+        found.traced.mostStride = kStrideMask;
         return found;
+    }
     FlagScan flags;
     const std::size_t end = visitInstructions(words, [&](Words in) {
         const std::uint32_t opcode = opcodeOf(in);

@@ -9,16 +9,17 @@
 namespace vellum::spirv
 {
 
-// What is known of the hidden flags of all rays that a module traces in pipelines.
+// What is known of all rays that a module traces in pipelines.
 struct TracedFlags {
     bool traces = false;
     std::uint32_t fixed = shared::kHiddenRayFlags; // those that all rays have alike
     std::uint32_t constant = 0;                    // the fixed ones that all rays have
+    std::uint32_t mostStride = 0;                  // the greatest SBT stride; 15 where one is unknown
     void add(const TracedFlags &other);
     bool operator==(const TracedFlags &) const = default;
 };
 
-// What one look at a module finds. Of what is not SPIR-V, nothing.
+// What one look at a module finds. Of what is not SPIR-V, nothing is known.
 struct ModuleScan {
     bool hasStages = false;  // an entry point is a stage of ray tracing pipelines
     bool tracesRays = false; // it has such a stage, or declares a capability to trace rays

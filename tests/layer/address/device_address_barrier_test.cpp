@@ -176,7 +176,8 @@ void AddressBarriers::expectTransfers()
               (Texts{kOwn, transfer(away, here, 16, 32, some.handle())}));
     Aliases aliases(gpu(), 64, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
     Texts barriers = barriersIn(Dependency({barrierOf({aliases.address(0) + 8, 40}, here, away)}));
-    Texts expected{kOwn, transfer(here, away, 8, 40, aliases.handle(0)), transfer(here, away, 8, 40, aliases.handle(1))};
+    Texts expected{kOwn, transfer(here, away, 8, 40, aliases.handle(0)),
+                   transfer(here, away, 8, 40, aliases.handle(1))};
     std::sort(barriers.begin(), barriers.end());
     std::sort(expected.begin(), expected.end());
     EXPECT_EQ(barriers, expected);

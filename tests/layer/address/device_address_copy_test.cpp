@@ -3,9 +3,13 @@
 #include <algorithm>
 
 #include "address/address_ranges.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+// Of all suites in this folder.
+const vt::Labels kLabels{{"Address*.*", "one_api strict_ext"}};
 
 using namespace vt;
 

@@ -4,10 +4,14 @@
 #include "commands/state_scene.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"DescriptorBuffers.*", "traits packed forcing"},
+                         {"DescriptorBuffersWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

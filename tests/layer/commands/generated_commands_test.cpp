@@ -6,11 +6,15 @@
 #include "commands/state_scene.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/tracer_by_address.h"
 #include "shaders/tracer_constant_080.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"GeneratedCommandsOfDevice.*", "traits forcing"},
+                         {"GeneratedCommandsWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

@@ -3,9 +3,12 @@
 #include <cstring>
 
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"QueueFamilies.*", "forcing"}};
 
 using namespace vt;
 

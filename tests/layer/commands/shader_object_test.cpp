@@ -4,9 +4,12 @@
 
 #include "commands/shader_objects.h"
 #include "commands/state_scene.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"ShaderObject.*", "forcing"}, {"ShaderObject.ThePromise*", "strict"}};
 
 using namespace vt;
 

@@ -2,6 +2,7 @@
 #include "commands/state_scene.h"
 #include "harness/graphics.h"
 
+#include "harness/program/labels.h"
 #include "shaders/plain_fragment.h"
 #include "shaders/state_compute.h"
 #include "shaders/state_compute_few.h"
@@ -10,12 +11,15 @@
 namespace
 {
 
+const vt::Labels kLabels{{"State.*", "traits forcing"}};
+
 using namespace vt;
 
 constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
 constexpr VkShaderStageFlags kBoth = VK_SHADER_STAGE_COMPUTE_BIT | VK_SHADER_STAGE_VERTEX_BIT;
 
-// Push constants: 64 bytes for the vertex shader, 192 for the compute shader, or 64 where the driver has no more; set 0 bound, set 1 pushed or bound.
+// Push constants: 64 bytes for the vertex shader, 192 for the compute shader, or 64 where the driver has no more; set 0
+// bound, set 1 pushed or bound.
 class State : public GpuTest
 {
 protected:

@@ -1,9 +1,12 @@
 // The stage and access bits of micromaps, wherever an application can pass them: the driver, and the validation layer
 // in front of it, must not see them.
 #include "commands/state_scene.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"SyncUnvalidated.*", "one_api"}, {"SyncWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

@@ -1,17 +1,22 @@
 // What the layer finds out about the driver by trying is tried on the application's queue, when something first depends
 // on it: while the application uses that queue, and from whichever threads ask.
 #include <atomic>
+#include <chrono>
 #include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "harness/pipeline_tracer.h"
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 
 using namespace vt;
 
 namespace
 {
+
+const vt::Labels kLabels{{"Trials.*", "forcing"}};
 
 // On a fresh device: nothing was tried yet. The validation layer below judges who uses the queue at the same time.
 class Trials : public GpuTest
@@ -47,8 +52,7 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
     std::vector<VkCommandPool> pools(4);
     std::vector<VkCommandBuffer> commands(4);
     besideSubmissions([&](std::size_t thread) {
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0,
-                                               gpu().family()};
+        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, gpu().family()};
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
         const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
                                                    pools[thread], VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
@@ -71,6 +75,34 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
         EXPECT_EQ(sizes[i], sizes[0]);
         vkDestroyCommandPool(gpu().device(), pools[i], nullptr);
     }
+}
+
+// The application signals what the queue waits for after it has made shaders and a pipeline, in the same thread. Nothing
+// that these need of the driver may be found out on the queue.
+TEST_F(Trials, CreationOfShadersDoesNotWaitForTheQueue)
+{
+    VkSemaphoreTypeCreateInfo type{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO};
+    type.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE;
+    const VkSemaphoreCreateInfo semaphoreInfo{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, &type, 0};
+    VkSemaphore semaphore = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateSemaphore(gpu().device(), &semaphoreInfo, nullptr, &semaphore));
+    const std::uint64_t value = 1;
+    VkTimelineSemaphoreSubmitInfo values{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO};
+    values.waitSemaphoreValueCount = 1;
+    values.pWaitSemaphoreValues = &value;
+    const VkPipelineStageFlags stage = VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO, &values};
+    submit.waitSemaphoreCount = 1;
+    submit.pWaitSemaphores = &semaphore;
+    submit.pWaitDstStageMask = &stage;
+    VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
+    // A trial would end with the message VELLUM-busy-queue, which no test expects.
+    const PipelineTracer pipelines(gpu(), {.groups = {{.anyHit = true}}});
+    const Tracer queries(gpu());
+    const VkSemaphoreSignalInfo signal{VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO, nullptr, semaphore, value};
+    VT_CHECK(vkSignalSemaphore(gpu().device(), &signal));
+    VT_CHECK(vkQueueWaitIdle(gpu().queue()));
+    vkDestroySemaphore(gpu().device(), semaphore, nullptr);
 }
 
 } // namespace

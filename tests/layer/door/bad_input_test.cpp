@@ -2,9 +2,12 @@
 // where it does not belong, and a device that goes on working. What does no harm is done, unless VELLUM_STRICT is set.
 #include "commands/state_scene.h"
 #include "harness/expected.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"BadInput.*", "strict"}, {"BadInputExt.*", "one_api strict_ext"}};
 
 using namespace vt;
 

@@ -1,9 +1,12 @@
 // What the layer has where the driver has more than lavapipe: indirect builds, and capture and replay of addresses. The
 // driver is lavapipe with the trait "capable".
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"CapableDriverExt.*", "one_api strict_ext"}};
 
 using namespace vt;
 
@@ -33,6 +36,25 @@ protected:
         });
     }
 };
+
+// The layer rejects the host commands of acceleration structures.
+TEST_F(CapableDriver, HasNoHostCommandsOfStructures)
+{
+    Options options = gpu().options();
+    options.vellum = options.micromaps = false;
+    const Gpu bare(options);
+    const auto hostCommands = [](const Gpu &gpu) {
+        VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
+        structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
+        VkPhysicalDeviceFeatures2 features{};
+        features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+        features.pNext = &structures;
+        vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+        return structures.accelerationStructureHostCommands;
+    };
+    EXPECT_TRUE(hostCommands(bare));
+    EXPECT_FALSE(hostCommands(gpu()));
+}
 
 TEST_F(CapableDriver, IndirectBottomLevel)
 {

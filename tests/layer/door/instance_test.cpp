@@ -6,12 +6,15 @@
 #include <string>
 #include <vector>
 
+#include "harness/program/labels.h"
 #include <gtest/gtest.h>
 #include <vulkan/vk_layer.h>
 #include <vulkan/vulkan.h>
 
 namespace
 {
+
+const vt::Labels kLabels{{"Extension/OldInstance.*", "one_api"}, {"Instance.*", "one_api"}};
 
 std::string library()
 {

@@ -3,9 +3,12 @@
 #include <array>
 
 #include "harness/harness.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Properties.*", "one_api"}, {"PropertiesNewer.*", "one_api"}, {"WithoutLayer.*", "one_api"}};
 
 using vt::Gpu;
 
@@ -253,6 +256,27 @@ TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
     EXPECT_EQ(createDevice(gpu().physical(), names, &wanted, &device), VK_ERROR_FEATURE_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
     gpu().takeMessages(); // whoever complains about it is right
+}
+
+// The layer enables bufferDeviceAddress, but not in a structure that it cannot change.
+TEST_F(Properties, AddressesBehindAnUnknownStructure)
+{
+    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{};
+    addresses.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES;
+    const VkBaseInStructure unknown{static_cast<VkStructureType>(0x7ffffff0),
+                                    reinterpret_cast<const VkBaseInStructure *>(&addresses)};
+    const std::array names{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+                           VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    for (const bool enabled : {false, true}) {
+        addresses.bufferDeviceAddress = VkBool32{enabled};
+        VkDevice device = VK_NULL_HANDLE;
+        EXPECT_EQ(createDevice(gpu().physical(), names, &unknown, &device),
+                  enabled ? VK_SUCCESS : VK_ERROR_FEATURE_NOT_PRESENT);
+        vkDestroyDevice(device, nullptr);
+        const std::vector<vt::Message> messages = gpu().takeUnexpectedMessages();
+        const auto errors = std::ranges::count(messages, std::string("VELLUM-device-features"), &vt::Message::id);
+        EXPECT_EQ(errors, enabled ? 0 : 1);
+    }
 }
 
 TEST_F(Properties, CompatibilityOfVersionData)

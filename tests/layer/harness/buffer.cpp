@@ -1,6 +1,7 @@
 #include "harness/harness.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 namespace vt
 {
@@ -35,7 +36,11 @@ Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gp
         VkBufferDeviceAddressInfo query{};
         query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
         query.buffer = buffer_;
-        address_ = vkGetBufferDeviceAddress(gpu.device(), &query);
+        // Of the extension, where it is enabled: programs of Vulkan 1.1.
+        const auto extension = vkGetDeviceProcAddr(gpu.device(), "vkGetBufferDeviceAddressKHR");
+        const auto addressOf =
+            extension != nullptr ? reinterpret_cast<PFN_vkGetBufferDeviceAddress>(extension) : vkGetBufferDeviceAddress;
+        address_ = addressOf(gpu.device(), &query);
     }
 }
 
@@ -85,6 +90,25 @@ std::uint64_t QueryPool::value(std::uint32_t query) const
     VT_CHECK(vkGetQueryPoolResults(gpu_->device(), pool_, query, 1, sizeof value, &value, sizeof value,
                                    VK_QUERY_RESULT_64_BIT));
     return value;
+}
+
+std::uint32_t Gpu::memoryType(std::uint32_t allowed, VkMemoryPropertyFlags wanted) const
+{
+    VkPhysicalDeviceMemoryProperties memory;
+    vkGetPhysicalDeviceMemoryProperties(physical_, &memory);
+    for (std::uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+        if ((allowed >> i & 1u) != 0 && (memory.memoryTypes[i].propertyFlags & wanted) == wanted)
+            return i;
+    }
+    throw std::runtime_error("no memory type");
+}
+
+VkBufferUsageFlags Gpu::structureUsage() const
+{
+    const bool emulated = options_.vellum && options_.micromaps && options_.micromapFeature;
+    const bool strict = !emulated || validationOfTests() == Validation::Above;
+    return VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+           (strict ? VkBufferUsageFlags{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT} : 0);
 }
 
 } // namespace vt

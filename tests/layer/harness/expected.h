@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstdlib>
 
 #include "harness/tracer.h"
 
@@ -11,9 +12,18 @@ namespace vt
 
 enum class Outcome { Ignored, Opaque, NonOpaque, Culled };
 
-inline constexpr int kNoMicromap = -1;
+inline constexpr int kNoMicromap = -1; // of a triangle
+inline constexpr int kBox = -2;
 
-// state: the 4-state value 0..3 (a 2-state value is 0 or 1, special index s stands for -1 - s), or kNoMicromap.
+// Under the forcing layer a triangle without a micromap has one, with VELLUM_FORCING=mixed of the states opaque and
+// unknown-opaque.
+inline int forcedState(bool geometryOpaque)
+{
+    static const bool forced = std::getenv("VELLUM_FORCING") != nullptr;
+    return !forced ? kNoMicromap : geometryOpaque ? 1 : 3;
+}
+
+// state: the 4-state value 0..3 (a 2-state value is 0 or 1, special index s stands for -1 - s), kNoMicromap or kBox.
 inline Outcome outcomeOf(int state, bool geometryOpaque, std::uint32_t instanceFlags, std::uint32_t rayFlags)
 {
     // Rows: value; columns: ordinary mode, 2-state override.
@@ -24,7 +34,9 @@ inline Outcome outcomeOf(int state, bool geometryOpaque, std::uint32_t instanceF
         {Outcome::NonOpaque, Outcome::Opaque},
     };
     Outcome outcome;
-    if (state == kNoMicromap || (instanceFlags & kFlagDisable) != 0) {
+    if (state == kNoMicromap)
+        state = forcedState(geometryOpaque);
+    if (state < 0 || (instanceFlags & kFlagDisable) != 0) {
         outcome = geometryOpaque ? Outcome::Opaque : Outcome::NonOpaque;
     } else {
         const bool override = (instanceFlags & kFlagTwoState) != 0 || (rayFlags & kRayForceTwoState) != 0;

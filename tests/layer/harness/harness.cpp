@@ -17,6 +17,7 @@ constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
 constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower";   // below that, with the traits "ext" and "emulating"
+constexpr const char *kForcingLayer = "VK_LAYER_VELLUM_test_forcing"; // above everything, see forcing/forcing.h
 
 // Messages that tests leave alone, and why: most of them the program gets without Vellum's layer, too.
 struct FalseAlarm {
@@ -33,6 +34,12 @@ constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     {"VELLUM-queries-without-micromaps", ""},
     {"VELLUM-pipeline-without-micromaps", ""},
 }};
+
+#if defined(__SANITIZE_THREAD__) // with which the validation layer is not built
+constexpr bool kHasValidation = false;
+#else
+constexpr bool kHasValidation = true;
+#endif
 
 // Whether the validation layer knows the extensions that Vellum provides, and all that came before.
 bool validationIsNew()
@@ -70,6 +77,9 @@ VkDebugUtilsMessengerCreateInfoEXT messengerInfo(Gpu *gpu)
     return info;
 }
 
+// Whether what is made now is a program of Vulkan 1.1, which has all that is newer by extensions: Vulkan11 (door/).
+const auto usesVulkan11 = [] { return std::getenv("VELLUM_TEST_VULKAN") != nullptr; };
+
 // Those a test may need; all that the device has are enabled.
 constexpr std::array<const char *, 10> kWantedExtensions{
     VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
@@ -83,6 +93,12 @@ constexpr std::array<const char *, 10> kWantedExtensions{
     VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME,
     VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME,
 };
+
+// What came to later versions of Vulkan than 1.1 by these.
+constexpr std::array kExtensionsOfVulkan11{VK_KHR_BUFFER_DEVICE_ADDRESS_EXTENSION_NAME,
+                                           VK_EXT_DESCRIPTOR_INDEXING_EXTENSION_NAME, VK_KHR_SPIRV_1_4_EXTENSION_NAME,
+                                           VK_KHR_SHADER_FLOAT_CONTROLS_EXTENSION_NAME,
+                                           VK_EXT_SCALAR_BLOCK_LAYOUT_EXTENSION_NAME};
 
 // A features structure of a few members, for headers that lack it.
 struct SomeFeatures {
@@ -117,6 +133,13 @@ void check(VkResult result, const char *what)
 
 void barrier(VkCommandBuffer commands)
 {
+    if (usesVulkan11()) {
+        const VkMemoryBarrier old{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
+                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
+                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
+        return vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0,
+                                    1, &old, 0, nullptr, 0, nullptr);
+    }
     VkMemoryBarrier2 all{};
     all.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2;
     all.srcStageMask = all.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
@@ -223,7 +246,7 @@ void Gpu::createInstance()
     VkApplicationInfo application{};
     application.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
     application.pApplicationName = "vellum tests";
-    application.apiVersion = VK_API_VERSION_1_3;
+    application.apiVersion = usesVulkan11() ? VK_API_VERSION_1_1 : VK_API_VERSION_1_3;
     std::vector<const char *> layers; // the first one is nearest to the application
     if (options_.vellum)
         layers.push_back(kVellumLayer);
@@ -234,11 +257,12 @@ void Gpu::createInstance()
     const auto has = [&traits](const std::string &name) {
         return (',' + traits + ',').find(',' + name + ',') != std::string::npos;
     };
-    // One of that age gives every VkMicromapEXT a handle of its own, and hands that of a geometry's micromap to the
-    // driver.
+    // Of that age, it hands its own handle of a geometry's VkMicromapEXT to the driver.
     const bool old = options_.oldValidation && !has("ext");
-    if (options_.validation && (old || validationIsNew()))
+    if (kHasValidation && options_.validation && (old || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
+    if (options_.vellum && std::getenv("VELLUM_FORCING") != nullptr)
+        layers.insert(layers.begin(), kForcingLayer);
     if (traits.find_first_not_of(',') != std::string::npos)
         layers.push_back(kDriverLayer);
     if (has("ext") || has("emulating"))
@@ -274,14 +298,6 @@ Api apiOfTests()
     return name && std::strcmp(name, "khr") == 0 ? Api::Khr : Api::Ext;
 }
 
-Memory memoryOfTests()
-{
-    const char *name = std::getenv("VELLUM_TEST_ARENA");
-    if (name == nullptr)
-        return Memory::Apart;
-    return std::strcmp(name, "exact") == 0 ? Memory::Packed : Memory::PackedToTheEnd;
-}
-
 Validation validationOfTests()
 {
     const char *name = std::getenv("VELLUM_TEST_VALIDATION");
@@ -307,6 +323,7 @@ void Gpu::createDevice()
     };
     for (const char *name : kWantedExtensions)
         add(name);
+    std::ranges::for_each(usesVulkan11() ? std::span(kExtensionsOfVulkan11) : std::span<const char *const>(), add);
     if (options_.micromaps && (options_.api == Api::Ext || options_.bothApis))
         extensions_.emplace_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     if (options_.micromaps && (options_.api == Api::Khr || options_.bothApis)) {
@@ -357,9 +374,18 @@ void Gpu::createDevice()
     VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
     VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR executables{};
     std::array<SomeFeatures, kNewerExtensions.size()> newer{};
-    chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
-    chain(vulkan12, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
-    chain(vulkan13, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES);
+    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{};
+    VkPhysicalDeviceScalarBlockLayoutFeatures scalarLayout{};
+    VkPhysicalDeviceSynchronization2Features synchronization{};
+    if (usesVulkan11()) {
+        chain(addresses, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES);
+        chain(scalarLayout, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SCALAR_BLOCK_LAYOUT_FEATURES);
+        chain(synchronization, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES);
+    } else {
+        chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
+        chain(vulkan12, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
+        chain(vulkan13, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES);
+    }
     chain(structures, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
     chain(queries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR);
     if (has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
@@ -470,25 +496,6 @@ VkQueue Gpu::queueOf(std::uint32_t family) const
 bool Gpu::has(const char *deviceExtension) const
 {
     return std::find(extensions_.begin(), extensions_.end(), deviceExtension) != extensions_.end();
-}
-
-std::uint32_t Gpu::memoryType(std::uint32_t allowed, VkMemoryPropertyFlags wanted) const
-{
-    VkPhysicalDeviceMemoryProperties memory;
-    vkGetPhysicalDeviceMemoryProperties(physical_, &memory);
-    for (std::uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
-        if ((allowed >> i & 1u) != 0 && (memory.memoryTypes[i].propertyFlags & wanted) == wanted)
-            return i;
-    }
-    throw std::runtime_error("no memory type");
-}
-
-VkBufferUsageFlags Gpu::structureUsage() const
-{
-    const bool emulated = options_.vellum && options_.micromaps && options_.micromapFeature;
-    const bool strict = !emulated || validationOfTests() == Validation::Above;
-    return VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
-           (strict ? VkBufferUsageFlags{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT} : 0);
 }
 
 VkCommandBuffer Gpu::begin(VkCommandBufferUsageFlags usage, VkCommandBufferLevel level)

@@ -438,8 +438,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBin
     } else if (info->pPipelineCreateInfo != nullptr) {
         const Identifier key = keyOfInfo(info->pPipelineCreateInfo);
         std::lock_guard lock(mutex);
-        if (!captured.contains(key))
+        if (!captured.contains(key)) {
+            out->pipelineBinaryCount = 0; // "overwritten with the number of handles actually written"
             return newer::kPipelineBinaryMissing;
+        }
         keys.push_back(key);
     } else {
         std::lock_guard lock(mutex);
@@ -450,11 +452,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBin
         return VK_SUCCESS;
     }
     std::lock_guard lock(mutex);
-    for (std::size_t i = 0; i < keys.size(); ++i) {
+    const auto all = static_cast<std::uint32_t>(keys.size());
+    out->pipelineBinaryCount = std::min(out->pipelineBinaryCount, all);
+    for (std::uint32_t i = 0; i < out->pipelineBinaryCount; ++i) {
         binaries[++lastBinary] = keys[i];
         out->pPipelineBinaries[i] = reinterpret_cast<newer::PipelineBinary>(lastBinary);
     }
-    return VK_SUCCESS;
+    return out->pipelineBinaryCount < all ? VK_INCOMPLETE : VK_SUCCESS;
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyBinary(VkDevice, newer::PipelineBinary binary, const VkAllocationCallbacks *)

@@ -1,5 +1,6 @@
 // The trait "capable": features that lavapipe lacks, made out of lavapipe, whose device addresses are the host's.
 //   - accelerationStructureIndirectBuild: the ranges are read when the build is recorded, and built directly.
+//   - accelerationStructureHostCommands: is only said, since nothing may come of it.
 //   - bufferDeviceAddressCaptureReplay: buffers and memory take the flags, and are where they happen to be; with the
 //     trait "replay", where they were asked for.
 #include "layers/driver.h"
@@ -18,7 +19,7 @@ void setFeatures(const void *chain, VkBool32 value)
 {
     if (auto *f = inChainOut<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
             chain, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
-        f->accelerationStructureIndirectBuild = value;
+        f->accelerationStructureIndirectBuild = f->accelerationStructureHostCommands = value;
     if (auto *f = inChainOut<VkPhysicalDeviceBufferDeviceAddressFeatures>(
             chain, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES))
         f->bufferDeviceAddressCaptureReplay = value;

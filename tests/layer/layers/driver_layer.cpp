@@ -45,18 +45,12 @@ void expectOnce(std::span<const Row> rows)
 std::span<const NamedLevel> levels()
 {
     static const NamedLevel all[]{
-        {Level::Deferral, deferralRows()},
-        {Level::Spy, spyRows()},
-        {Level::Ext, extRows()},
-        {Level::Failures, failureRows()},
-        {Level::Caches, cacheRows()},
-        {Level::Limits, limitRows()},
-        {Level::Queues, queueRows()},
-        {Level::Structures, structureRows()},
-        {Level::Memory, memoryRows()},
-        {Level::Addresses, addressRows()},
-        {Level::Replay, replayRows()},
-        {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Deferral, deferralRows()}, {Level::Spy, spyRows()},
+        {Level::Ext, extRows()},           {Level::Failures, failureRows()},
+        {Level::Caches, cacheRows()},      {Level::Limits, limitRows()},
+        {Level::Queues, queueRows()},      {Level::Structures, structureRows()},
+        {Level::Memory, memoryRows()},     {Level::Addresses, addressRows()},
+        {Level::Replay, replayRows()},     {Level::IndirectBuilds, indirectBuildRows()},
         {Level::Garbage, garbageRows()},
     };
     static const bool checked = [] {
@@ -129,16 +123,25 @@ const Row *rowOf(std::span<const Row> rows, std::string_view name)
 
 // The first of the levels behind `after` that has the command; of all levels where there is no `after`.
 const Row *rowBehind(const Traits &traits, const Level *after, std::span<const Row> LevelRows::*rows,
-                     std::string_view name)
+                     std::string_view name, bool always = false)
 {
     for (const NamedLevel &level : levels()) {
         if ((after != nullptr && level.level <= *after) || !traits.levels.contains(level.level))
             continue;
         const Row *row = rowOf(level.rows.*rows, name);
-        if (row != nullptr && (row->when == nullptr || row->when()))
+        if (row != nullptr && (row->when == nullptr || row->when()) && (!always || row->where == Row::Where::Always))
             return row;
     }
     return nullptr;
+}
+
+// A command of a device behind `after`, where lavapipe has it, or one of the levels by itself.
+PFN_vkVoidFunction commandBehind(const Traits &traits, const Level *after, const char *name, PFN_vkVoidFunction below)
+{
+    const Row *row = rowBehind(traits, after, &LevelRows::device, name);
+    const bool there =
+        below != nullptr || rowBehind(traits, after, &LevelRows::device, name, /* always */ true) != nullptr;
+    return row != nullptr && there ? row->function : below;
 }
 
 // --- what every test driver has ---
@@ -255,9 +258,7 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, cons
         get = known.get;
         traits = known.traits;
     }
-    const PFN_vkVoidFunction below = get(device, name);
-    const Row *row = rowBehind(*traits, nullptr, &LevelRows::device, name);
-    return row != nullptr && (row->where == Row::Where::Always || below != nullptr) ? row->function : below;
+    return commandBehind(*traits, nullptr, name, get(device, name));
 }
 
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance, const char *name)
@@ -322,10 +323,10 @@ PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)
     Device &device = found->second;
     const auto [known, isNew] = device.found.try_emplace({level, name}, nullptr);
     if (isNew) {
-        const PFN_vkVoidFunction below = device.get(device.handle, name);
-        const Row *row = rowBehind(*device.traits, &level, &LevelRows::device, name);
-        known->second =
-            row != nullptr && (row->where == Row::Where::Always || below != nullptr) ? row->function : below;
+        PFN_vkVoidFunction below = device.get(device.handle, name);
+        if (below == nullptr) // in an older version of Vulkan, that of the extension
+            below = device.get(device.handle, (std::string(name) + "KHR").c_str());
+        known->second = commandBehind(*device.traits, &level, name, below);
     }
     return known->second;
 }

@@ -3,16 +3,22 @@
 //   or
 //     all submissions from now on, as of a device that is lost (Lost Device). Tests find the functions in this library.
 //   - "uncompiled": a pipeline with VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT is not made.
-// After a failure there is nothing left of what should have been made.
+// After a failure there is nothing left of what should have been made. Objects that exist are counted, and none may be
+// destroyed once the process ends: then the driver may be gone.
 #include "layers/driver.h"
 
 #include <atomic>
 #include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+
+#include "layer/ground/vulkan_newer.h"
 
 namespace
 {
 
 using namespace driver;
+namespace newer = vellum::newer;
 constexpr Level kLevel = Level::Failures;
 
 std::atomic<std::uint64_t> calls = 0, failsAt = 0;
@@ -34,6 +40,39 @@ struct Name {
     char characters[n];
 };
 
+std::atomic<long> objects = 0;
+std::atomic<bool> ended = false;
+struct Ending {
+    ~Ending() { ended = true; }
+} ending;
+
+VkResult counted(VkResult result)
+{
+    objects += result == VK_SUCCESS ? 1 : 0;
+    return result;
+}
+
+// A command of a device that destroys an object.
+template <class Function>
+struct Destroying;
+template <class Handle>
+struct Destroying<void(VKAPI_PTR *)(VkDevice, Handle, const VkAllocationCallbacks *)> {
+    template <Name name>
+    static VKAPI_ATTR void VKAPI_CALL call(VkDevice handle, Handle object, const VkAllocationCallbacks *allocator)
+    {
+        if (ended) {
+            std::fprintf(stderr, "test driver: %s in an exit handler\n", name.characters);
+            std::abort();
+        }
+        objects -= object != Handle{} ? 1 : 0;
+        next<void(VKAPI_PTR *)(VkDevice, Handle, const VkAllocationCallbacks *)>(
+            kLevel, keyOf(handle), name.characters)(handle, object, allocator);
+    }
+};
+#define DESTROYING(command)                                                                                            \
+    {                                                                                                                  \
+#command, DRIVER_FUNCTION((Destroying <PFN_##command>::call <Name(#command)>))                                 \
+    }
 // A command of a device that may run out of memory.
 template <class Function>
 struct Fallible;
@@ -46,10 +85,20 @@ struct Fallible<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
                                       : next<VkResult(VKAPI_PTR *)(Object, Parameters...)>(
                                             kLevel, keyOf(handle), name.characters)(handle, parameters...);
     }
+    template <Name name, VkResult error>
+    static VKAPI_ATTR VkResult VKAPI_CALL create(Object handle, Parameters... parameters)
+    {
+        return counted(call<name, error>(handle, parameters...));
+    }
 };
 #define FALLIBLE(command)                                                                                              \
     {                                                                                                                  \
 #command, DRIVER_FUNCTION((Fallible <PFN_##command>::call <Name(#command), VK_ERROR_OUT_OF_DEVICE_MEMORY>))    \
+    }
+
+#define CREATING(command)                                                                                              \
+    {                                                                                                                  \
+#command, DRIVER_FUNCTION((Fallible <PFN_##command>::create <Name(#command), VK_ERROR_OUT_OF_DEVICE_MEMORY>))  \
     }
 
 // A command after which the device may be lost.
@@ -71,7 +120,70 @@ struct Losing<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
 #command, DRIVER_FUNCTION((Losing <PFN_##command>::call <Name(#command)>))                                     \
     }
 
-// --- pipelines ---
+// All bindings are attempted, and VkBindMemoryStatus holds the result of each (VK_KHR_maintenance6).
+VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, std::uint32_t count,
+                                                 const VkBindBufferMemoryInfo *infos)
+{
+    struct Status {
+        VkStructureType sType;
+        const void *pNext;
+        VkResult *result;
+    };
+    VkResult any = VK_SUCCESS;
+    for (const VkBindBufferMemoryInfo &info : std::span(infos, count)) {
+        const VkResult result = fails("vkBindBufferMemory2") ? VK_ERROR_OUT_OF_DEVICE_MEMORY
+                                                             : DRIVER_NEXT(vkBindBufferMemory2)(handle, 1, &info);
+        if (const auto *status = inChain<Status>(info.pNext, static_cast<VkStructureType>(1000545002)))
+            *status->result = result;
+        if (result != VK_SUCCESS)
+            any = result;
+    }
+    return any;
+}
+
+// --- devices ---
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    return counted(DRIVER_NEXT(vkCreateDevice)(handle, info, allocator, device));
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCallbacks *allocator)
+{
+    const auto destroy = DRIVER_NEXT(vkDestroyDevice);
+    --objects;
+    destroy(handle, allocator);
+}
+
+// --- pipelines and shaders, of which a command makes several ---
+
+template <class Handle>
+void countMade(const Handle *handles, std::uint32_t count)
+{
+    objects += count - std::count(handles, handles + count, Handle{});
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createPipelineBinaries(VkDevice handle, const newer::PipelineBinaryCreateInfo *info,
+                                                      const VkAllocationCallbacks *allocator,
+                                                      newer::PipelineBinaryHandlesInfo *binaries)
+{
+    const VkResult result = next<newer::PFN_CreatePipelineBinaries>(
+        kLevel, keyOf(handle), "vkCreatePipelineBinariesKHR")(handle, info, allocator, binaries);
+    if (binaries->pPipelineBinaries != nullptr)
+        countMade(binaries->pPipelineBinaries, binaries->pipelineBinaryCount);
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t count, const newer::ShaderCreateInfo *infos,
+                                             const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+{
+    const VkResult result = next<newer::PFN_CreateShaders>(kLevel, keyOf(handle), "vkCreateShadersEXT")(
+        handle, count, infos, allocator, shaders);
+    if (result == VK_SUCCESS)
+        countMade(shaders, count);
+    return result;
+}
 
 constexpr VkPipelineCreateFlags kNoCompiling = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
 constexpr VkPipelineCreateFlags kEarlyReturn = VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT;
@@ -103,6 +215,7 @@ VkResult createEach(const char *command, void *key, std::uint32_t count, const I
             result = VK_PIPELINE_COMPILE_REQUIRED;
         else
             result = create(infos[i], &pipelines[i]);
+        countMade(&pipelines[i], 1);
         if (result < 0 || worst == VK_SUCCESS)
             worst = result;
         if (result != VK_SUCCESS && (flags & kEarlyReturn) != 0)
@@ -126,9 +239,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDefe
                                                          const VkRayTracingPipelineCreateInfoKHR *infos,
                                                          const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    if (operation != VK_NULL_HANDLE && count > 1)
-        return DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, count, infos, allocator,
-                                                           pipelines);
+    if (operation != VK_NULL_HANDLE && count > 1) {
+        const VkResult result =
+            DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, count, infos, allocator, pipelines);
+        countMade(pipelines, count);
+        return result;
+    }
     constexpr const char *kCommand = "vkCreateRayTracingPipelinesKHR";
     return createEach(kCommand, keyOf(handle), count, infos, pipelines, [&](const auto &info, VkPipeline *pipeline) {
         return DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, 1, &info, allocator, pipeline);
@@ -140,20 +256,20 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDefe
 driver::LevelRows driver::failureRows()
 {
     static const Row device[]{
-        FALLIBLE(vkCreateBuffer),
-        FALLIBLE(vkAllocateMemory),
+        CREATING(vkCreateBuffer),
+        CREATING(vkAllocateMemory),
         FALLIBLE(vkBindBufferMemory),
         FALLIBLE(vkMapMemory),
-        FALLIBLE(vkCreateShaderModule),
-        FALLIBLE(vkCreatePipelineLayout),
-        FALLIBLE(vkCreateAccelerationStructureKHR),
+        CREATING(vkCreateShaderModule),
+        CREATING(vkCreatePipelineLayout),
+        CREATING(vkCreateAccelerationStructureKHR),
         FALLIBLE(vkGetRayTracingShaderGroupHandlesKHR),
-        FALLIBLE(vkCreateQueryPool),
-        FALLIBLE(vkCreateCommandPool),
+        CREATING(vkCreateQueryPool),
+        CREATING(vkCreateCommandPool),
         FALLIBLE(vkAllocateCommandBuffers),
         FALLIBLE(vkBeginCommandBuffer),
         FALLIBLE(vkEndCommandBuffer),
-        FALLIBLE(vkCreateFence),
+        CREATING(vkCreateFence),
         LOSING(vkQueueSubmit),
         LOSING(vkQueueSubmit2),
         LOSING(vkQueueWaitIdle),
@@ -161,10 +277,29 @@ driver::LevelRows driver::failureRows()
         LOSING(vkWaitForFences),
         LOSING(vkGetFenceStatus),
         LOSING(vkGetQueryPoolResults),
+        {"vkBindBufferMemory2", DRIVER_FUNCTION(bindBufferMemory2)},
+        {"vkDestroyDevice", DRIVER_FUNCTION(destroyDevice)},
+        DESTROYING(vkDestroyBuffer),
+        DESTROYING(vkFreeMemory),
+        DESTROYING(vkDestroyShaderModule),
+        DESTROYING(vkDestroyPipelineLayout),
+        DESTROYING(vkDestroyPipeline),
+        DESTROYING(vkDestroyAccelerationStructureKHR),
+        DESTROYING(vkDestroyQueryPool),
+        DESTROYING(vkDestroyCommandPool),
+        DESTROYING(vkDestroyFence),
+        {"vkDestroyPipelineBinaryKHR",
+         DRIVER_FUNCTION((Destroying<newer::PFN_DestroyPipelineBinary>::call<"vkDestroyPipelineBinaryKHR">))},
+        {"vkDestroyShaderEXT",
+         DRIVER_FUNCTION((Destroying<void(VKAPI_PTR *)(VkDevice, newer::ShaderEXT,
+                                                       const VkAllocationCallbacks *)>::call<"vkDestroyShaderEXT">))},
+        {"vkCreatePipelineBinariesKHR", DRIVER_FUNCTION(createPipelineBinaries)},
+        {"vkCreateShadersEXT", DRIVER_FUNCTION(createShaders)},
         {"vkCreateComputePipelines", DRIVER_FUNCTION(createComputePipelines)},
         {"vkCreateRayTracingPipelinesKHR", DRIVER_FUNCTION(createRayTracingPipelines)},
     };
-    return {device, {}};
+    static const Row instance[]{{"vkCreateDevice", DRIVER_FUNCTION(createDevice)}};
+    return {device, instance};
 }
 
 // For tests. The n-th command from now on fails; 0: none. Returns how many there were since the last time.
@@ -186,4 +321,10 @@ extern "C" __attribute__((visibility("default"))) void vellumDriverLose(int valu
 extern "C" void vellumDriverLose(int value)
 {
     lost = value != 0;
+}
+// Objects that exist of those that this file counts.
+extern "C" __attribute__((visibility("default"))) long vellumDriverObjects();
+extern "C" long vellumDriverObjects()
+{
+    return objects;
 }

@@ -129,6 +129,7 @@ driver::LevelRows driver::spyRows()
         {"vkEnumerateDeviceExtensionProperties", SPY_FUNCTION(enumerateExtensions)},
         {"vkGetPhysicalDeviceFeatures2", SPY_FUNCTION(getFeatures)},
         {"vkGetPhysicalDeviceProperties2", SPY_FUNCTION(getProperties)},
+        {"vkGetPhysicalDeviceExternalBufferProperties", SPY_FUNCTION(getExternalBuffers)},
         {"vkGetPhysicalDeviceMemoryProperties", SPY_FUNCTION(getMemoryProperties)},
     };
     return {device, instance};

@@ -48,6 +48,8 @@ void keepWords(VkShaderModule module, const VkShaderModuleCreateInfo &info);
 void lookInCache(VkPipelineCache cache, const VkComputePipelineCreateInfo &info, VkPipeline pipeline);
 void lookInCache(VkPipelineCache cache, const VkRayTracingPipelineCreateInfoKHR &info, VkPipeline pipeline);
 
+VKAPI_ATTR void VKAPI_CALL getExternalBuffers(VkPhysicalDevice handle, const VkPhysicalDeviceExternalBufferInfo *info,
+                                              VkExternalBufferProperties *properties);
 VKAPI_ATTR void VKAPI_CALL getMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties *memory);
 
 } // namespace spy

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <map>
+#include <optional>
 #include <utility>
 
 namespace spy
@@ -12,32 +13,63 @@ namespace spy
 namespace
 {
 
-void expectNoMicromapUsage(void *key, const char *where, VkBufferUsageFlags usage, const void *chain)
+// What VkBufferUsageFlags2CreateInfo, which older headers lack, says in a chain.
+std::optional<VkFlags64> usage2In(const void *chain)
 {
-    struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
+    struct Usage2 {
         VkStructureType sType;
         const void *pNext;
         VkFlags64 usage;
     };
     const auto *flags2 = static_cast<const Usage2 *>(inChain(chain, static_cast<VkStructureType>(1000470006)));
-    if (!knowsMicromaps(key) &&
-        ((usage | (flags2 != nullptr ? flags2->usage : 0)) &
-         (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
+    return flags2 != nullptr ? std::optional(flags2->usage) : std::nullopt;
+}
+
+void expectNoMicromapUsage(bool known, const char *where, VkBufferUsageFlags usage, const void *chain)
+{
+    if (!known && ((usage | usage2In(chain).value_or(0)) & (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT |
+                                                            VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
         tell(std::string(where) + ": micromap usage");
+}
+
+// Protected buffers, and those in tile memory, may have few usages.
+void expectAllowedUsage(const char *where, const VkBufferCreateInfo &info)
+{
+    constexpr VkFlags64 kTileMemory = 0x08000000; // VK_BUFFER_USAGE_TILE_MEMORY_BIT_QCOM
+    constexpr VkFlags64 kAllowed = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
+                                   VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_TEXEL_BUFFER_BIT |
+                                   VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
+                                   VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    const VkFlags64 usage = usage2In(info.pNext).value_or(info.usage);
+    if ((info.flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && (usage & ~kAllowed) != 0)
+        tell(std::string(where) + ": usage that a protected buffer may not have (VUID-VkBufferCreateInfo-flags-09641)");
+    if ((usage & kTileMemory) != 0 && (usage & ~(kAllowed | kTileMemory)) != 0)
+        tell(std::string(where) + ": usage that no tile memory may have (VUID-VkBufferCreateInfo-usage-10764)");
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkBuffer *buffer)
 {
-    expectNoMicromapUsage(keyOf(handle), "vkCreateBuffer", info->usage, info->pNext);
+    expectNoMicromapUsage(knowsMicromaps(keyOf(handle)), "vkCreateBuffer", info->usage, info->pNext);
+    expectAllowedUsage("vkCreateBuffer", *info);
     return SPY_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
+}
+
+VKAPI_ATTR void VKAPI_CALL getDeviceBufferRequirements(VkDevice handle, const VkDeviceBufferMemoryRequirements *info,
+                                                       VkMemoryRequirements2 *requirements)
+{
+    expectNoMicromapUsage(knowsMicromaps(keyOf(handle)), "vkGetDeviceBufferMemoryRequirements",
+                          info->pCreateInfo->usage, info->pCreateInfo->pNext);
+    expectAllowedUsage("vkGetDeviceBufferMemoryRequirements", *info->pCreateInfo);
+    SPY_NEXT(vkGetDeviceBufferMemoryRequirements)(handle, info, requirements);
 }
 
 VKAPI_ATTR void VKAPI_CALL bindDescriptorBuffers(VkCommandBuffer handle, std::uint32_t count,
                                                  const VkDescriptorBufferBindingInfoEXT *infos)
 {
     for (std::uint32_t i = 0; i < count; ++i)
-        expectNoMicromapUsage(keyOf(handle), "vkCmdBindDescriptorBuffersEXT", infos[i].usage, infos[i].pNext);
+        expectNoMicromapUsage(knowsMicromaps(keyOf(handle)), "vkCmdBindDescriptorBuffersEXT", infos[i].usage,
+                              infos[i].pNext);
     SPY_NEXT(vkCmdBindDescriptorBuffersEXT)(handle, count, infos);
 }
 
@@ -127,6 +159,14 @@ VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, co
 
 } // namespace
 
+VKAPI_ATTR void VKAPI_CALL getExternalBuffers(VkPhysicalDevice handle, const VkPhysicalDeviceExternalBufferInfo *info,
+                                              VkExternalBufferProperties *properties)
+{
+    expectNoMicromapUsage(driver::has(keyOf(handle), "ext"), "vkGetPhysicalDeviceExternalBufferProperties", info->usage,
+                          info->pNext);
+    SPY_NEXT(vkGetPhysicalDeviceExternalBufferProperties)(handle, info, properties);
+}
+
 VKAPI_ATTR void VKAPI_CALL getMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties *memory)
 {
     SPY_NEXT(vkGetPhysicalDeviceMemoryProperties)(handle, memory);
@@ -147,6 +187,7 @@ std::span<const Row> memory()
         {"vkUnmapMemory", SPY_FUNCTION(unmapMemory)},
         {"vkFreeMemory", SPY_FUNCTION(freeMemory)},
         {"vkCreateBuffer", SPY_FUNCTION(createBuffer)},
+        {"vkGetDeviceBufferMemoryRequirements", SPY_FUNCTION(getDeviceBufferRequirements)},
         {"vkCmdBindDescriptorBuffersEXT", DRIVER_FUNCTION(bindDescriptorBuffers)},
     };
     return rows;

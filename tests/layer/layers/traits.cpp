@@ -59,7 +59,8 @@ std::span<const Trait> allTraits()
         {"scratch", Level::Garbage,
          "builds need more scratch memory, updates still more than those, and write to all of it"},
         {"capable", Level::IndirectBuilds,
-         "features that lavapipe lacks: accelerationStructureIndirectBuild, and bufferDeviceAddressCaptureReplay"},
+         "features that lavapipe lacks: accelerationStructureIndirectBuild, accelerationStructureHostCommands, and "
+         "bufferDeviceAddressCaptureReplay"},
     };
     return traits;
 }

@@ -6,10 +6,13 @@
 #include "core/lossy.h"
 #include "core/micromap_memory.h"
 #include "harness/expected.h"
+#include "harness/program/labels.h"
 #include "harness/states.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Lossy.*", "slow"}};
 
 using namespace vt;
 

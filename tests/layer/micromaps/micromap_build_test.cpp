@@ -3,10 +3,13 @@
 #include <algorithm>
 
 #include "core/micromap_memory.h"
+#include "harness/program/labels.h"
 #include "harness/states.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"MicromapBuild.*", "stacked"}};
 
 using namespace vt;
 

@@ -2,10 +2,17 @@
 #include <algorithm>
 
 #include "core/micromap_memory.h"
+#include "harness/program/labels.h"
 #include "harness/states.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"MicromapHost.*", "one_api"},
+                         {"MicromapHost.*Modes*", "strict_ext"},
+                         {"MicromapHostDisabled.*", "one_api"},
+                         {"MicromapHostNewer.*", "one_api"},
+                         {"MicromapHostValidated.*", "one_api"}};
 
 using namespace vt;
 

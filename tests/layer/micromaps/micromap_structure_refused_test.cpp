@@ -1,9 +1,15 @@
 // What the layer refuses of micromaps as acceleration structures, each by the rule's name, and what it goes on with, as
 // long as nobody sets VELLUM_STRICT.
+#include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"MicromapStructureRefused.*", "one_api stacked strict_ext"},
+                         {"MicromapStructureRefused.Copies", "lenient"},
+                         {"MicromapStructureRefused.Creation", "lenient"},
+                         {"MicromapStructureRefused.GeometriesAndUsageCounts", "lenient"}};
 
 using namespace vt;
 

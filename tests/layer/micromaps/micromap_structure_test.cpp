@@ -1,9 +1,19 @@
 // What only VK_KHR_opacity_micromap has: micromaps as acceleration structures, beside those of the driver in builds,
 // copies, queries and memory.
+#include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"MicromapStructure.*", "one_api stacked forced"},
+                         {"MicromapStructure.CompatibilityOfEveryKindOfData", "serialized"},
+                         {"MicromapStructureBoth.*", "one_api stacked"},
+                         {"MicromapStructureBoth.SerializedStructuresOfBothExtensions", "serialized"},
+                         {"MicromapStructureDevices.*", "one_api stacked"},
+                         {"MicromapStructureDisabled.*", "one_api stacked strict_ext"},
+                         {"MicromapStructureMaintenance.*", "one_api stacked strict_ext"},
+                         {"MicromapStructureMaintenance.QueriesOfEveryKind", "inside"}};
 
 using namespace vt;
 

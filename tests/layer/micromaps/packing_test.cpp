@@ -4,10 +4,13 @@
 
 #include "core/micromap_memory.h"
 #include "harness/expected.h"
+#include "harness/program/labels.h"
 #include "harness/states.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Packing.*", "forcing"}};
 
 using namespace vt;
 

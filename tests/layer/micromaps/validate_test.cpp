@@ -1,5 +1,9 @@
 // The setting `validate`: wrong input that only the device sees is told of, once, with the triangle's number.
 #include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <thread>
 
 #include "harness/states.h"
 
@@ -241,6 +245,47 @@ TEST_F(Validate, FencesAndSemaphores)
         VT_CHECK(vkResetFences(gpu().device(), 1, &fence));
     }
     vkDestroyFence(gpu().device(), fence, nullptr);
+}
+
+// A messenger that takes its time, on one thread; on another one, the application polls a fence.
+TEST_F(Validate, PollsDoNotWaitForMessages)
+{
+    struct State {
+        std::promise<void> called, polled;
+        std::atomic<bool> first = true;
+        bool inTime = false;
+    } state;
+    VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+    info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    info.pUserData = &state;
+    info.pfnUserCallback = [](auto, auto, auto, void *user) -> VkBool32 {
+        auto &s = *static_cast<State *>(user);
+        if (s.first.exchange(false)) {
+            s.called.set_value();
+            s.inTime = s.polled.get_future().wait_for(std::chrono::seconds(20)) == std::future_status::ready;
+        }
+        return VK_FALSE;
+    };
+    VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateDebugUtilsMessengerEXT(gpu().instance(), &info, nullptr, &messenger));
+    const VkFenceCreateInfo fenceInfo{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO, nullptr, 0};
+    VkFence fence = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateFence(gpu().device(), &fenceInfo, nullptr, &fence));
+    std::thread poller([&] {
+        state.called.get_future().wait();
+        EXPECT_EQ(vkGetFenceStatus(gpu().device(), fence), VK_NOT_READY);
+        state.polled.set_value();
+    });
+    MicromapInput input = good();
+    input.triangles[7].format = 9;
+    Micromap micromap(gpu(), input, 0);
+    micromap.build();
+    poller.join();
+    EXPECT_TRUE(state.inTime);
+    EXPECT_FALSE(messages().empty());
+    vkDestroyFence(gpu().device(), fence, nullptr);
+    gpu().vk().DestroyDebugUtilsMessengerEXT(gpu().instance(), messenger, nullptr);
 }
 
 } // namespace

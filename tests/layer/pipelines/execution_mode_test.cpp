@@ -6,6 +6,7 @@
 #include "harness/graphics.h"
 #include "harness/pipeline_builder.h"
 
+#include "harness/program/labels.h"
 #include "shaders/plain_vertex.h"
 #include "shaders/query_fragment.h"
 #include "shaders/query_raygen.h"
@@ -13,6 +14,11 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"ExecutionMode.*", "one_api stacked lenient"},
+                         {"ExecutionModeWithExt.*", "one_api"},
+                         {"MixedSpecialIndex.*", "one_api strict_ext"},
+                         {"MixedSpecialIndexWithoutKhr.*", "one_api strict_ext"}};
 
 using namespace vt;
 

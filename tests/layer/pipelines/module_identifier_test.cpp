@@ -5,11 +5,16 @@
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/empty.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"ModuleIdentifiers.AreThoseOfTheCode", "translated"},
+                         {"ModuleIdentifiers.NameAQuery", "translated"},
+                         {"ModuleIdentifiers.NameShadersThatTraceNoRays", "translated"}};
 
 using namespace vt;
 
@@ -333,6 +338,30 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
             GTEST_SKIP() << "the tables are elsewhere for each device";
         byCode(gpu, tracer, [&](const VkComputePipelineCreateInfo &whole) { EXPECT_EQ(binaries.key(&whole), key); });
     }
+}
+
+// A driver that has no binary for the first way to read the identifier writes that it has written none.
+TEST_F(KeptIdentifiers, FromTheCacheAtOnce)
+{
+    const PipelineFlags2 capture{.flags = kCaptureData};
+    Identifier query;
+    {
+        Gpu gpu(cachingDriver());
+        const Tracer tracer(gpu);
+        query = ofModule(gpu, tracer_comp);
+        const ComputePipeline pipeline(gpu, tracer.layout(), tracer_comp, kCaptureData);
+    }
+    Gpu gpu(cachingDriver());
+    const Tracer tracer(gpu);
+    const auto name = nameOf(query);
+    VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), &name);
+    info.pNext = &capture;
+    Binaries binaries(gpu);
+    const newer::PipelineBinary binary = binaries.fromCacheAtOnce(&info);
+    if (ofModule(gpu, tracer_comp) != query)
+        GTEST_SKIP() << "the tables are elsewhere for each device";
+    EXPECT_EQ(binaries.last(), VK_SUCCESS);
+    EXPECT_TRUE(binary != nullptr);
 }
 
 // --- ray tracing pipelines ---

@@ -1,9 +1,12 @@
 // Ray tracing pipelines that break the rules: a message that names the rule, no crash, and a device that goes on
 // working.
+#include "harness/program/labels.h"
 #include "pipelines/pipeline_scene.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineBadInput.*", "strict"}, {"PipelineWithoutFeature.*", "strict"}};
 
 using namespace vt;
 

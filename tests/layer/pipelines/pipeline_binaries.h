@@ -110,6 +110,20 @@ public:
         info.pPipelineCreateInfo = &pipeline;
         return create(info);
     }
+    // Without asking before how many there are.
+    newer::PipelineBinary fromCacheAtOnce(const void *pipelineInfo)
+    {
+        const newer::PipelineCreateInfo pipeline = pipelineCreateInfo(pipelineInfo);
+        newer::PipelineBinaryCreateInfo info = createInfo();
+        info.pPipelineCreateInfo = &pipeline;
+        newer::PipelineBinary binary = nullptr;
+        newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 1, &binary};
+        last_ = create_(gpu_.device(), &info, nullptr, &handles);
+        EXPECT_EQ(handles.pipelineBinaryCount, last_ == VK_SUCCESS ? 1u : 0u);
+        if (binary != nullptr)
+            made_.push_back(binary);
+        return binary;
+    }
     std::vector<std::uint8_t> key(const void *pipelineInfo)
     {
         const newer::PipelineCreateInfo pipeline = pipelineCreateInfo(pipelineInfo);

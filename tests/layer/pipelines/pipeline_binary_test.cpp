@@ -5,12 +5,18 @@
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/empty.h"
 #include "shaders/pipeline_constant_080.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineBinaries.*", "slow"},
+                         {"PipelineBinaries.KeysAreThoseOfTheCode", "translated"},
+                         {"PipelineBinaries.OfAPipelineThatCannotBeMade", "translated"},
+                         {"PipelineBinaries.OfAQuery", "translated"}};
 
 using namespace vt;
 Options cachingDriver()
@@ -231,6 +237,27 @@ TEST_F(PipelineBinaries, ThatTheDriverDoesNotHave)
     EXPECT_TRUE(binaries.fromCache(&info) == nullptr);
     EXPECT_EQ(binaries.last(), newer::kPipelineBinaryMissing);
     vkDestroyShaderModule(gpu().device(), module, nullptr);
+}
+
+// The driver is not asked: there are none.
+TEST_F(PipelineBinaries, OfAPipelineThatCannotBeMade)
+{
+    const Tracer tracer(gpu());
+    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
+    VkShaderModuleCreateInfo module{};
+    module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+    module.codeSize = code.size() * sizeof(std::uint32_t);
+    module.pCode = code.data();
+    const VkBaseInStructure unknown{static_cast<VkStructureType>(0x7ffffff0), // a structure of the future
+                                    reinterpret_cast<const VkBaseInStructure *>(&module)};
+    VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), VK_NULL_HANDLE, nullptr);
+    info.stage.pNext = &unknown;
+    Binaries binaries(gpu());
+    EXPECT_TRUE(binaries.fromCacheAtOnce(&info) == nullptr);
+    EXPECT_EQ(binaries.last(), VK_ERROR_INITIALIZATION_FAILED);
+    const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(messages.size(), 1u);
+    EXPECT_EQ(messages[0].id, "VELLUM-shader-rewrite") << messages[0].text;
 }
 
 // Rays of a library may meet shaders of others. In the binary of a whole pipeline constant flags are constants.

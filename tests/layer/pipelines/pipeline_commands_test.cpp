@@ -2,10 +2,15 @@
 // state, which no trace may change.
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_state.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineCommandsMaintenance.*", "forcing"},
+                         {"PipelineState.*", "forcing"},
+                         {"PipelineCommands.*", "traits stacked forcing"}};
 
 using namespace vt;
 

@@ -2,10 +2,16 @@
 #include <algorithm>
 #include <thread>
 
+#include "harness/program/labels.h"
 #include "pipelines/pipeline_scene.h"
 
 namespace
 {
+
+const vt::Labels kLabels{
+    {"PipelineCreation.*", "slow forcing"},     {"PipelineCreationDeferred.*", "slow forcing"},
+    {"PipelineCreationDeferredInline.*", "slow forcing"}, {"PipelineCreationNotDeferred.*", "slow forcing"},
+    {"PipelineCreationUncompiled.*", "slow forcing"},     {"PipelineCreationUncompiledDeferred.*", "slow forcing"}};
 
 using namespace vt;
 

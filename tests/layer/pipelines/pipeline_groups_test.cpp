@@ -3,6 +3,7 @@
 
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_linked.h"
 #include "shaders/pipeline_merged.h"
 #include "shaders/pipeline_wide_any_hit.h"
@@ -11,6 +12,8 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineGroups.*", "slow forcing"}};
 
 using namespace vt;
 

@@ -1,12 +1,18 @@
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
 #include <algorithm>
 
+#include "harness/program/labels.h"
 #include "harness/test_driver.h"
 #include "pipelines/pipeline_scene.h"
 #include "shaders/pipeline_pushed.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineLibrary.*", "slow forcing"},
+                         {"PipelineLibraryHandles.*", "slow"},
+                         {"PipelineLibraryHandlesWithoutLayer.*", "slow one_api"},
+                         {"PipelineLibraryWithoutLayer.*", "slow one_api"}};
 
 using namespace vt;
 

@@ -5,6 +5,7 @@
 #include "harness/expected.h"
 #include "harness/pipeline_builder.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_positions_any_hit.h"
 #include "shaders/pipeline_positions_closest_hit.h"
 #include "shaders/pipeline_positions_miss.h"
@@ -13,6 +14,10 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelinePositions.*", "stacked forced forcing"},
+                         {"PipelinePositions.WithoutMicromaps", "inside"},
+                         {"PipelinePositionsWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

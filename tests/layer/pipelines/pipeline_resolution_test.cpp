@@ -5,6 +5,7 @@
 #include "harness/copies.h"
 #include "pipelines/pipeline_scene.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_by_address.h"
 #include "shaders/pipeline_constant_000.h"
 #include "shaders/pipeline_constant_001.h"
@@ -23,6 +24,11 @@
 
 namespace
 {
+
+const vt::Labels kLabels{
+    {"PipelineResolution.*", "slow forcing"}, {"PipelineResolution.Constant*", "constants"},
+    {"PipelineResolution.CopiesOfBoxes", "constants"},  {"PipelineResolutionMaintenance5.*", "slow forcing"},
+    {"PipelineResolutionNotEnabled.*", "slow"},         {"PipelineResolutionWithoutLayer.*", "slow one_api"}};
 
 using namespace vt;
 
@@ -57,9 +63,8 @@ protected:
 
 TEST_F(PipelineResolution, RayFlagsAtRunTime)
 {
-    const std::size_t warnings = gpu().intersectionWarnings();
     PipelineTracer tracer(gpu());
-    EXPECT_GT(gpu().intersectionWarnings(), warnings);
+    EXPECT_GT(gpu().intersectionWarnings(), 0u); // once for a shader
     for (const std::uint32_t flags : allRayFlags())
         scene_->expect(tracer, flags);
 }
@@ -71,7 +76,7 @@ TEST_F(PipelineResolution, ConstantRayFlags)
         PipelineTracer tracer(gpu(), {.raygen = variant.raygen});
         scene_->expect(tracer, variant.flags, {.runTimeFlags = 0x40, .constantFlags = constantRayFlags()});
     }
-    EXPECT_EQ(gpu().intersectionWarnings() == warnings, constantRayFlags());
+    EXPECT_TRUE(!constantRayFlags() || gpu().intersectionWarnings() == warnings);
 }
 
 TEST_F(PipelineResolution, SpecializedRayFlags)

@@ -135,8 +135,7 @@ public:
             };
             if (p.box) {
                 for (std::uint32_t primitive = 0; primitive < 2; ++primitive) {
-                    const Target target{
-                        0, primitive, {0.5f + 2 * static_cast<float>(primitive), 0.5f}, {}, kNoMicromap};
+                    const Target target{0, primitive, {0.5f + 2 * static_cast<float>(primitive), 0.5f}, {}, kBox};
                     for (const std::uint32_t rule : {kNever, kAlways}) {
                         add(target, rule, 0);
                         add(target, rule, 1);

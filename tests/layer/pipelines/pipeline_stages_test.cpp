@@ -1,6 +1,7 @@
 // Rays traced from closest-hit and miss shaders, callable shaders between them, and ray queries in all of them.
 #include "pipelines/pipeline_relay.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_relay_any_hit.h"
 #include "shaders/pipeline_relay_callable.h"
 #include "shaders/pipeline_relay_closest_hit.h"
@@ -14,6 +15,8 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineStages.*", "slow forcing"}};
 
 using namespace vt;
 

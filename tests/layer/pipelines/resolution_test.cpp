@@ -4,6 +4,7 @@
 
 #include "harness/expected.h"
 
+#include "harness/program/labels.h"
 #include "shaders/tracer_constant_000.h"
 #include "shaders/tracer_constant_001.h"
 #include "shaders/tracer_constant_002.h"
@@ -18,6 +19,8 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"Resolution.*", "slow translated forcing"}, {"Resolution.Constant*", "constants"}};
 
 using namespace vt;
 

@@ -19,6 +19,7 @@
 #include "harness/pipeline_tracer.h"
 #include "harness/tracer.h"
 
+#include "harness/program/labels.h"
 #include "shaders/pipeline_constant_000.h"
 #include "shaders/pipeline_constant_040.h"
 #include "shaders/pipeline_constant_400.h"
@@ -33,6 +34,8 @@ using namespace vt;
 
 namespace
 {
+
+const vt::Labels kLabels{{"ShaderCache.*", "slow one_api"}};
 
 namespace fs = std::filesystem;
 

@@ -1,10 +1,13 @@
 // Ray query code in all the forms applications write it.
 #include "harness/columns.h"
 
+#include "harness/program/labels.h"
 #include "shapes_all.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"All/Shapes.*", "slow"}, {"All/Shapes.RayFlags/*", "constants"}};
 
 using namespace vt;
 

@@ -2,6 +2,7 @@
 #include "harness/columns.h"
 #include "harness/graphics.h"
 
+#include "harness/program/labels.h"
 #include "shaders/plain_fragment.h"
 #include "shaders/plain_vertex.h"
 #include "shaders/query_fragment.h"
@@ -10,6 +11,8 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"Stages.*", "forcing"}, {"StagesOfLibraries.*", "forcing"}};
 
 using namespace vt;
 

@@ -2,10 +2,17 @@
 // format.
 #include <thread>
 
+#include "commands/inherited_condition.h"
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Queries.*", "traits stacked packed"},
+                         {"Queries.AMicromapThatWasNeverBuilt", "unpacked"},
+                         {"Queries.AccelerationStructuresWithMicromaps", "serialized"},
+                         {"Queries.Wrong*", "strict"}};
 
 using namespace vt;
 
@@ -254,8 +261,7 @@ TEST_F(Queries, DeviceCopies)
     }
 }
 
-// A copy is no command that a predicate switches off, so it is recorded where one is inherited, too. Lavapipe does not
-// say that it lets a command buffer inherit one, which is the validation layer's to mind.
+// A copy is no command that a predicate switches off, so it is recorded where one is inherited, too.
 TEST_F(Queries, CopiesWhereConditionalRenderingIsInherited)
 {
     Gpu other({.validation = false});
@@ -264,23 +270,7 @@ TEST_F(Queries, CopiesWhereConditionalRenderingIsInherited)
     const QueryPool pool = poolOf(other, kTypes[0], 1);
     const Buffer out(other, 16, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     std::memset(out.bytes(), 0x5a, 16);
-    VkCommandBufferAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-    allocation.commandPool = other.pool();
-    allocation.level = VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-    allocation.commandBufferCount = 1;
-    VkCommandBuffer secondary = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateCommandBuffers(other.device(), &allocation, &secondary));
-    VkCommandBufferInheritanceConditionalRenderingInfoEXT conditional{};
-    conditional.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_CONDITIONAL_RENDERING_INFO_EXT;
-    conditional.conditionalRenderingEnable = VK_TRUE;
-    VkCommandBufferInheritanceInfo inheritance{};
-    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
-    inheritance.pNext = &conditional;
-    VkCommandBufferBeginInfo begin{};
-    begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-    begin.pInheritanceInfo = &inheritance;
-    VT_CHECK(vkBeginCommandBuffer(secondary, &begin));
+    VkCommandBuffer secondary = beginInheritingCondition(other);
     vkCmdCopyQueryPoolResults(secondary, pool, 0, 1, out.handle(), 0, 8,
                               VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_PARTIAL_BIT);
     VT_CHECK(vkEndCommandBuffer(secondary));

@@ -1,9 +1,12 @@
 // Thousands of command buffers and query pools.
 #include "harness/pipeline_tracer.h"
+#include "harness/program/labels.h"
 #include "scale/scale.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"CommandScale.*", "slow"}};
 
 using namespace vt;
 

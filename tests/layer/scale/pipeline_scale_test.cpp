@@ -4,6 +4,7 @@
 #include "pipelines/pipeline_scene.h"
 #include "scale/scale.h"
 
+#include "harness/program/labels.h"
 #include "shaders/tracer_constant_000.h"
 #include "shaders/tracer_constant_001.h"
 #include "shaders/tracer_constant_040.h"
@@ -11,6 +12,8 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"PipelineScale.*", "slow one_api"}};
 
 using namespace vt;
 

@@ -1,9 +1,12 @@
 // Thousands of bottom-level structures with micromaps in a frame, and a top-level structure of 100,000 instances in
 // each.
+#include "harness/program/labels.h"
 #include "scale/scale.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"StructureScale.*", "slow"}};
 
 using namespace vt;
 

@@ -4,10 +4,18 @@
 
 #include <set>
 
+#include "harness/program/labels.h"
 #include "harness/test_driver.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"BottomCopies.*", "traits stacked forcing"},
+                         {"BottomCopies.GenericStructures", "serialized"},
+                         {"BottomCopies.ManyGeometriesAndTriangles", "serialized"},
+                         {"BottomCopies.QueriedSizes", "serialized"},
+                         {"BottomCopies.StateOfTheCommandBuffer", "serialized"},
+                         {"BottomCopiesExt.*", "one_api"}};
 
 using namespace vt;
 

@@ -27,7 +27,7 @@ struct Footprint {
 };
 
 // The address sanitizer keeps what is freed for a while.
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kResidentTells = false;
 #else
 inline constexpr bool kResidentTells = true;

@@ -1,9 +1,12 @@
 // From a triangle of a geometry to its micromap: index buffers, strides, base triangles, special indices, null
 // micromaps, geometries of all kinds beside each other, and the shapes a micromap's own input can have.
 #include "harness/expected.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Index.*", "traits translated packed forcing"}};
 
 using namespace vt;
 
@@ -349,7 +352,7 @@ TEST_F(Index, BoxesBesideMicromaps)
             for (std::uint32_t i = 0; i < 2; ++i) {
                 SCOPED_TRACE(testing::Message() << "box " << i << std::hex << " instance flags " << instanceFlags
                                                 << " ray flags " << rayFlags);
-                const Outcome outcome = outcomeOf(kNoMicromap, i == 1, instanceFlags, rayFlags);
+                const Outcome outcome = outcomeOf(kBox, i == 1, instanceFlags, rayFlags);
                 const bool seen = outcome != Outcome::Culled && (rayFlags & kRaySkipBoxes) == 0;
                 ASSERT_EQ(results[i].candidateCount, seen ? 1u : 0u);
                 EXPECT_EQ(results[i].flags, rayFlags);

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "harness/program/labels.h"
 #include "harness/scene.h"
 #include "harness/tracer.h"
 
@@ -12,6 +13,8 @@ using namespace vt;
 
 namespace
 {
+
+const vt::Labels kLabels{{"Lifetime.*", "traits stacked packed forcing"}};
 
 class Lifetime : public GpuTest
 {

@@ -2,12 +2,15 @@
 // does not belong, and structures that can be traced.
 #include "commands/state_scene.h"
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 
 #include <algorithm>
 #include <random>
 
 namespace
 {
+
+const vt::Labels kLabels{{"BadCopies.*", "slow strict_ext"}};
 
 using namespace vt;
 

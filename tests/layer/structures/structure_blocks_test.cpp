@@ -5,9 +5,12 @@
 #include <algorithm>
 
 #include "core/records.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"StructureBlocks.*", "one_api stacked serialized"}};
 
 using namespace vt;
 

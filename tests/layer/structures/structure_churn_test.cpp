@@ -1,9 +1,12 @@
 // Structures that come and go: memory that is used again, and tables that do not grow.
 #include "harness/copies.h"
+#include "harness/program/labels.h"
 #include "structures/footprint.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Churn.*", "slow packed"}};
 
 using namespace vt;
 

@@ -2,9 +2,12 @@
 // extension's flags, in place and into another structure, and of copies.
 #include "harness/copies.h"
 #include "harness/expected.h"
+#include "harness/program/labels.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Updates.*", "forcing"}};
 
 using namespace vt;
 

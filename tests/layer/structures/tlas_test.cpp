@@ -2,10 +2,13 @@
 // indices.
 #include "harness/expected.h"
 
+#include "harness/program/labels.h"
 #include "shaders/tracer_by_address.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Top.*", "forcing"}};
 
 using namespace vt;
 

@@ -1,11 +1,14 @@
 // Copies of TLAS with micromaps: whatever was copied, in whatever order it was recorded, is seen by shaders as the
 // original was, and stays so.
+#include "harness/program/labels.h"
 #include "structures/copy_test.h"
 
 #include <map>
 
 namespace
 {
+
+const vt::Labels kLabels{{"TopCopies.*", "traits stacked forced forcing"}, {"TopCopiesExt.*", "one_api"}};
 
 using namespace vt;
 

@@ -66,7 +66,7 @@ function meshName(primitive) {
 function showHeader() {
   const file = facts.file;
   document.getElementById("name").textContent = file.name;
-  const parts = [size(file.bytes), file.baked ? "baked in memory, with the baker's defaults" : file.extension];
+  const parts = [size(file.bytes), file.baked ? "baked in memory" : file.extension];
   document.getElementById("about").textContent = parts.join(" · ");
   const notes = document.getElementById("notes");
   for (const material of facts.materials)

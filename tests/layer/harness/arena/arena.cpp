@@ -1,5 +1,7 @@
 #include "harness/arena/arena.h"
 
+#include <cstdlib>
+#include <cstring>
 #include <utility>
 
 namespace vt
@@ -17,6 +19,14 @@ VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
 }
 
 } // namespace
+
+Memory memoryOfTests()
+{
+    const char *name = std::getenv("VELLUM_TEST_ARENA");
+    if (name == nullptr)
+        return Memory::Apart;
+    return std::strcmp(name, "exact") == 0 ? Memory::Packed : Memory::PackedToTheEnd;
+}
 
 VkBufferUsageFlags Arena::usage() const
 {

@@ -1,0 +1,16 @@
+// Rounding up to multiples.
+#pragma once
+
+#include <concepts>
+
+namespace vellum
+{
+
+// The least multiple of `alignment`, which need not be a power of two, that is not below `value`.
+template <std::unsigned_integral T>
+constexpr T alignUp(T value, T alignment)
+{
+    return (value + alignment - 1) / alignment * alignment;
+}
+
+} // namespace vellum

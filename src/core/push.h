@@ -1,0 +1,240 @@
+// Push constants of the layer's compute shaders, and the values of their fields. C++ and GLSL; see shared.h.
+//
+// A shader declares them so: layout(push_constant, std430) uniform Push { XPush push; };
+#ifndef VELLUM_CORE_PUSH_H
+#define VELLUM_CORE_PUSH_H
+
+#ifdef __cplusplus
+#include "core/shared.h"
+#define VELLUM_ADDRESS std::uint64_t
+#define VELLUM_UVEC4(name) uint name[4]
+#else
+#include "shared.h"
+#define VELLUM_ADDRESS uvec2
+#define VELLUM_UVEC4(name) uvec4 name
+#endif
+
+VELLUM_SHARED_BEGIN
+
+// micromaps/micromap_source.glsl, of all passes of a build
+struct MicromapPush {
+    VELLUM_ADDRESS micromap;      // destination
+    VELLUM_ADDRESS triangleArray; // VkMicromapTriangleEXT, each triangleArrayStride bytes
+    VELLUM_ADDRESS data;
+    VELLUM_ADDRESS scratch;
+    VELLUM_ADDRESS log;    // where wrong input is told of (complaints.glsl); 0: nowhere
+    VELLUM_ADDRESS object; // VkMicromapEXT handle, for the log
+    uint triangleArrayStride;
+    uint triangleCount; // records in the destination
+    uint readable;      // elements of triangleArray that lie inside its buffer
+    uint dataBytes;     // bytes of data that lie inside its buffer
+    uint capacityUnits; // data units in the destination
+    uint partCapacity;  // entries of the list of parts
+    uint tableMask;
+    uint flags;              // kBuild*
+    uint alike;              // level | format << 16, where all triangles have the same; 0: they do not
+    uint lastOffset;         // of such triangles' data in place
+    uint staysPerInvocation; // triangles, of micromap_stay.comp
+    uint unused;
+};
+
+// micromaps/micromap_move.comp
+struct MicromapMovePush {
+    VELLUM_ADDRESS micromap;   // of a copy, the target
+    VELLUM_ADDRESS serialized; // of a copy, the source
+    VELLUM_ADDRESS log;
+    VELLUM_ADDRESS object;
+    VELLUM_ADDRESS micromapBytes;
+    VELLUM_ADDRESS serializedBytes; // that lie inside their buffer; of a copy, inside the source
+    VELLUM_UVEC4(driverUuid);
+    VELLUM_ADDRESS root;
+    uint mode; // kMove*, and perhaps kMoveMarked
+    uint invocations;
+};
+
+// queries/query_value.comp
+struct QueryValuePush {
+    VELLUM_ADDRESS target; // 64-bit value
+    VELLUM_ADDRESS micromap;
+    VELLUM_ADDRESS micromapBytes; // size of the micromap: what a micromap that was never built claims is not believed
+    uint kind;                    // kQuery*
+    uint padding;
+};
+
+// structures/blas_records.comp
+struct BlasRecordsPush {
+    VELLUM_ADDRESS tail;     // where the records go: geometry records, names, triangle records
+    VELLUM_ADDRESS micromap; // 0: special indices only
+    VELLUM_ADDRESS indices;  // 0: the index is the triangle's number
+    VELLUM_ADDRESS cell;     // to be written; 0: not with this dispatch
+    VELLUM_ADDRESS log;      // 0: nothing is validated
+    VELLUM_ADDRESS range;    // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
+    VELLUM_ADDRESS object;   // the micromap's handle
+    VELLUM_ADDRESS source;   // of an update, the cell of what is updated; 0: it is none
+    VELLUM_ADDRESS sourceBegin;
+    VELLUM_ADDRESS begin; // of the structure
+    uint triangleCount;
+    uint indexBytes; // 1, 2 or 4
+    uint indexStride;
+    uint readable; // indices that lie inside their buffer
+    uint baseTriangle;
+    uint geometryWord; // word 0 of the geometry record; without triangle records, the geometry has no micromap
+    uint geometryCount;
+    uint tailUnits;    // of all records
+    uint geometry;     // its number
+    uint named;        // 1: the micromap is one of VK_KHR_opacity_micromap
+    uint micromapSize; // in units of 16 bytes
+    uint commonUnits;  // of an update: of the smaller one of source and structure
+};
+
+// structures/tlas_instances.comp
+// Where the instances come from.
+VELLUM_CONST uint kFromArray = 0u;
+VELLUM_CONST uint kFromPointers = 1u;
+VELLUM_CONST uint kFromStructure = 2u;  // a copy: the instances are those of another structure
+VELLUM_CONST uint kFromSerialized = 3u; // with the references in an array of their own
+struct TlasInstancesPush {
+    VELLUM_ADDRESS source; // instances, pointers to them, or a cell that leads to them
+    VELLUM_ADDRESS target; // instances for the driver
+    VELLUM_ADDRESS root;
+    VELLUM_ADDRESS tail;  // where the instances are kept for copies of the structure
+    VELLUM_ADDRESS cell;  // of the structure that is built
+    VELLUM_ADDRESS range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
+    uint count;           // the driver builds so many
+    uint firstSlot;
+    uint from; // kFrom*
+    uint pass; // 0: before the driver's build; 1: after it, since the driver may clear all of the structure
+};
+
+// structures/structure_copy.comp
+struct StructureCopyPush {
+    VELLUM_ADDRESS sourceCell;
+    VELLUM_ADDRESS targetCell;
+    VELLUM_ADDRESS sourceBegin;
+    VELLUM_ADDRESS targetBegin;
+    VELLUM_ADDRESS root;
+    uint sourceUnits; // sizes of the structures
+    uint targetUnits;
+    uint compact;
+    uint whole; // the driver's part, too
+};
+
+// structures/structure_save.comp
+struct StructureSavePush {
+    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS begin;   // of the structure
+    VELLUM_ADDRESS staging; // plan (kPlanUnits), then what the driver has serialized
+    VELLUM_ADDRESS blob;    // destination
+    VELLUM_ADDRESS root;
+    uint structureUnits;
+    uint stagingUnits; // of the driver's data
+    uint leastUnits;   // of any deserialized structure
+    uint capacity;     // units in the destination's buffer
+    uint wholeCopies;  // the driver serializes whole structures, whatever was built in them
+    uint pass;
+    uint blocks; // 1: the header has the form of VK_KHR_opacity_micromap
+    uint padding;
+};
+
+// structures/structure_restore.comp
+VELLUM_CONST uint kPassCheck = 0u;
+VELLUM_CONST uint kPassAddUp = 1u;
+VELLUM_CONST uint kPassDecide = 2u;
+VELLUM_CONST uint kPassStage = 3u;
+VELLUM_CONST uint kPassFinish = 4u;
+VELLUM_CONST uint kPassKeep = 5u;         // before the build of a top-level structure
+VELLUM_CONST uint kPassGiveBack = 6u;     // after it
+VELLUM_CONST uint kPassGiveBackLast = 7u; // after the driver's deserialization
+struct StructureRestorePush {
+    VELLUM_ADDRESS blob;
+    VELLUM_ADDRESS staging; // plan (kPlanUnits), then the driver's data
+    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS begin; // of the structure
+    VELLUM_ADDRESS root;
+    VELLUM_ADDRESS blank; // serialized by the driver; its first 32 bytes are the driver's UUIDs
+    VELLUM_ADDRESS kept;  // what is overwritten
+    uint blankUnits;
+    uint capacity;        // units in the source's buffer
+    uint stagingUnits;    // of the driver's data
+    uint targetUnits;     // of the structure
+    uint kind;            // kCellBottom or kCellTop: what is expected; kCellUnbuilt: what the data holds
+    uint keptUnits;       // room for what is overwritten
+    uint blankBuiltUnits; // of a structure that a blank one was deserialized to
+    uint topWay;          // 1: a top-level structure is built before the driver deserializes
+    uint pass;            // kPass*
+    uint serial;          // of this command
+};
+
+// structures/structure_size.comp
+VELLUM_CONST uint kPropertyCompactedSize = 0u;
+VELLUM_CONST uint kPropertySerializationSize = 1u;
+VELLUM_CONST uint kPropertySize = 2u;
+VELLUM_CONST uint kPropertyPointers = 3u;
+struct StructureSizePush {
+    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS begin;
+    VELLUM_ADDRESS value;
+    uint structureUnits;
+    uint property;    // kProperty*
+    uint wholeCopies; // the driver serializes whole structures, whatever was built in them
+};
+
+// structures/top_save.comp
+struct TopSavePush {
+    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS begin;
+    VELLUM_ADDRESS blob;
+    VELLUM_ADDRESS root;
+    VELLUM_ADDRESS blank; // serialized by the driver: its first 32 bytes are the driver's UUIDs
+    uint structureUnits;
+    uint leastUnits; // of any top-level structure
+    uint capacity;   // units in the destination's buffer
+    uint pass;       // 0: headers, 1: instances
+};
+
+// pipelines/hit_records.comp
+struct HitRecordsPush {
+    VELLUM_ADDRESS source; // hit records; with a command taken from it
+    VELLUM_ADDRESS target;
+    VELLUM_ADDRESS command; // 0: none
+    VELLUM_ADDRESS commandCopy;
+    VELLUM_ADDRESS standIn;      // a record with the handle of the layer's group
+    VELLUM_ADDRESS recordOffset; // kGreatestRecordOffset
+    uint size;                   // with a command, size and stride are taken from it
+    uint stride;                 // 0, or that of records that do not overlap
+    uint capacity;               // bytes at `target`
+    uint reach;                  // how far behind an instance's record offset its hits may find records
+    uint oneForAll;              // 1: a table of one record may have it for all indices; for the table of a command
+};
+
+// translation/micromap_triangles.comp
+struct MicromapTrianglesPush {
+    VELLUM_ADDRESS source; // VkMicromapTriangleKHR, each `stride` bytes
+    VELLUM_ADDRESS target;
+    uint stride;
+    uint count;
+    uint readable; // triangles that lie inside their buffer
+    uint shift;    // bytes that the data begins later than the driver is told
+};
+
+// translation/marked_size.comp
+struct MarkedSizePush {
+    VELLUM_ADDRESS value; // a 64-bit number
+};
+
+// translation/wide_indices.comp
+struct WideIndicesPush {
+    VELLUM_ADDRESS source; // bytes, each `stride` bytes from the next
+    VELLUM_ADDRESS target;
+    uint stride;
+    uint count;
+    uint readable; // indices that lie inside their buffer
+    uint unused;
+};
+
+VELLUM_SHARED_END
+
+#undef VELLUM_ADDRESS
+#undef VELLUM_UVEC4
+
+#endif

@@ -1,0 +1,77 @@
+// JSON text, written from front to back.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace vellum
+{
+
+enum class JsonStyle : std::uint8_t {
+    Lines,   // indented, an element a line
+    Compact, // in one line without spaces
+    Html,    // as Compact, of ASCII alone, and with no character that means anything in HTML
+};
+
+// A text in quotes. What is not UTF-8 becomes U+FFFD.
+std::string quotedJson(std::string_view text, JsonStyle style = JsonStyle::Compact);
+
+// What is begun must be ended, and a member of an object needs a key.
+class JsonWriter
+{
+public:
+    explicit JsonWriter(JsonStyle style = JsonStyle::Lines) : m_style(style) {}
+
+    JsonWriter &beginObject() { return begin('{', '}'); }
+    JsonWriter &beginArray() { return begin('[', ']'); }
+    JsonWriter &end(); // of the innermost object or array
+    JsonWriter &key(std::string_view name);
+    JsonWriter &value(std::string_view text) { return json(quotedJson(text, m_style)); }
+    JsonWriter &value(const char *text) { return value(std::string_view(text)); }
+    JsonWriter &value(const std::string &text) { return value(std::string_view(text)); }
+    JsonWriter &value(bool boolean) { return json(boolean ? "true" : "false"); }
+    JsonWriter &value(std::integral auto number) { return json(std::to_string(number)); }
+    // null for what is not finite.
+    JsonWriter &value(std::floating_point auto number) { return real(static_cast<double>(number), sizeof number == 4); }
+    JsonWriter &null() { return json("null"); }
+    // A value that is JSON already.
+    JsonWriter &json(std::string_view text);
+
+    template <typename Value>
+    JsonWriter &member(std::string_view name, const Value &content)
+    {
+        return key(name).value(content);
+    }
+    // An array of what add(element) writes.
+    template <typename List, typename Add>
+    JsonWriter &list(std::string_view name, const List &elements, Add &&add)
+    {
+        key(name).beginArray();
+        for (const auto &element : elements)
+            add(element);
+        return end();
+    }
+    template <typename List>
+    JsonWriter &values(std::string_view name, const List &elements)
+    {
+        return list(name, elements, [this](const auto &element) { value(element); });
+    }
+
+    [[nodiscard]] const std::string &text() const { return m_text; }
+
+private:
+    void separate(); // from what is before it
+    void startLine();
+    JsonWriter &begin(char opening, char closing);
+    JsonWriter &real(double number, bool single);
+
+    JsonStyle m_style;
+    std::string m_text;
+    std::string m_open; // the closing brackets of what is open
+    bool m_first = true;
+    bool m_afterKey = false;
+};
+
+} // namespace vellum

@@ -1,0 +1,39 @@
+// How much of what is alpha-tested in a scene its micromaps decide.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "gltf/micromaps/stored_micromaps.h"
+#include "gltf/scene.h"
+
+namespace vellum
+{
+
+// Shares of the states in each triangle of a micromap.
+std::vector<std::array<double, 4>> stateShares(std::span<const MicromapTriangle> triangles,
+                                               std::span<const std::uint8_t> data);
+
+// Shares of all alpha-tested triangles by their area in the world, those of every instance counted; in sum 1.
+struct SurfaceShares {
+    std::array<double, 4> states{}; // by State, of triangles with a micromap
+    double withoutMicromap = 0;
+
+    [[nodiscard]] double known() const
+    {
+        return states[static_cast<std::size_t>(State::Transparent)] + states[static_cast<std::size_t>(State::Opaque)];
+    }
+};
+
+// `micromapOf` gives the micromap of a geometry of the scene, valid until the next call, or null. Nothing where no
+// alpha-tested triangle has an area, and of more than 2^27 of them.
+std::optional<SurfaceShares> surfaceShares(const Scene &scene,
+                                           const std::function<const Micromap *(std::size_t)> &micromapOf);
+
+// Of the default scene of a file, with these micromaps. Nothing for a file whose scene cannot be read, too.
+std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored);
+
+} // namespace vellum

@@ -1,0 +1,105 @@
+// Instances and devices by their dispatch keys.
+//
+// A registry owns nothing, and nothing happens when the process ends or the layer is unloaded: what the application has
+// not destroyed by then stays as it is, since the driver and the layers in between may be gone. It allocates nothing
+// either, so adding what the driver has made cannot fail.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <mutex>
+#include <shared_mutex>
+
+namespace vellum::layer
+{
+
+// Base of what a registry holds: its key, and the next object of the list.
+template <typename Object>
+struct Registered {
+    void *key = nullptr;
+    Object *nextRegistered = nullptr;
+};
+
+template <typename Object>
+class Registry
+{
+public:
+    // Null where there is none. Every intercepted command calls it, on all threads at once: a lock that they share,
+    // even one for readers, would be written by each of them. So the first objects, which are all that most processes
+    // have, are in slots that are read without one. A slot changes only while its object is created or destroyed, when
+    // no command may name it; what other threads read there meanwhile is another key than theirs.
+    [[nodiscard]] Object *find(void *key) const
+    {
+        for (const Slot &slot : slots_) {
+            if (slot.key.load(std::memory_order_acquire) == key)
+                return slot.object.load(std::memory_order_relaxed);
+        }
+        std::shared_lock lock(mutex_);
+        Object *object = first_;
+        while (object && object->key != key)
+            object = object->nextRegistered;
+        return object;
+    }
+
+    void add(Object &object, void *key)
+    {
+        std::unique_lock lock(mutex_);
+        object.key = key;
+        object.nextRegistered = first_;
+        first_ = &object;
+        setSlot(nullptr, key, &object);
+    }
+
+    // Removes an object that the predicate holds for; null where there is none.
+    template <typename Predicate>
+    Object *take(Predicate predicate)
+    {
+        std::unique_lock lock(mutex_);
+        for (Object **link = &first_; *link; link = &(*link)->nextRegistered) {
+            Object *const object = *link;
+            if (!predicate(*object))
+                continue;
+            *link = object->nextRegistered;
+            setSlot(object->key, nullptr, nullptr);
+            return object;
+        }
+        return nullptr;
+    }
+    Object *take(void *key)
+    {
+        return take([key](const Object &object) { return object.key == key; });
+    }
+
+    template <typename Predicate>
+    [[nodiscard]] bool any(Predicate predicate) const
+    {
+        std::shared_lock lock(mutex_);
+        for (const Object *object = first_; object; object = object->nextRegistered) {
+            if (predicate(*object))
+                return true;
+        }
+        return false;
+    }
+
+private:
+    struct Slot {
+        std::atomic<void *> key = nullptr;
+        std::atomic<Object *> object = nullptr;
+    };
+    void setSlot(void *oldKey, void *key, Object *object)
+    {
+        for (Slot &slot : slots_) {
+            if (slot.key.load(std::memory_order_relaxed) != oldKey)
+                continue;
+            slot.object.store(object, std::memory_order_relaxed);
+            slot.key.store(key, std::memory_order_release);
+            return;
+        }
+    }
+
+    std::array<Slot, 16> slots_;
+    mutable std::shared_mutex mutex_;
+    Object *first_ = nullptr;
+};
+
+} // namespace vellum::layer

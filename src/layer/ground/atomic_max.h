@@ -1,0 +1,17 @@
+// The greatest of the values that threads have seen.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace vellum::layer
+{
+
+inline void atomicMax(std::atomic<uint32_t> &greatest, uint32_t value)
+{
+    uint32_t seen = greatest.load();
+    while (seen < value && !greatest.compare_exchange_weak(seen, value)) {
+    }
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,359 @@
+#include "layer/structures/structure_commands.h"
+
+#include <algorithm>
+#include <cstring>
+#include <mutex>
+#include <new>
+#include <string>
+
+#include "layer/ground/undo.h"
+#include "layer/objects/buffer_range.h"
+#include "layer/structures/device_structures.h"
+#include "layer/structures/fitted_handle.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
+using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
+
+// --- objects ---
+
+void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
+{
+    leavePlace(device.objects, structure);
+    destroyFittedHandles(device, structure);
+    // Another thread may be asking for the address of the buffer, which names the micromaps in it: bufferHasAddress().
+    std::lock_guard lock(device.objects.unnamedMutex);
+    std::erase_if(device.objects.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
+        const auto other = unnamed.lock();
+        return !other || other.get() == &structure;
+    });
+    if (structure.micromapKey)
+        device.objects.root.releaseCell(structure.micromapKey);
+}
+
+// A new structure has its handle, and is known from now on; not if this throws.
+void addStructure(DeviceStructures &device, const std::shared_ptr<AccelerationStructure> &structure,
+                  VkAccelerationStructureKHR handle)
+{
+    structure->handle = handle;
+    takePlace(device.objects, *structure);
+    Undo undo([&] { forgetStructure(device, *structure); });
+    device.backend->created(structure);
+    if (isLayersOwn(*structure) && !device.backend->createMicromap(*structure))
+        throw std::bad_alloc(); // the one error that vkCreateMicromapEXT has
+    device.objects.accelerationStructures.set(handle, structure);
+    undo.keep();
+}
+
+// The same of a structure that the driver has made.
+void addDriversStructure(DeviceStructures &device, const std::shared_ptr<AccelerationStructure> &structure,
+                         VkAccelerationStructureKHR handle, const VkAllocationCallbacks *allocator)
+{
+    Undo undo([&] { device.driver.next.DestroyAccelerationStructureKHR(device.driver.handle, handle, allocator); });
+    addStructure(device, structure, handle);
+    undo.keep();
+}
+
+VkResult addMicromap(DeviceStructures &device, const Judge &judge, const BufferRange &range,
+                     VkAccelerationStructureKHR &result)
+{
+    if (!device.backend->checkMicromap(judge, range))
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    const auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
+    addStructure(device, structure, handle);
+    result = handle;
+    return VK_SUCCESS;
+}
+
+// --- builds ---
+
+// The builds of one command, `ranges(i)` being those of its element i.
+template <typename Ranges>
+void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
+                  const BuildInfo *infos, bool indirect, Ranges ranges)
+{
+    Backend &backend = *device.backend;
+    if (!backend.begin(commandBuffer, command))
+        return;
+    std::vector<MicromapBuild> micromaps;
+    MicromapSet built;
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!isMicromapBuild(infos[i]))
+            continue;
+        built.insert(infos[i].dstAccelerationStructure);
+        const Judge judge = judgeOf(device.driver, command, infos[i].dstAccelerationStructure, i);
+        // It has no ranges that could be indirect.
+        if (indirect && !judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
+                                        "a micromap is not built indirectly"))
+            continue;
+        auto build = parseMicromapBuild(device.driver, judge, infos[i], backend.limits());
+        if (build && checkMicromapBuild(device.objects, judge, infos[i], backend.sizes(*build), *build))
+            micromaps.push_back(*std::move(build));
+    }
+    if (!micromaps.empty())
+        backend.record(commandBuffer, command, std::move(micromaps));
+    std::vector<StructureBuild> structures;
+    for (uint32_t i = 0; i < count; ++i) {
+        if (isMicromapBuild(infos[i]))
+            continue;
+        const Judge judge = judgeOf(device.driver, command, infos[i].dstAccelerationStructure, i);
+        auto build = parseStructureBuild(device.driver, judge, infos[i]);
+        if (!build)
+            continue;
+        build->element = i;
+        build->ranges = ranges(i);
+        if (checkStructureBuild(device.objects, judge, built, *build))
+            structures.push_back(*std::move(build));
+    }
+    if (!structures.empty())
+        backend.record(commandBuffer, command, std::move(structures));
+}
+
+// --- host commands ---
+
+VkResult rejectOnHost(const DeviceStructures &device, const std::string &what)
+{
+    device.driver.report().notAvailable(what);
+    return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+// Whether the driver may carry a host command out: only where micromaps are its own, on other structures.
+bool isDrivers(const DeviceStructures &device, VkAccelerationStructureKHR handle)
+{
+    const auto structure = device.objects.accelerationStructures.get(handle);
+    return device.driver.translated && structure && !isLayersOwn(*structure);
+}
+
+} // namespace
+
+VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
+                                     const VkAccelerationStructureCreateInfoKHR *info,
+                                     const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
+{
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
+        const Judge judge(device.driver.report(), "vkCreateAccelerationStructureKHR");
+        const VkDeviceSize bytes = device.buffers.infos.get(info->buffer).size;
+        const bool possible = info->offset % 16 == 0 && info->offset < bytes;
+        if (!judge.weigh(possible, "VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
+                         "a micromap is made by vkCreateAccelerationStructure2KHR"))
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        return addMicromap(device, judge, {info->buffer, info->offset, std::min(info->size, bytes - info->offset)},
+                           *result);
+    }
+    const auto structure = newStructure({info->buffer, info->offset, info->size}, info->type);
+    const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
+    if (created == VK_SUCCESS)
+        addDriversStructure(device, structure, *result, allocator);
+    return created;
+}
+
+VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice,
+                                      const VkAccelerationStructureCreateInfo2KHR *info,
+                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
+{
+    const BufferRange range = rangeOf(device.objects, *info, device.backend->micromapAlignment());
+    if (!range.buffer)
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        return addMicromap(device, {device.driver.report(), "vkCreateAccelerationStructure2KHR"}, range, *result);
+    const auto structure = newStructure(range, info->type);
+    const VkResult created = createInRange(device.driver, *info, range, allocator, *result);
+    if (created == VK_SUCCESS)
+        addDriversStructure(device, structure, *result, allocator);
+    return created;
+}
+
+void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkAccelerationStructureKHR structure,
+                                  const VkAllocationCallbacks *allocator)
+{
+    const auto known = device.objects.accelerationStructures.take(structure);
+    if (known)
+        forgetStructure(device, *known);
+    device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
+    if (known && isLayersOwn(*known)) {
+        device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
+        return;
+    }
+    device.driver.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
+}
+
+VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceStructures &device, VkDevice handle,
+                                                      const VkAccelerationStructureDeviceAddressInfoKHR *info)
+{
+    const auto structure = device.objects.accelerationStructures.get(info->accelerationStructure);
+    if (structure && isLayersOwn(*structure)) {
+        // VUID-VkBufferDeviceAddressInfo-buffer-02601
+        const bool hasAddress =
+            (device.buffers.infos.get(structure->buffer).usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
+        return hasAddress ? beginOf(device.driver, *structure) : 0;
+    }
+    if (structure)
+        device.backend->addressTaken(*structure);
+    return device.driver.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
+}
+
+VkResult getAccelerationStructureCaptureData(DeviceStructures &device, VkDevice handle,
+                                             const VkAccelerationStructureCaptureDescriptorDataInfoEXT *info,
+                                             void *data)
+{
+    const auto structure = device.objects.accelerationStructures.get(info->accelerationStructure);
+    if (!structure || !isLayersOwn(*structure))
+        return device.driver.next.GetAccelerationStructureOpaqueCaptureDescriptorDataEXT(handle, info, data);
+    // The driver knows nothing of it that it could replay.
+    VkPhysicalDeviceDescriptorBufferPropertiesEXT sizes{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_PROPERTIES_EXT};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &sizes, {}};
+    device.driver.instance->GetPhysicalDeviceProperties2(device.driver.physicalDevice, &properties);
+    std::memset(data, 0, sizes.accelerationStructureCaptureReplayDescriptorDataSize);
+    return VK_SUCCESS;
+}
+
+void getDeviceAccelerationStructureCompatibility(DeviceStructures &device, VkDevice,
+                                                 const VkAccelerationStructureVersionInfoKHR *info,
+                                                 VkAccelerationStructureCompatibilityKHR *compatibility)
+{
+    *compatibility = device.backend->compatibility(*info);
+}
+
+void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice, VkAccelerationStructureBuildTypeKHR type,
+                                        const BuildInfo *info, const uint32_t *maxPrimitives,
+                                        VkAccelerationStructureBuildSizesInfoKHR *sizes)
+{
+    const Judge judge(device.driver.report(), "vkGetAccelerationStructureBuildSizesKHR");
+    sizes->accelerationStructureSize = sizes->updateScratchSize = sizes->buildScratchSize = 0;
+    if (isMicromapBuild(*info)) {
+        const auto build = parseMicromapBuild(device.driver, judge, *info, device.backend->limits());
+        if (!build)
+            return;
+        const MicromapBuildSizes needed = device.backend->sizes(*build);
+        sizes->accelerationStructureSize = markedMicromapSize(needed.micromap);
+        sizes->buildScratchSize = needed.scratch;
+    } else if (auto build = parseStructureBuild(device.driver, judge, *info)) {
+        // Ignored, and may be handles of the layer.
+        build->info.srcAccelerationStructure = build->info.dstAccelerationStructure = VK_NULL_HANDLE;
+        device.backend->getSizes(type, *build, maxPrimitives, *sizes);
+    }
+}
+
+void cmdBuildAccelerationStructures(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                    const BuildInfo *infos, const RangeInfo *const *ranges)
+{
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, false,
+                 [&](uint32_t i) { return BuildRanges{.direct = ranges ? ranges[i] : nullptr}; });
+}
+
+void cmdBuildAccelerationStructuresIndirect(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                            const BuildInfo *infos, const VkDeviceAddress *addresses,
+                                            const uint32_t *strides, const uint32_t *const *most)
+{
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", count, infos, true,
+                 [&](uint32_t i) {
+                     return BuildRanges{nullptr, addresses ? addresses[i] : 0, strides ? strides[i] : 0,
+                                        most ? most[i] : nullptr};
+                 });
+}
+
+void cmdCopyAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                  const VkCopyAccelerationStructureInfoKHR *info)
+{
+    constexpr const char *kCommand = "vkCmdCopyAccelerationStructureKHR";
+    if (!device.backend->begin(commandBuffer, kCommand))
+        return;
+    const auto copy = parseStructureCopy(device.objects, kCommand, *info);
+    if (!copy)
+        return;
+    if (const VkDeviceSize bytes = device.backend->cloneBytes(*copy); !copy->compact && copy->target->size < bytes)
+        judgeOf(device.driver, kCommand, info->dst)
+            .refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
+                    "dst has " + std::to_string(copy->target->size) + " bytes, src " + std::to_string(bytes));
+    else
+        device.backend->record(commandBuffer, *copy);
+}
+
+void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                          const VkCopyAccelerationStructureToMemoryInfoKHR *info)
+{
+    constexpr const char *kCommand = "vkCmdCopyAccelerationStructureToMemoryKHR";
+    if (!device.backend->begin(commandBuffer, kCommand))
+        return;
+    if (const auto copy = parseSave(device.objects, kCommand, *info))
+        device.backend->recordSave(commandBuffer, *copy);
+}
+
+void cmdCopyMemoryToAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
+                                          const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    constexpr const char *kCommand = "vkCmdCopyMemoryToAccelerationStructureKHR";
+    if (!device.backend->begin(commandBuffer, kCommand))
+        return;
+    if (const auto copy = parseRestore(device.objects, kCommand, *info))
+        device.backend->recordRestore(commandBuffer, *copy);
+}
+
+VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                     uint32_t count, const BuildInfo *infos, const RangeInfo *const *ranges)
+{
+    constexpr const char *kCommand = "vkBuildAccelerationStructuresKHR";
+    if (device.driver.emulated)
+        return rejectOnHost(device, kCommand);
+    // A deferred build reads its input later: the driver gets the application's, unless there are micromaps.
+    std::vector<bool> topLevel;
+    for (uint32_t i = 0; i < count; ++i) {
+        if (isMicromapBuild(infos[i]))
+            return rejectOnHost(device, std::string(kCommand) + " with micromaps");
+        const auto build = parseStructureBuild(
+            device.driver, judgeOf(device.driver, kCommand, infos[i].dstAccelerationStructure, i), infos[i]);
+        if (!build)
+            return VK_ERROR_VALIDATION_FAILED_EXT;
+        const bool update = infos[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+        if (build->hasMicromaps || !isDrivers(device, infos[i].dstAccelerationStructure) ||
+            (update && !isDrivers(device, infos[i].srcAccelerationStructure)))
+            return rejectOnHost(device, std::string(kCommand) + " with micromaps");
+        topLevel.push_back(build->topLevel);
+    }
+    for (uint32_t i = 0; i < count; ++i)
+        becomesStructure(*device.objects.accelerationStructures.get(infos[i].dstAccelerationStructure),
+                         topLevel[i] ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
+                                     : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
+                         false);
+    return device.driver.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
+}
+
+VkResult copyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                   const VkCopyAccelerationStructureInfoKHR *info)
+{
+    const auto source = device.objects.accelerationStructures.get(info->src);
+    const auto target = device.objects.accelerationStructures.get(info->dst);
+    if (!isDrivers(device, info->src) || !isDrivers(device, info->dst) ||
+        holdsMicromap(device.driver, *source).value_or(target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR))
+        return rejectOnHost(device, "vkCopyAccelerationStructureKHR of a micromap");
+    becomesStructure(*target, contentOf(*source), namesMicromaps(*source));
+    return device.driver.next.CopyAccelerationStructureKHR(handle, operation, info);
+}
+
+VkResult copyAccelerationStructureToMemory(DeviceStructures &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                           const VkCopyAccelerationStructureToMemoryInfoKHR *info)
+{
+    const auto source = device.objects.accelerationStructures.get(info->src);
+    if (!isDrivers(device, info->src) || holdsMicromap(device.driver, *source).value_or(true) ||
+        namesMicromaps(*source))
+        return rejectOnHost(device, "vkCopyAccelerationStructureToMemoryKHR of a micromap");
+    return device.driver.next.CopyAccelerationStructureToMemoryKHR(handle, operation, info);
+}
+
+VkResult copyMemoryToAccelerationStructure(DeviceStructures &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    if (!isDrivers(device, info->dst))
+        return rejectOnHost(device, "vkCopyMemoryToAccelerationStructureKHR of a micromap");
+    const auto target = device.objects.accelerationStructures.get(info->dst);
+    becomesStructure(*target, target->type, false);
+    return device.driver.next.CopyMemoryToAccelerationStructureKHR(handle, operation, info);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,110 @@
+// Builds and copies of acceleration structures, parsed from the application's structures and checked. Past this nothing
+// looks at those structures again.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <unordered_set>
+#include <vector>
+
+#include "layer/ground/judge.h"
+#include "layer/ground/pnext.h"
+#include "layer/ground/vulkan_newer.h"
+#include "layer/objects/device_objects.h"
+
+namespace vellum::layer
+{
+
+// A geometry's micromap, whichever structure of the application named it.
+struct MicromapAttachment {
+    VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
+    VkDeviceAddress indexBuffer = 0;
+    VkDeviceSize indexStride = 0;
+    uint32_t baseTriangle = 0;
+    VkMicromapEXT ext = VK_NULL_HANDLE;              // of VkAccelerationStructureTrianglesOpacityMicromapEXT
+    VkAccelerationStructureKHR khr = VK_NULL_HANDLE; // of VkAccelerationStructureTrianglesOpacityMicromapKHR
+    // Once checked; none for a null handle.
+    Micromap micromap;
+    std::shared_ptr<AccelerationStructure> structure; // of `khr`
+};
+
+// What a build has of a geometry besides what the driver gets.
+struct GeometryInput {
+    bool opaque = false;
+    std::optional<MicromapAttachment> micromap;
+    std::optional<Chain> chain; // the driver's pNext chain, if there is a micromap
+};
+
+// The ranges of one build, direct or indirect.
+struct BuildRanges {
+    const VkAccelerationStructureBuildRangeInfoKHR *direct = nullptr; // of each geometry
+    VkDeviceAddress indirect = 0; // of the first geometry's; the next ones are `stride` bytes apart
+    uint32_t stride = 0;
+    const uint32_t *most = nullptr; // primitives of each geometry, of an indirect build
+
+    // The most primitives that geometry g may have.
+    [[nodiscard]] uint32_t primitives(uint32_t g) const { return direct ? direct[g].primitiveCount : most[g]; }
+    // Where the device finds geometry g's range; 0 where the host knows it.
+    [[nodiscard]] VkDeviceAddress address(uint32_t g) const { return direct ? 0 : indirect + uint64_t{g} * stride; }
+};
+
+// The build of anything but a micromap.
+struct StructureBuild {
+    uint32_t element = 0;                                       // of pInfos
+    std::vector<VkAccelerationStructureGeometryKHR> geometries; // the driver's: without micromaps
+    std::vector<GeometryInput> inputs;                          // of each geometry
+    bool topLevel = false;
+    bool hasMicromaps = false;
+    bool hasBoxes = false;
+    BuildRanges ranges;
+    // Once checked. The source: of an update.
+    std::shared_ptr<AccelerationStructure> target, source;
+
+    [[nodiscard]] uint32_t geometryCount() const { return static_cast<uint32_t>(geometries.size()); }
+    // The most primitives of each geometry.
+    [[nodiscard]] std::vector<uint32_t> primitives() const;
+    // What the driver gets; points into this object.
+    [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &driverInfo();
+
+    VkAccelerationStructureBuildGeometryInfoKHR info{}; // with the driver's handles, flags and mode
+};
+
+// Nothing, after a message, if there is something that no driver may see.
+std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const Judge &judge,
+                                                  const VkAccelerationStructureBuildGeometryInfoKHR &info);
+// Finds the structures that a build names, and checks them. `built`: micromaps that the same command builds.
+using MicromapSet = std::unordered_set<VkAccelerationStructureKHR>;
+bool checkStructureBuild(const DeviceObjects &objects, const Judge &judge, const MicromapSet &built,
+                         StructureBuild &build);
+
+struct StructureCopy {
+    std::shared_ptr<AccelerationStructure> source, target;
+    bool compact = false; // otherwise a clone
+    bool micromap = false;
+    // Of the copy: never GENERIC. Where micromaps are the driver's, it may be, of other structures.
+    VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+};
+std::optional<StructureCopy> parseStructureCopy(const DeviceObjects &objects, const char *command,
+                                                const VkCopyAccelerationStructureInfoKHR &info);
+
+// To or from serialized data.
+struct SerializedCopy {
+    std::shared_ptr<AccelerationStructure> structure;
+    VkDeviceAddress data = 0;
+    VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; // of the source
+};
+std::optional<SerializedCopy> parseSave(const DeviceObjects &objects, const char *command,
+                                        const VkCopyAccelerationStructureToMemoryInfoKHR &info);
+std::optional<SerializedCopy> parseRestore(const DeviceObjects &objects, const char *command,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR &info);
+
+// What is wrong with a command that is about a structure.
+inline Judge judgeOf(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
+                     std::optional<uint32_t> element = std::nullopt)
+{
+    return {driver.report(), command, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure),
+            element};
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,377 @@
+// What the command reports about glTF files, beyond the usual ones: what is left out, what could not be read, shares.
+#include <algorithm>
+#include <cmath>
+#include <gtest/gtest.h>
+#include <sstream>
+
+#include "command.h"
+#include "compressed.h"
+#include "gltf/file/json_edit.h"
+#include "gltf/file/json_tree.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+class GltfReport : public testing::Test
+{
+protected:
+    [[nodiscard]] std::string in(const std::string &name) const { return (folder / name).string(); }
+    void write(const std::string &name, const Replacements &replacements = {}) const
+    {
+        writeFile(folder / name, cardGlb(replacements));
+    }
+    static Outcome run(const std::vector<std::string> &arguments, int exitCode = 0)
+    {
+        Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, exitCode) << outcome.output << outcome.errors;
+        return outcome;
+    }
+
+    TemporaryFolder folder;
+};
+
+bool has(const std::string &text, const std::string &part)
+{
+    return text.find(part) != std::string::npos;
+}
+
+std::size_t occurrences(const std::string &text, const std::string &part)
+{
+    std::size_t count = 0;
+    for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
+        ++count;
+    return count;
+}
+
+const std::string kMask = R"("alphaMode": "MASK", "alphaCutoff": 0.25)";
+const std::string kBlend = R"("alphaMode": "BLEND")";
+const std::string kFactor = "[1, 0.5, 0.25, 0.75]";
+const std::string kWood = R"({"name": "wood"})";
+
+// The card's texture is blended: its triangle of wood, too, and without a texture.
+const Replacements kGlass = {
+    {kMask, kBlend}, {kFactor, "[1, 1, 1, 1]"}, {kWood, R"({"name": "wood", "alphaMode": "BLEND",
+                                         "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.6]}})"}};
+
+Bytes png16(std::uint16_t alpha)
+{
+    Bytes rows;
+    for (int i = 0; i < 16 * 16; ++i)
+        rows.insert(rows.end(), {255, 255, 255, 255, 255, 255, static_cast<std::uint8_t>(alpha >> 8),
+                                 static_cast<std::uint8_t>(alpha)});
+    return pngImage(16, 16, 16, 6, false, rows);
+}
+
+std::string textOf(const std::filesystem::path &path)
+{
+    const Bytes bytes = readFile(path);
+    return {bytes.begin(), bytes.end()};
+}
+
+double number(const JsonValue &value)
+{
+    return value.exists() ? std::stod(std::string(value.text())) : std::nan("");
+}
+
+} // namespace
+
+TEST_F(GltfReport, InfoOfImagesBesideTheFile)
+{
+    writeCardGltf(folder / "card.gltf");
+    const std::string bytes = std::to_string(discPng().size());
+    EXPECT_EQ(lineOf(run({"info", in("card.gltf")}), "image 0"), "image 0     16 x 16, PNG, " + bytes + " bytes");
+    const Outcome json = run({"info", in("card.gltf"), "--json"});
+    const JsonTree tree(json.output);
+    const JsonValue image = tree.root()["files"].children().at(0)["images"].children().at(0);
+    EXPECT_EQ(image["type"].string(), "PNG");
+    EXPECT_EQ(image["bytes"].integer(), discPng().size());
+}
+
+TEST_F(GltfReport, InfoDoesNotCallBakedPrimitivesLeftOut)
+{
+    write("card.glb", kGlass);
+    EXPECT_EQ(occurrences(run({"info", in("card.glb")}).output, "left out"), 2u);
+    run({"bake", in("card.glb"), "--blend"});
+    EXPECT_FALSE(has(run({"info", in("card.omm.glb")}).output, "left out"));
+    EXPECT_FALSE(has(run({"info", "--json", in("card.omm.glb")}).output, "its alphaMode is BLEND"));
+}
+
+TEST_F(GltfReport, OneOfSomethingIsSingular)
+{
+    write("card.glb");
+    const Outcome info = run({"info", in("card.glb")});
+    EXPECT_EQ(lineOf(info, "scene"), "scene       1 node, 1 mesh with 2 primitives of triangles");
+    run({"bake", in("card.glb")});
+    EXPECT_EQ(lineOf(run({"info", in("card.omm.glb")}), "micromaps"),
+              "micromaps   1 by EXT_mesh_opacity_micromap, on 1 primitive");
+    for (const std::vector<std::string> &arguments :
+         {std::vector<std::string>{"info"}, {"verify"}, {"inspect", "-o", in("a.html")}, {"bake", "--report"}}) {
+        std::vector<std::string> all = arguments;
+        all.push_back(in("card.omm.glb"));
+        const std::string output = run(all).output;
+        for (const char *wrong : {" 1 primitives", " 1 triangles", " 1 meshes", " 1 nodes", " 1 micromaps"})
+            EXPECT_FALSE(has(output, wrong)) << output;
+    }
+}
+
+TEST_F(GltfReport, InspectCountsWhatLiesBesideAGltf)
+{
+    writeCardGltf(folder / "card.gltf");
+    run({"bake", in("card.gltf"), "-o", in("baked.gltf")});
+    std::uintmax_t bytes = 0;
+    for (const auto &entry : std::filesystem::directory_iterator(folder.path()))
+        bytes += entry.path().filename() == "card.gltf" ? 0 : std::filesystem::file_size(entry.path());
+    const Outcome outcome = run({"inspect", in("baked.gltf"), "-o", in("page.html")});
+    std::string digits = lineOf(outcome, "file").substr(12);
+    digits = digits.substr(digits.find(": ") + 2);
+    digits = digits.substr(0, digits.find(" bytes"));
+    std::erase(digits, ',');
+    std::erase(digits, ' ');
+    EXPECT_EQ(digits, std::to_string(bytes)) << outcome.output;
+    EXPECT_TRUE(has(textOf(folder / "page.html"), "\"bytes\":" + std::to_string(bytes) + ","));
+}
+
+TEST_F(GltfReport, InspectWritesWhereItIsToldTo)
+{
+    write("card.glb");
+    run({"inspect", in("card.glb"), "--bake", "-o", in("a.html")});
+    EXPECT_TRUE(has(textOf(folder / "a.html"), "<!DOCTYPE html>"));
+    run({"inspect", in("card.glb"), "--bake", "--output", in("b.png")});
+    EXPECT_EQ(textOf(folder / "b.png").substr(1, 3), "PNG");
+    EXPECT_FALSE(std::filesystem::exists(folder / "b.html"));
+    EXPECT_EQ(run({"inspect", in("card.glb"), "--bake", "-o", in("c.html"), "--html", in("d.html")}, 1).errorLines(),
+              1);
+}
+
+TEST_F(GltfReport, InspectBakesWithTheOptionsOfBake)
+{
+    write("card.glb", kGlass);
+    const auto inspect = [&](std::vector<std::string> more, int code = 0) {
+        more.insert(more.begin(), {"inspect", in("card.glb"), "-o", in("a.html")});
+        return run(more, code);
+    };
+    EXPECT_TRUE(has(inspect({"--bake"}, 1).errors, "its alphaMode is BLEND"));
+    const Outcome blended = inspect({"--bake", "--blend", "--level", "2"});
+    EXPECT_EQ(lineOf(blended, "levels"), "levels      2: 2");
+    EXPECT_EQ(inspect({"--level", "2"}, 1).errorLines(), 1);
+    write("card.glb", {{kWood, R"({"name": "wood", "alphaMode": "BLEND"})"}});
+    EXPECT_EQ(lineOf(inspect({"--bake"}), "left out"), "left out    mesh 0 primitive 1 (wood): its alphaMode is BLEND");
+}
+
+TEST_F(GltfReport, SharesHaveOneOrderAndAreLabelled)
+{
+    write("card.glb", {{kWood, R"({"name": "wood", "alphaMode": "BLEND"})"}});
+    const auto inOrder = [](const Outcome &outcome) {
+        const std::string header = lineOf(outcome, "  primitive");
+        return header.find(" transparent ") < header.find(" opaque ") &&
+               header.find(" opaque ") < header.find(" unknown");
+    };
+    const Outcome bake = run({"bake", in("card.glb"), "--level", "3", "--report"});
+    EXPECT_TRUE(inOrder(bake)) << bake.output;
+    EXPECT_TRUE(has(bake.output, "shares are of triangles, each counted alike")) << bake.output;
+    const Outcome verify = run({"verify", in("card.omm.glb")});
+    EXPECT_TRUE(inOrder(verify)) << verify.output;
+    EXPECT_TRUE(has(verify.output, "shares are of micro-triangles")) << verify.output;
+    EXPECT_TRUE(has(lineOf(run({"inspect", in("card.omm.glb"), "-o", in("a.html")}), "states"),
+                    "of triangles, each counted alike"));
+}
+
+// The card has an area of 4, the triangle that is left out one of 2; the node scales both.
+TEST_F(GltfReport, SharesOfTheSurfaceIncludeWhatIsLeftOut)
+{
+    write("card.glb", {{kWood, R"({"name": "wood", "alphaMode": "BLEND"})"},
+                       {R"("translation": [0, 2, 0])", R"("scale": [3, 2, 1])"}});
+    const Outcome bake = run({"bake", in("card.glb"), "--level", "3", "--json"});
+    const JsonTree tree(bake.output);
+    const JsonValue file = tree.root()["files"].children().at(0);
+    const JsonValue states = file["primitives"].children().at(0)["states"];
+    const double known = (number(states["transparent"]) + number(states["opaque"])) * 4 / 6;
+    EXPECT_NEAR(number(file["surface"]["known"]), known, 1e-6) << bake.output;
+    EXPECT_NEAR(number(file["surface"]["withoutMicromap"]), 2.0 / 6, 1e-6);
+    const Outcome verify = run({"verify", in("card.omm.glb"), "--json"});
+    const JsonTree verified(verify.output);
+    EXPECT_NEAR(number(verified.root()["files"].children().at(0)["surface"]["known"]), known, 1e-6) << verify.output;
+    char text[64];
+    std::snprintf(text, sizeof text, "%.1f %% of the alpha-tested surface is known", 100 * known);
+    EXPECT_TRUE(has(run({"bake", in("card.glb"), "--level", "3"}).output, text)) << text;
+    EXPECT_TRUE(has(run({"bake", in("card.glb"), "--level", "3", "--report"}).output, text)) << text;
+    EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}).output, text)) << text;
+    EXPECT_TRUE(has(run({"inspect", in("card.omm.glb"), "-o", in("a.html")}).output, text)) << text;
+}
+
+TEST_F(GltfReport, NothingReadableFails)
+{
+    writeCardGltf(folder / "card.gltf", {0xab, 'K', 'T', 'X', ' ', '2', '0', 0xbb, '\r', '\n', 0x1a, '\n'});
+    const Outcome bake = run({"bake", in("card.gltf"), "-o", in("out.gltf"), "--report"}, 1);
+    EXPECT_EQ(bake.errorLines(), 1) << bake.errors;
+    EXPECT_TRUE(has(bake.errors, "card.gltf: none of its alpha-tested primitives could be baked: mesh 0 primitive 0: "))
+        << bake.errors;
+    EXPECT_TRUE(has(bake.errors, "KTX2")) << bake.errors;
+    // What was left out on purpose is no failure.
+    write("card.glb", {{kMask, kBlend}});
+    EXPECT_EQ(run({"bake", in("card.glb")}).errors, "");
+}
+
+TEST_F(GltfReport, AReasonDoesNotNameThePrimitiveAgain)
+{
+    // Indices in a compression that is not known, without others.
+    const std::string bytes = std::to_string(92 + discPng().size());
+    write("card.glb",
+          {{R"({"buffer": 0, "byteOffset": 80, "byteLength": 12})",
+            R"({"buffer": 1, "byteLength": 12, "extensions": {"EXT_meshopt_compression":
+                           {"buffer": 0, "byteLength": 12, "byteStride": 2, "count": 6, "mode": "NEW"}}})"},
+           {R"({"byteLength": )" + bytes + "}]}", R"({"byteLength": )" + bytes + R"(}, {"byteLength": 12}]})"}});
+    for (const std::vector<std::string> &arguments :
+         {std::vector<std::string>{"info", in("card.glb")}, {"bake", in("card.glb"), "--report"}}) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_TRUE(has(outcome.output, "mesh 0 primitive 0")) << outcome.output;
+        std::istringstream lines(outcome.output + outcome.errors);
+        for (std::string line; std::getline(lines, line);)
+            EXPECT_LE(occurrences(line, "mesh 0 primitive 0"), 1u) << line;
+    }
+    write("card.glb", {{"\"indices\": 2", "\"indices\": 20"}});
+    EXPECT_EQ(occurrences(run({"info", in("card.glb")}, 1).output, "mesh 0 primitive 0: mesh 0 primitive 0"), 0u);
+}
+
+TEST_F(GltfReport, ExactUsesAll16Bits)
+{
+    // 0x80ff / 65535 is 0.5039, its upper 8 bits alone are 0.5020.
+    const Replacements cutoff = {{kMask, R"("alphaMode": "MASK", "alphaCutoff": 0.503)"}, {kFactor, "[1, 1, 1, 1]"}};
+    writeCardGltf(folder / "card.gltf", png16(0x80ff), cutoff);
+    const auto bake = [&] {
+        const Outcome outcome = run({"bake", in("card.gltf"), "-o", in("out.gltf"), "--exact", "--json"});
+        const JsonTree tree(outcome.output);
+        return number(tree.root()["files"].children().at(0)["primitives"].children().at(0)["states"]["opaque"]);
+    };
+    EXPECT_EQ(bake(), 1);
+    run({"verify", "--exact", "--strict", in("out.gltf")});
+    // What is true of this texture is wrong of the next one.
+    writeFile(folder / "disc.png", png16(0x80c4));
+    run({"verify", "--exact", in("out.gltf")}, 3);
+    EXPECT_EQ(bake(), 0);
+    run({"verify", "--exact", "--strict", in("out.gltf")});
+    // Interlaced and grey with alpha, the same.
+    Bytes rows;
+    for (int i = 0; i < 16 * 16; ++i)
+        rows.insert(rows.end(), {0, 0, 0x80, 0xff});
+    writeFile(folder / "disc.png", pngImage(16, 16, 16, 4, false, rows));
+    EXPECT_EQ(bake(), 1);
+}
+
+TEST_F(GltfReport, NothingIsUnknownWhereAllOrNoAlphasPass)
+{
+    const auto unknown = [&](const std::string &cutoff) {
+        write("card.glb", {{"0.25,\n", cutoff + ",\n"}});
+        const Outcome outcome = run({"bake", in("card.glb"), "--json"});
+        run({"verify", in("card.omm.glb"), "--strict"});
+        const JsonTree tree(outcome.output);
+        const JsonValue states = tree.root()["files"].children().at(0)["primitives"].children().at(0)["states"];
+        return std::array{number(states["transparent"]), number(states["opaque"])};
+    };
+    EXPECT_EQ(unknown("0"), (std::array{0.0, 1.0}));
+    EXPECT_EQ(unknown("-1"), (std::array{0.0, 1.0}));
+    EXPECT_EQ(unknown("0.751"), (std::array{1.0, 0.0})); // the factor is 0.75
+    EXPECT_EQ(unknown("2"), (std::array{1.0, 0.0}));
+    EXPECT_LT(unknown("0.75")[0] + unknown("0.75")[1], 1);
+}
+
+// A renderer that blends or dithers sees an alpha of 0.6, and so do one of 0 and one of 1 that are not filtered.
+TEST_F(GltfReport, BlendIsKnownAtZeroAndOneOnly)
+{
+    write("card.glb", kGlass);
+    const Outcome bake = run({"bake", in("card.glb"), "--blend", "--level", "5", "--json"});
+    const JsonTree tree(bake.output);
+    const std::vector<JsonValue> primitives = tree.root()["files"].children().at(0)["primitives"].children();
+    ASSERT_EQ(primitives.size(), 2u);
+    const JsonValue disc = primitives[0]["states"];
+    EXPECT_GT(number(disc["opaque"]), 0.1);
+    EXPECT_GT(number(disc["transparent"]), 0.1);
+    const JsonValue glass = primitives[1]["states"];
+    EXPECT_EQ(number(glass["opaque"]) + number(glass["transparent"]), 0) << bake.output;
+    EXPECT_FALSE(primitives[1]["caution"].exists());
+    run({"verify", "--strict", in("card.omm.glb")});
+    run({"bake", in("card.glb"), "--blend", "--exact"});
+    run({"verify", "--exact", in("card.omm.glb")});
+}
+
+TEST_F(GltfReport, ACutoffForBlendIsACaution)
+{
+    write("card.glb", kGlass);
+    const std::vector<std::string> arguments = {"bake", in("card.glb"), "--blend", "--blend-cutoff", "0.5"};
+    const std::string words = "its alphaMode is BLEND, and was baked as a mask with the cutoff 0.5";
+    const auto with = [&](const char *option) {
+        std::vector<std::string> all = arguments;
+        all.emplace_back(option);
+        return run(all);
+    };
+    EXPECT_EQ(occurrences(with("--report").output, "caution: mesh 0 primitive"), 2u);
+    EXPECT_TRUE(has(with("--report").output, words));
+    const Outcome json = with("--json");
+    const JsonTree tree(json.output);
+    const JsonValue glass = tree.root()["files"].children().at(0)["primitives"].children().at(1);
+    EXPECT_EQ(number(glass["states"]["opaque"]), 1);
+    EXPECT_TRUE(has(glass["caution"].string().value_or(""), words)) << json.output;
+    EXPECT_TRUE(has(run(arguments).output, "caution")) << "without a report";
+    // By the rule that holds without one, that is wrong.
+    EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}, 3).output, "wrong: mesh 0 primitive 1"));
+    EXPECT_TRUE(has(run({"verify", "--blend-cutoff", "0.5", in("card.omm.glb")}).output, "caution: mesh 0 primitive"));
+    run({"verify", "--blend-cutoff", "0.5", "--strict", in("card.omm.glb")}, 4);
+}
+
+TEST_F(GltfReport, CountsAndOffsetsHave64Bits)
+{
+    const std::string accessor = R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"})";
+    const auto errorOf = [&](const std::string &members, const std::string &indices) {
+        write("card.glb",
+              {{accessor, R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "sparse": {)" +
+                              members + R"(, "values": {"bufferView": 0}, "indices": {"bufferView": 2, )" + indices +
+                              R"("componentType": 5123}}})"}});
+        return run({"bake", in("card.glb")}, 1).errors;
+    };
+    EXPECT_TRUE(has(errorOf(R"("count": 4000000000)", ""), "replaces 4000000000 of 4 elements"));
+    EXPECT_TRUE(has(errorOf(R"("count": 1)", R"("byteOffset": 4000000000, )"), "reaches outside of its buffer view"));
+    write("card.glb", {{R"({"buffer": 0, "byteOffset": 80, "byteLength": 12})",
+                        R"({"buffer": 0, "byteOffset": 80, "byteLength": 12, "extensions": {"EXT_meshopt_compression":
+                           {"buffer": 0, "byteLength": 12, "byteStride": 2, "count": 4000000002, "mode": "TRIANGLES"}}})"}});
+    EXPECT_TRUE(has(run({"bake", in("card.glb")}, 1).errors, "is decompressed to 8000000004 bytes"));
+}
+
+// What gltf-pipeline makes of a file with micromaps: it keeps the extensions that it does not know, and drops what
+// only they refer to.
+TEST_F(GltfReport, MicromapsThatLostTheirData)
+{
+    write("card.glb");
+    run({"bake", in("card.glb"), "-o", in("baked.glb")});
+    const Bytes baked = readFile(folder / "baked.glb");
+    const std::size_t jsonBytes = baked[12] + 256u * baked[13];
+    const std::string json(baked.begin() + 20, baked.begin() + 20 + static_cast<std::ptrdiff_t>(jsonBytes));
+    const JsonTree tree(json);
+    JsonEdit edit(tree);
+    for (const char *name : {"bufferViews", "accessors"}) {
+        std::string first4;
+        for (std::size_t i = 0; i < 4; ++i)
+            first4.append(i == 0 ? "" : ",").append(tree.root()[name].children().at(i).text());
+        edit.replace(tree.root()[name], "[" + first4 + "]");
+    }
+    const Bytes binary(baked.begin() + 28 + static_cast<std::ptrdiff_t>(jsonBytes), baked.end());
+    writeFile(folder / "lost.glb", packGlb(edit.apply(), binary));
+    const std::string words = "lost their data";
+    const Outcome verify = run({"verify", in("lost.glb")}, 2);
+    EXPECT_EQ(occurrences(verify.output, "structure: "), 1u) << verify.output;
+    EXPECT_TRUE(has(verify.output, words) && has(verify.output, "vellum bake")) << verify.output;
+    const Outcome info = run({"info", in("lost.glb")}, 1);
+    EXPECT_TRUE(has(lineOf(info, "wrong"), words) && has(lineOf(info, "wrong"), "vellum bake")) << info.output;
+    EXPECT_EQ(occurrences(info.output, "\nwrong"), 1u) << info.output;
+    const Outcome inspect = run({"inspect", in("lost.glb"), "-o", in("a.html")}, 1);
+    EXPECT_TRUE(has(inspect.errors, words) && has(inspect.errors, "vellum bake")) << inspect.errors;
+    EXPECT_EQ(inspect.errorLines(), 1);
+    const Outcome render = run({"render", in("lost.glb"), "-o", in("a.png")}, 1);
+    EXPECT_TRUE(has(render.errors, words) && has(render.errors, "vellum bake")) << render.errors;
+    EXPECT_EQ(render.errorLines(), 1);
+    const Outcome repaired = run({"bake", in("lost.glb"), "-o", in("repaired.glb")});
+    EXPECT_TRUE(has(repaired.output, words)) << repaired.output;
+    run({"verify", "--strict", in("repaired.glb")});
+}

@@ -1,0 +1,11 @@
+// Inputs that fuzzing begins with, one file each, in a folder that exists.
+#pragma once
+
+#include <filesystem>
+
+// Of the glTF reader: files with a bit of everything.
+void writeGltfSeeds(const std::filesystem::path &folder);
+
+// Of the rewriter: the modules in a list of files (spirv/module_file.h) and those in a folder.
+void writeSpirvSeeds(const std::filesystem::path &list, const std::filesystem::path &modules,
+                     const std::filesystem::path &folder);

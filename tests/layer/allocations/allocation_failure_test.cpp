@@ -1,0 +1,532 @@
+// An application that runs out of memory: whichever allocation of the layer fails, nothing ends the process, nothing of
+// the driver is left behind, and the same works once there is memory again.
+#include <algorithm>
+
+#include "allocations/failing_allocations.h"
+#include "commands/compute_pipeline.h"
+#include "commands/shader_objects.h"
+#include "commands/state_scene.h"
+#include "harness/copies.h"
+#include "harness/pipeline_tracer.h"
+#include "harness/test_driver.h"
+#include "pipelines/pipeline_binaries.h"
+#include "shaders/tracer_comp.h"
+
+namespace
+{
+
+using namespace vt;
+
+// Objects of the driver that exist.
+long alive()
+{
+    return testDriverFunction<long (*)()>("vellumDriverObjects")();
+}
+
+class Allocations : public testing::TestWithParam<Failing>
+{
+protected:
+    explicit Allocations(Options options = {})
+    {
+        // What is left behind is counted: a validation layer would see the same, and take its time.
+        options.validation = false;
+        options.traits += options.traits.empty() ? "failures" : ",failures";
+        gpu_ = std::make_unique<Gpu>(options);
+    }
+    void TearDown() override
+    {
+        failAllocations(0, Failing::Once);
+        static_cast<void>(gpu_->takeUnexpectedMessages());
+        gpu_.reset();
+    }
+    [[nodiscard]] Gpu &gpu() { return *gpu_; }
+
+    static constexpr std::uint64_t kLast = 80;
+
+    using WhileItFails = std::function<void(const std::function<void()> &)>;
+    // Does it with another of the layer's allocations failing each time: fewer of them the more there are, but of the
+    // last ones, with which the driver has made something, each. `act` is given what lets them fail while a function
+    // runs, returns whether that worked, and destroys what was made.
+    void failEach(const std::function<bool(const WhileItFails &)> &act)
+    {
+        // First, while what is made once and kept is not there yet.
+        std::uint64_t made = 0;
+        for (std::uint64_t n = 1;; n += 1 + n / 32) {
+            SCOPED_TRACE(testing::Message() << "allocation " << n);
+            const bool works = failAt(act, n, made);
+            if (made < n) {
+                EXPECT_TRUE(works);
+            }
+            if (HasFailure())
+                return;
+            if (made < n)
+                break;
+        }
+        EXPECT_GT(made, 0u) << "the layer allocates nothing";
+        // Then nothing is left of what fails.
+        const long before = alive();
+        const std::uint64_t all = made;
+        allocations_ += all;
+        RecordProperty("allocations", static_cast<int>(allocations_));
+        for (std::uint64_t n = 1; n <= all; n += n + kLast > all ? 1 : 1 + all / 100) {
+            SCOPED_TRACE(testing::Message() << "again, allocation " << n << " of " << all);
+            static_cast<void>(failAt(act, n, made));
+            EXPECT_LE(alive(), before);
+            if (HasFailure())
+                return;
+        }
+        EXPECT_TRUE(failAt(act, 0, made)) << "there is memory again";
+    }
+    bool failAt(const std::function<bool(const WhileItFails &)> &act, std::uint64_t n, std::uint64_t &made)
+    {
+        return act([&](const std::function<void()> &call) {
+            failAllocations(n, GetParam());
+            call();
+            made = failAllocations(0, GetParam());
+        });
+    }
+    // An object by its command, and what destroys it.
+    template <class Handle>
+    void failCreation(const std::function<VkResult(Handle *)> &create, const std::function<void(Handle)> &destroy)
+    {
+        failEach([&](const WhileItFails &whileItFails) {
+            Handle object{};
+            VkResult result = VK_SUCCESS;
+            whileItFails([&] { result = create(&object); });
+            EXPECT_TRUE(result == VK_SUCCESS || result == VK_ERROR_OUT_OF_HOST_MEMORY) << result;
+            if (result == VK_SUCCESS)
+                destroy(object);
+            return result == VK_SUCCESS;
+        });
+    }
+    void failRecorded(const std::function<void(VkCommandBuffer)> &record)
+    {
+        failEach([&](const WhileItFails &whileItFails) {
+            gpu().submit([&](VkCommandBuffer commands) { whileItFails([&] { record(commands); }); });
+            return true;
+        });
+    }
+
+    // By a deferred operation and without, one and two at once.
+    void failRayTracingPipelines()
+    {
+        const Commands &vk = gpu().vk();
+        const auto make = [&](Gpu &, const PipelineSetup &setup) {
+            for (const std::uint32_t count : {1u, 2u}) {
+                for (const bool deferred : {false, true}) {
+                    if (count > 1 && deferred) // then they are made one by one in any case
+                        continue;
+                    const PipelineInfo info(gpu(), setup);
+                    const std::vector<VkRayTracingPipelineCreateInfoKHR> infos(count, info.get());
+                    failEach([&](const WhileItFails &whileItFails) {
+                        std::vector<VkPipeline> pipelines(count, VK_NULL_HANDLE);
+                        VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+                        if (deferred)
+                            VT_CHECK(vk.CreateDeferredOperationKHR(gpu().device(), nullptr, &operation));
+                        VkResult result = VK_SUCCESS;
+                        whileItFails([&] {
+                            result = vk.CreateRayTracingPipelinesKHR(gpu().device(), operation, VK_NULL_HANDLE, count,
+                                                                     infos.data(), nullptr, pipelines.data());
+                            if (result != VK_OPERATION_DEFERRED_KHR)
+                                return;
+                            while (vk.DeferredOperationJoinKHR(gpu().device(), operation) == VK_THREAD_IDLE_KHR)
+                                ;
+                            result = vk.GetDeferredOperationResultKHR(gpu().device(), operation);
+                        });
+                        if (deferred)
+                            vk.DestroyDeferredOperationKHR(gpu().device(), operation, nullptr);
+                        for (const VkPipeline pipeline : pipelines)
+                            vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+                        return result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR;
+                    });
+                }
+            }
+            return MadePipeline{RayPipeline(gpu(), setup), {}};
+        };
+        const PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true}}, .make = make});
+    }
+
+    std::unique_ptr<Gpu> gpu_;
+    std::uint64_t allocations_ = 0; // of everything that was tried
+};
+
+#define INSTANTIATE(Suite)                                                                                             \
+    INSTANTIATE_TEST_SUITE_P(Fail, Suite, testing::Values(Failing::Once, Failing::FromThenOn), nameOf)
+
+std::string nameOf(const testing::TestParamInfo<Failing> &info)
+{
+    return info.param == Failing::Once ? "Once" : "FromThenOn";
+}
+
+TEST_P(Allocations, Device)
+{
+    const long before = alive();
+    const float priority = 1;
+    const VkDeviceQueueCreateInfo queue{
+        VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO, nullptr, 0, gpu().family(), 1, &priority};
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
+    micromaps.micromap = VK_TRUE;
+    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR, &micromaps};
+    structures.accelerationStructure = VK_TRUE;
+    const char *extensions[]{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                             VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &structures};
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    info.enabledExtensionCount = 3;
+    info.ppEnabledExtensionNames = extensions;
+    failCreation<VkDevice>(
+        [&](VkDevice *device) {
+            const VkResult result = vkCreateDevice(gpu().physical(), &info, nullptr, device);
+            if (result == VK_SUCCESS) // it is found by its key
+                vkDeviceWaitIdle(*device);
+            return result;
+        },
+        [](VkDevice device) { vkDestroyDevice(device, nullptr); });
+    EXPECT_EQ(alive(), before);
+}
+
+TEST_P(Allocations, Messenger)
+{
+    VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+    info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    info.pfnUserCallback = [](auto, auto, auto, auto) -> VkBool32 { return VK_FALSE; };
+    const Commands &vk = gpu().vk();
+    // Of which the vector in the layer has no room: the first of many.
+    std::vector<VkDebugUtilsMessengerEXT> others;
+    failEach([&](const WhileItFails &whileItFails) {
+        VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
+        VkResult result = VK_SUCCESS;
+        std::uint64_t count = 0;
+        whileItFails([&] {
+            for (; count < 9 && result == VK_SUCCESS; ++count) {
+                result = vk.CreateDebugUtilsMessengerEXT(gpu().instance(), &info, nullptr, &messenger);
+                if (result == VK_SUCCESS)
+                    others.push_back(messenger);
+            }
+        });
+        for (const VkDebugUtilsMessengerEXT other : others)
+            vk.DestroyDebugUtilsMessengerEXT(gpu().instance(), other, nullptr);
+        others.clear();
+        return result == VK_SUCCESS;
+    });
+}
+
+TEST_P(Allocations, BufferWithMemory)
+{
+    VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
+    info.size = 65536;
+    info.usage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    failEach([&](const WhileItFails &whileItFails) {
+        VkBuffer buffer = VK_NULL_HANDLE;
+        VkDeviceMemory memory = VK_NULL_HANDLE;
+        VkDeviceAddress address = 0;
+        VkResult result = VK_SUCCESS;
+        whileItFails([&] {
+            result = vkCreateBuffer(gpu().device(), &info, nullptr, &buffer);
+            if (result != VK_SUCCESS) {
+                buffer = VK_NULL_HANDLE;
+                return;
+            }
+            VkMemoryRequirements requirements{};
+            vkGetBufferMemoryRequirements(gpu().device(), buffer, &requirements);
+            const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
+                                                  VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+            const VkMemoryAllocateInfo allocate{
+                VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, requirements.size,
+                gpu().memoryType(requirements.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT)};
+            result = vkAllocateMemory(gpu().device(), &allocate, nullptr, &memory);
+            if (result != VK_SUCCESS)
+                memory = VK_NULL_HANDLE;
+            if (result == VK_SUCCESS)
+                result = vkBindBufferMemory(gpu().device(), buffer, memory, 0);
+            if (result != VK_SUCCESS)
+                return;
+            const VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
+            address = vkGetBufferDeviceAddress(gpu().device(), &addressInfo);
+        });
+        vkDestroyBuffer(gpu().device(), buffer, nullptr);
+        vkFreeMemory(gpu().device(), memory, nullptr);
+        return address != 0;
+    });
+}
+
+TEST_P(Allocations, Micromap)
+{
+    const Buffer buffer(gpu(), 65536,
+                        VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                            (gpu().khr() ? VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR
+                                         : VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT));
+    const Commands &vk = gpu().vk();
+    if (gpu().khr()) {
+        VkAccelerationStructureCreateInfo2KHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+        info.addressRange = {(buffer.address() + 255) & ~VkDeviceAddress{255}, 4096};
+        info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+        failCreation<VkAccelerationStructureKHR>(
+            [&](auto *made) { return vk.CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, made); },
+            [&](auto made) { vk.DestroyAccelerationStructureKHR(gpu().device(), made, nullptr); });
+        return;
+    }
+    VkMicromapCreateInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT};
+    info.buffer = buffer.handle();
+    info.size = 4096;
+    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    failCreation<VkMicromapEXT>([&](auto *made) { return vk.CreateMicromapEXT(gpu().device(), &info, nullptr, made); },
+                                [&](auto made) { vk.DestroyMicromapEXT(gpu().device(), made, nullptr); });
+}
+
+// Its address is asked for, too, so that instances can name it.
+TEST_P(Allocations, Structure)
+{
+    const Buffer buffer(gpu(), 1u << 20, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const Commands &vk = gpu().vk();
+    for (const VkAccelerationStructureTypeKHR type :
+         {VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR,
+          VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR}) {
+        VkDeviceSize offset = 0;
+        failEach([&](const WhileItFails &whileItFails) {
+            VkAccelerationStructureCreateInfoKHR info{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+            info.buffer = buffer.handle();
+            info.offset = offset++ % 64 * 256;
+            info.size = 4096;
+            info.type = type;
+            VkAccelerationStructureKHR made = VK_NULL_HANDLE;
+            VkResult result = VK_SUCCESS;
+            VkDeviceAddress address = 0;
+            whileItFails([&] {
+                result = vk.CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &made);
+                if (result != VK_SUCCESS)
+                    return;
+                const VkAccelerationStructureDeviceAddressInfoKHR addressInfo{
+                    VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, made};
+                address = vk.GetAccelerationStructureDeviceAddressKHR(gpu().device(), &addressInfo);
+            });
+            if (result == VK_SUCCESS)
+                vk.DestroyAccelerationStructureKHR(gpu().device(), made, nullptr);
+            return result == VK_SUCCESS && address != 0;
+        });
+    }
+}
+
+TEST_P(Allocations, ShaderModule)
+{
+    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
+    VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+    info.codeSize = code.size() * 4;
+    info.pCode = code.data();
+    failCreation<VkShaderModule>(
+        [&](VkShaderModule *module) { return vkCreateShaderModule(gpu().device(), &info, nullptr, module); },
+        [&](VkShaderModule module) { vkDestroyShaderModule(gpu().device(), module, nullptr); });
+}
+
+TEST_P(Allocations, ComputePipeline)
+{
+    const Tracer tracer(gpu());
+    const VkShaderModule module = gpu().shader(tracer_comp);
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.stage.module = module;
+    info.stage.pName = "main";
+    info.layout = tracer.layout();
+    failCreation<VkPipeline>(
+        [&](VkPipeline *pipeline) {
+            return vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, pipeline);
+        },
+        [&](VkPipeline pipeline) { vkDestroyPipeline(gpu().device(), pipeline, nullptr); });
+    vkDestroyShaderModule(gpu().device(), module, nullptr);
+}
+
+TEST_P(Allocations, RayTracingPipelines)
+{
+    failRayTracingPipelines();
+}
+
+TEST_P(Allocations, QueryPools)
+{
+    for (const VkQueryType type :
+         {VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT}) {
+        VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
+        info.queryType = type;
+        info.queryCount = 1000;
+        failCreation<VkQueryPool>(
+            [&](VkQueryPool *pool) { return vkCreateQueryPool(gpu().device(), &info, nullptr, pool); },
+            [&](VkQueryPool pool) { vkDestroyQueryPool(gpu().device(), pool, nullptr); });
+    }
+}
+
+TEST_P(Allocations, CommandBuffers)
+{
+    VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
+    info.commandPool = gpu().pool();
+    info.commandBufferCount = 3;
+    std::array<VkCommandBuffer, 3> made{};
+    failCreation<VkCommandBuffer>(
+        [&](VkCommandBuffer *) {
+            const VkResult result = vkAllocateCommandBuffers(gpu().device(), &info, made.data());
+            if (result != VK_SUCCESS) { // "all objects must be destroyed ... and set to NULL"
+                EXPECT_EQ(std::count(made.begin(), made.end(), VkCommandBuffer{}), 3);
+            }
+            return result;
+        },
+        [&](VkCommandBuffer) { vkFreeCommandBuffers(gpu().device(), gpu().pool(), 3, made.data()); });
+}
+
+TEST_P(Allocations, Recordings)
+{
+    StateScene scene(gpu());
+    for (std::uint32_t step = 0; step < StateScene::kSteps; ++step) {
+        SCOPED_TRACE(testing::Message() << "step " << step);
+        failRecorded([&](VkCommandBuffer commands) { scene.recordStep(commands, step); });
+    }
+    scene.expectRight();
+}
+
+TEST_P(Allocations, RecordedCopies)
+{
+    const Patchwork patchwork(gpu());
+    const Blas source(gpu(), patchwork.geometries());
+    const Tlas top(gpu(), {instance(source, {}, 7)});
+    const auto expected = seen(gpu(), top, Patchwork::rays());
+    Structure copied(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+    copied.create(source.size());
+    failRecorded([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle(), copied.handle()); });
+    EXPECT_EQ(seenOf(gpu(), copied), seenOf(gpu(), source));
+    Structure topCopy(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+    topCopy.create(top.size());
+    failRecorded([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, top.handle(), topCopy.handle()); });
+    EXPECT_EQ(seen(gpu(), topCopy, Patchwork::rays()), expected);
+    const Buffer data(gpu(), 1u << 20,
+                      VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                          VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const VkDeviceAddress begin = (data.address() + 255) & ~VkDeviceAddress{255};
+    failRecorded([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, source, begin); });
+}
+INSTANTIATE(Allocations);
+
+// By a driver that defers.
+class DeferredAllocations : public Allocations
+{
+protected:
+    DeferredAllocations() : Allocations({.traits = "deferred"}) {}
+};
+TEST_P(DeferredAllocations, RayTracingPipelines)
+{
+    failRayTracingPipelines();
+}
+INSTANTIATE(DeferredAllocations);
+
+class ShaderObjectAllocations : public Allocations
+{
+protected:
+    ShaderObjectAllocations() : Allocations({.shaderObject = true}) {}
+};
+TEST_P(ShaderObjectAllocations, Shaders)
+{
+    const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
+    const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
+    if (create == nullptr)
+        GTEST_SKIP() << "no shader objects";
+    const Tracer tracer(gpu());
+    const TracerShader shader(gpu(), tracer);
+    failCreation<ShaderHandle>(
+        [&](ShaderHandle *made) { return create(gpu().device(), 1, &shader.info, nullptr, made); },
+        [&](ShaderHandle made) { destroy(gpu().device(), made, nullptr); });
+}
+INSTANTIATE(ShaderObjectAllocations);
+
+class BinaryAllocations : public Allocations
+{
+protected:
+    BinaryAllocations() : Allocations({.oldValidation = false, .traits = "caching", .newer = true}) {}
+};
+// Of a pipeline, and of data.
+TEST_P(BinaryAllocations, Binaries)
+{
+    const Tracer tracer(gpu());
+    const VkShaderModule module = gpu().shader(tracer_comp);
+    const PipelineFlags2 capture{.flags = kCaptureData};
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO, &capture};
+    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.stage.module = module;
+    info.stage.pName = "main";
+    info.layout = tracer.layout();
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
+    const auto create = reinterpret_cast<newer::PFN_CreatePipelineBinaries>(
+        vkGetDeviceProcAddr(gpu().device(), "vkCreatePipelineBinariesKHR"));
+    const auto destroy = reinterpret_cast<newer::PFN_DestroyPipelineBinary>(
+        vkGetDeviceProcAddr(gpu().device(), "vkDestroyPipelineBinaryKHR"));
+    Binaries binaries(gpu());
+    const Kept kept = binaries.keep(binaries.from(pipeline));
+    newer::PipelineBinaryKey key = kept.key;
+    newer::PipelineBinaryData data{kept.data.size(), const_cast<std::uint8_t *>(kept.data.data())};
+    const newer::PipelineBinaryKeysAndData all{1, &key, &data};
+    for (const bool ofData : {false, true}) {
+        newer::PipelineBinaryCreateInfo binaryInfo{};
+        binaryInfo.sType = static_cast<VkStructureType>(1000483001);
+        if (ofData)
+            binaryInfo.pKeysAndDataInfo = &all;
+        else
+            binaryInfo.pipeline = pipeline;
+        failCreation<newer::PipelineBinary>(
+            [&](newer::PipelineBinary *made) {
+                newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 1, made};
+                return create(gpu().device(), &binaryInfo, nullptr, &handles);
+            },
+            [&](newer::PipelineBinary made) { destroy(gpu().device(), made, nullptr); });
+    }
+    vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+    vkDestroyShaderModule(gpu().device(), module, nullptr);
+}
+INSTANTIATE(BinaryAllocations);
+
+// Where micromaps are translated to the driver's.
+class TranslatedAllocations : public Allocations
+{
+protected:
+    TranslatedAllocations() : Allocations({.traits = "ext", .api = Api::Khr}) {}
+};
+TEST_P(TranslatedAllocations, Recordings)
+{
+    StateScene scene(gpu());
+    for (std::uint32_t step = 0; step < StateScene::kSteps; ++step) {
+        SCOPED_TRACE(testing::Message() << "step " << step);
+        failRecorded([&](VkCommandBuffer commands) { scene.recordStep(commands, step); });
+    }
+    scene.expectRight();
+}
+TEST_P(TranslatedAllocations, MicromapAndStructure)
+{
+    const Buffer buffer(gpu(), 65536,
+                        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+                            VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const Commands &vk = gpu().vk();
+    for (const VkAccelerationStructureTypeKHR type :
+         {VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR}) {
+        VkAccelerationStructureCreateInfo2KHR info{};
+        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
+        info.addressRange = {(buffer.address() + 255) & ~VkDeviceAddress{255}, 4096};
+        info.type = type;
+        failCreation<VkAccelerationStructureKHR>(
+            [&](auto *made) { return vk.CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, made); },
+            [&](auto made) { vk.DestroyAccelerationStructureKHR(gpu().device(), made, nullptr); });
+    }
+}
+TEST_P(TranslatedAllocations, QueryPool)
+{
+    VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
+    info.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+    info.queryCount = 1000;
+    failCreation<VkQueryPool>(
+        [&](VkQueryPool *pool) { return vkCreateQueryPool(gpu().device(), &info, nullptr, pool); },
+        [&](VkQueryPool pool) { vkDestroyQueryPool(gpu().device(), pool, nullptr); });
+}
+INSTANTIATE(TranslatedAllocations);
+
+} // namespace

@@ -1,0 +1,183 @@
+// An application that ends without destroying what it made. It takes Vulkan by dlopen(), so that the loader can go too.
+// usage: vellum_end_program WAY THREADS [LAYER...]; the first layer is the nearest to the application.
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include <dlfcn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define VK_NO_PROTOTYPES
+#include <vulkan/vulkan.h>
+
+namespace
+{
+
+[[noreturn]] void fail(const char *what)
+{
+    std::fprintf(stderr, "vellum_end_program: %s\n", what);
+    std::_Exit(2);
+}
+
+void check(VkResult result, const char *what)
+{
+    if (result != VK_SUCCESS)
+        fail(what);
+}
+
+struct Loader {
+    void *library = dlopen("libvulkan.so.1", RTLD_NOW | RTLD_LOCAL);
+    PFN_vkGetInstanceProcAddr get = nullptr;
+
+    Loader()
+    {
+        if (library == nullptr)
+            fail(dlerror());
+        get = reinterpret_cast<PFN_vkGetInstanceProcAddr>(dlsym(library, "vkGetInstanceProcAddr"));
+    }
+    template <class Function>
+    Function find(VkInstance instance, const char *name) const
+    {
+        const auto function = reinterpret_cast<Function>(get(instance, name));
+        if (function == nullptr)
+            fail(name);
+        return function;
+    }
+};
+#define COMMAND(name) loader.find<PFN_##name>(instance, #name)
+
+VkInstance makeInstance(const Loader &loader, const std::vector<const char *> &layers)
+{
+    VkInstance instance = VK_NULL_HANDLE;
+    VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
+    application.apiVersion = VK_API_VERSION_1_3;
+    VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
+    info.pApplicationInfo = &application;
+    info.enabledLayerCount = static_cast<std::uint32_t>(layers.size());
+    info.ppEnabledLayerNames = layers.data();
+    check(COMMAND(vkCreateInstance)(&info, nullptr, &instance), "vkCreateInstance");
+    return instance;
+}
+
+VkDevice makeDevice(const Loader &loader, VkInstance instance)
+{
+    VkPhysicalDevice physical = VK_NULL_HANDLE;
+    std::uint32_t count = 1;
+    if (COMMAND(vkEnumeratePhysicalDevices)(instance, &count, &physical) < 0 || count == 0)
+        fail("vkEnumeratePhysicalDevices");
+    const float priority = 1;
+    const VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO, nullptr, 0, 0, 1, &priority};
+    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
+    micromaps.micromap = VK_TRUE;
+    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR, &micromaps};
+    structures.accelerationStructure = VK_TRUE;
+    const char *extensions[]{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                             VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &structures};
+    info.queueCreateInfoCount = 1;
+    info.pQueueCreateInfos = &queue;
+    info.enabledExtensionCount = 3;
+    info.ppEnabledExtensionNames = extensions;
+    VkDevice device = VK_NULL_HANDLE;
+    check(COMMAND(vkCreateDevice)(physical, &info, nullptr, &device), "vkCreateDevice");
+    // Queries of micromaps are the layer's own, and have memory of the driver's.
+    VkQueryPoolCreateInfo pool{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
+    pool.queryType = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT;
+    pool.queryCount = 16;
+    VkQueryPool queries = VK_NULL_HANDLE;
+    check(COMMAND(vkCreateQueryPool)(device, &pool, nullptr, &queries), "vkCreateQueryPool");
+    return device;
+}
+
+// Threads that have been in the layer, are there again and again while `busy`, and are left to themselves.
+class Threads
+{
+public:
+    Threads(std::size_t count, const Loader &loader, VkInstance instance, VkDevice device)
+    {
+        const auto sizes = COMMAND(vkGetMicromapBuildSizesEXT);
+        for (std::size_t i = 0; i < count; ++i) {
+            std::thread([this, sizes, device] {
+                do {
+                    const VkMicromapBuildInfoEXT build{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
+                    VkMicromapBuildSizesInfoEXT result{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
+                    sizes(device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build, &result);
+                    ++calls_;
+                } while (busy_);
+                ++resting_;
+            }).detach();
+        }
+        while (calls_ < count)
+            std::this_thread::yield();
+    }
+    // From now on none is in the layer.
+    void rest(std::size_t count)
+    {
+        busy_ = false;
+        while (resting_ < count)
+            std::this_thread::yield();
+    }
+
+private:
+    std::atomic<bool> busy_ = true;
+    std::atomic<std::size_t> calls_ = 0, resting_ = 0;
+};
+
+} // namespace
+
+int main(int argc, char **argv)
+{
+    if (argc < 3)
+        fail("usage: vellum_end_program WAY THREADS [LAYER...]");
+    const std::string_view way = argv[1];
+    const std::size_t count = std::strtoul(argv[2], nullptr, 10);
+    const std::vector<const char *> layers(argv + 3, argv + argc);
+    const Loader loader;
+    VkInstance instance = makeInstance(loader, layers);
+    VkDevice device = makeDevice(loader, instance);
+    static Threads threads(count, loader, instance, device); // which may outlive main()
+    if (way == "exit")
+        return 0;
+    if (way == "_exit")
+        _exit(0);
+    if (way == "fork") {
+        const pid_t child = fork();
+        if (child == 0)
+            std::exit(0);
+        int status = -1;
+        if (child < 0 || waitpid(child, &status, 0) != child || status != 0)
+            fail("the forked process");
+        threads.rest(count);
+        COMMAND(vkDeviceWaitIdle)(device);
+        return 0;
+    }
+    threads.rest(count);
+    if (way == "instance" || way == "dlclose-after-instance") {
+        COMMAND(vkDestroyInstance)(instance, nullptr);
+        if (way == "instance") { // a later one is not taken for the one that is gone
+            instance = makeInstance(loader, layers);
+            device = makeDevice(loader, instance);
+            COMMAND(vkDeviceWaitIdle)(device);
+            return 0;
+        }
+    } else if (way == "second-instance") { // and the layer stays loaded meanwhile
+        const VkInstance other = makeInstance(loader, layers);
+        COMMAND(vkDestroyInstance)(instance, nullptr);
+        for (int i = 0; i < 20; ++i) {
+            const VkDevice second = makeDevice(loader, other);
+            instance = other;
+            COMMAND(vkDeviceWaitIdle)(second);
+        }
+        return 0;
+    } else if (way != "dlclose") {
+        fail("there is no such way");
+    }
+    dlclose(loader.library);
+    return 0;
+}

@@ -1,0 +1,193 @@
+// Buffers and memory on their way to the driver: usage that the layer adds, and what it knows of bindings. The spy
+// below the layer reports usage that a buffer may not have.
+#include <array>
+
+#include "harness/program/labels.h"
+#include "harness/scene.h"
+#include "harness/test_driver.h"
+
+namespace
+{
+
+const vt::Labels kLabels{{"BindingsExt.*", "one_api"}};
+
+using namespace vt;
+
+constexpr auto kUnknownType = static_cast<VkStructureType>(0x7ffffff0); // a structure of the future
+constexpr VkBufferUsageFlags kScratchUsage =
+    VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+constexpr VkBufferUsageFlags kMicromapUsage =
+    VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
+
+struct Usage2 { // VkBufferUsageFlags2CreateInfo
+    VkStructureType sType = static_cast<VkStructureType>(1000470006);
+    const void *pNext = nullptr;
+    VkFlags64 usage = 0;
+};
+
+VkBufferCreateInfo bufferInfo(VkBufferUsageFlags usage, const void *next = nullptr, VkBufferCreateFlags flags = 0)
+{
+    VkBufferCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+    info.pNext = next;
+    info.flags = flags;
+    info.size = 65536;
+    info.usage = usage;
+    return info;
+}
+
+class Buffers : public GpuTest
+{
+protected:
+    // Without the validation layer, which is older than some of the structures, and knows no protected lavapipe.
+    explicit Buffers(const Options &options = {.validation = false}) : GpuTest(options) {}
+
+    void create(const VkBufferCreateInfo &info)
+    {
+        VkBuffer buffer = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
+        vkDestroyBuffer(gpu().device(), buffer, nullptr);
+        VkDeviceBufferMemoryRequirements query{};
+        query.sType = VK_STRUCTURE_TYPE_DEVICE_BUFFER_MEMORY_REQUIREMENTS;
+        query.pCreateInfo = &info;
+        VkMemoryRequirements2 requirements{};
+        requirements.sType = VK_STRUCTURE_TYPE_MEMORY_REQUIREMENTS_2;
+        vkGetDeviceBufferMemoryRequirements(gpu().device(), &query, &requirements);
+    }
+    void expectMessages(const char *id, std::size_t count)
+    {
+        const std::vector<Message> messages = gpu().takeUnexpectedMessages();
+        EXPECT_EQ(messages.size(), count);
+        for (const Message &message : messages)
+            EXPECT_EQ(message.id, id) << message.text;
+    }
+};
+
+TEST_F(Buffers, ThatAreProtectedGetNoUsageMore)
+{
+    for (const VkBufferUsageFlags usage : {kScratchUsage, VkBufferUsageFlags{VK_BUFFER_USAGE_STORAGE_BUFFER_BIT},
+                                           kScratchUsage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT}) {
+        create(bufferInfo(usage, nullptr, VK_BUFFER_CREATE_PROTECTED_BIT));
+        const Usage2 usage2{.usage = usage};
+        create(bufferInfo(0, &usage2, VK_BUFFER_CREATE_PROTECTED_BIT));
+    }
+}
+
+TEST_F(Buffers, OfTileMemoryGetNoUsageMore)
+{
+    constexpr VkBufferUsageFlags kTileMemory = 0x08000000; // VK_BUFFER_USAGE_TILE_MEMORY_BIT_QCOM
+    create(bufferInfo(kScratchUsage | kTileMemory));
+}
+
+// The driver gets it as it is, where the layer has to change it.
+TEST_F(Buffers, UsageBehindAnUnknownStructureIsReported)
+{
+    Usage2 usage2{.usage = kScratchUsage};
+    const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&usage2)};
+    create(bufferInfo(0, &unknown));
+    expectMessages("VELLUM-unknown-structure", 2);
+    usage2.usage = VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT;
+    create(bufferInfo(0, &unknown));
+    expectMessages("", 0);
+}
+
+TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
+{
+    VkMemoryAllocateFlagsInfo flags{};
+    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+    const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&flags)};
+    VkMemoryAllocateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+    info.pNext = &unknown;
+    info.allocationSize = 4096;
+    for (const VkMemoryAllocateFlags given : {0u, 0u + VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT}) {
+        flags.flags = given;
+        VkDeviceMemory memory = VK_NULL_HANDLE;
+        VT_CHECK(vkAllocateMemory(gpu().device(), &info, nullptr, &memory));
+        vkFreeMemory(gpu().device(), memory, nullptr);
+        expectMessages("VELLUM-unknown-structure", given == 0 ? 1 : 0);
+    }
+}
+
+// Their usage, too, may be in the chain.
+TEST_F(Buffers, OfExternalMemory)
+{
+    const Usage2 usage2{.usage = kMicromapUsage};
+    VkPhysicalDeviceExternalBufferInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO;
+    info.usage = kMicromapUsage;
+    info.handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
+    for (const void *chain : {static_cast<const void *>(nullptr), static_cast<const void *>(&usage2)}) {
+        info.pNext = chain;
+        VkExternalBufferProperties properties{};
+        properties.sType = VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES;
+        vkGetPhysicalDeviceExternalBufferProperties(gpu().physical(), &info, &properties);
+    }
+}
+
+// Host commands map what a buffer is bound to.
+class BindingsExt : public Buffers
+{
+protected:
+    BindingsExt() : Buffers({.validation = false, .traits = "failures", .api = Api::Ext}) {}
+
+    struct Status { // VkBindMemoryStatus
+        VkStructureType sType = static_cast<VkStructureType>(1000545002);
+        const void *pNext = nullptr;
+        VkResult *result = nullptr;
+    };
+};
+
+TEST_F(BindingsExt, ThatFailInPart)
+{
+    MicromapInput input;
+    input.add(4, kFourState, std::vector<std::uint8_t>(256, 1));
+    const Micromap like(gpu(), input);
+    constexpr std::uint32_t kCount = 3, kFailing = 1;
+    std::array<VkBuffer, kCount> buffers{};
+    std::array<VkResult, kCount> results{VK_NOT_READY, VK_NOT_READY, VK_NOT_READY};
+    std::array<Status, kCount> statuses;
+    std::array<VkBindBufferMemoryInfo, kCount> infos{};
+    const VkBufferCreateInfo info = bufferInfo(VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+        VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffers[i]));
+        VkMemoryRequirements needs{};
+        vkGetBufferMemoryRequirements(gpu().device(), buffers[i], &needs);
+        VkMemoryAllocateInfo allocation{};
+        allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+        allocation.allocationSize = kCount * needs.size;
+        allocation.memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
+        if (i == 0)
+            VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
+        statuses[i].result = &results[i];
+        infos[i].sType = VK_STRUCTURE_TYPE_BIND_BUFFER_MEMORY_INFO;
+        infos[i].pNext = &statuses[i];
+        infos[i].buffer = buffers[i];
+        infos[i].memory = memory;
+        infos[i].memoryOffset = i * needs.size;
+    }
+    const auto failAt = testDriverFunction<std::uint64_t (*)(std::uint64_t)>("vellumDriverFailAt");
+    failAt(kFailing + 1);
+    EXPECT_EQ(vkBindBufferMemory2(gpu().device(), kCount, infos.data()), VK_ERROR_OUT_OF_DEVICE_MEMORY);
+    failAt(0);
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+        const bool bound = i != kFailing;
+        EXPECT_EQ(results[i] == VK_SUCCESS, bound);
+        VkMicromapCreateInfoEXT create{};
+        create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+        create.buffer = buffers[i];
+        create.size = info.size;
+        VkMicromapEXT micromap = VK_NULL_HANDLE;
+        VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap));
+        VkMicromapBuildInfoEXT build = like.hostBuildInfo();
+        build.dstMicromap = micromap;
+        EXPECT_EQ(gpu().vk().BuildMicromapsEXT(gpu().device(), VK_NULL_HANDLE, 1, &build) == VK_SUCCESS, bound) << i;
+        expectMessages("VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552", bound ? 0 : 1);
+        gpu().vk().DestroyMicromapEXT(gpu().device(), micromap, nullptr);
+        vkDestroyBuffer(gpu().device(), buffers[i], nullptr);
+    }
+    vkFreeMemory(gpu().device(), memory, nullptr);
+}
+
+} // namespace

@@ -1,0 +1,363 @@
+// Traces without a hit table, and hit tables that are shorter than the record indices of what rays meet. A ray whose
+// hits are all opaque or culled, and that skips closest-hit shaders, reads no hit record ("Ray Intersection
+// Confirmation", "Ray Result Determination"): applications need not have one for it.
+#include <algorithm>
+#include <array>
+
+#include "commands/inherited_condition.h"
+#include "pipelines/pipeline_scene.h"
+
+#include "shaders/pipeline_constant_209.h"
+
+namespace
+{
+
+using namespace vt;
+
+enum class Command { Direct, Indirect, Indirect2 };
+constexpr std::array kCommands{Command::Direct, Command::Indirect, Command::Indirect2};
+
+// Intersection shaders would need a record.
+constexpr std::uint32_t kTrianglesOnly = kRaySkipBoxes | kRaySkipClosestHit;
+
+// Of rays that read no hit record of triangles.
+std::vector<std::uint32_t> recordlessFlags()
+{
+    std::vector<std::uint32_t> flags;
+    for (const std::uint32_t opacity : {kRayOpaque, kRayCullNoOpaque}) {
+        for (const std::uint32_t other : {0u, kRayTerminateOnFirstHit, kRayForceTwoState})
+            flags.push_back(kRaySkipClosestHit | opacity | other);
+    }
+    return flags;
+}
+
+class HitTables : public PipelineTest
+{
+protected:
+    explicit HitTables(const Options &options = {.maintenance = true}) : PipelineTest(options) {}
+
+    // Without hit groups: only ray generation and miss shaders.
+    static PipelineTracerSetup withoutHitGroups()
+    {
+        PipelineTracerSetup setup{.groups = {}};
+        setup.make = [](Gpu &g, const PipelineSetup &from) {
+            PipelineSetup pipeline = from;
+            pipeline.stages.resize(2);
+            return MadePipeline{RayPipeline(g, pipeline), {}};
+        };
+        return setup;
+    }
+
+    void trace(PipelineTracer &tracer, const VkStridedDeviceAddressRegionKHR &hit, Command command)
+    {
+        const BindingTable &table = tracer.table();
+        const VkTraceRaysIndirectCommandKHR size{tracer.rayCount(), 1, 1};
+        const VkTraceRaysIndirectCommand2KHR all{table.raygen.deviceAddress,
+                                                 table.raygen.size,
+                                                 table.miss.deviceAddress,
+                                                 table.miss.size,
+                                                 table.miss.stride,
+                                                 hit.deviceAddress,
+                                                 hit.size,
+                                                 hit.stride,
+                                                 0,
+                                                 0,
+                                                 0,
+                                                 tracer.rayCount(),
+                                                 1,
+                                                 1};
+        std::memcpy(command_.bytes(), &size, sizeof size);
+        std::memcpy(command_.bytes() + 256, &all, sizeof all);
+        tracer.clearResults();
+        gpu().submit([&](VkCommandBuffer commands) {
+            tracer.bind(commands);
+            if (command == Command::Direct)
+                gpu().vk().CmdTraceRaysKHR(commands, &table.raygen, &table.miss, &hit, &table.callable,
+                                           tracer.rayCount(), 1, 1);
+            else if (command == Command::Indirect)
+                gpu().vk().CmdTraceRaysIndirectKHR(commands, &table.raygen, &table.miss, &hit, &table.callable,
+                                                   command_.address());
+            else
+                gpu().vk().CmdTraceRaysIndirect2KHR(commands, command_.address() + 256);
+            barrier(commands);
+        });
+    }
+
+    // The rays of a scene, by every command.
+    void expect(PipelineTracer &tracer, const PipelineScene &scene, const VkStridedDeviceAddressRegionKHR &hit,
+                std::uint32_t flags, const PipelineScene::View &view = {})
+    {
+        for (const Command command : kCommands) {
+            if (command == Command::Indirect2 && !gpu().vk().CmdTraceRaysIndirect2KHR)
+                continue;
+            SCOPED_TRACE(testing::Message() << "command " << static_cast<int>(command) << ", address "
+                                            << hit.deviceAddress << ", stride " << hit.stride << ", size " << hit.size);
+            tracer.prepare(scene.tlas(), scene.rays(view.runTimeFlags.value_or(flags)), 4);
+            trace(tracer, hit, command);
+            scene.expect(tracer.results(), flags, view);
+        }
+    }
+
+    void SetUp() override
+    {
+        PipelineTest::SetUp();
+        if (!IsSkipped())
+            command_ =
+                Buffer(gpu(), 1024, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    }
+    void TearDown() override
+    {
+        command_ = {};
+        PipelineTest::TearDown();
+    }
+
+    Buffer command_;
+};
+
+// No hit group, no table: a null region, and ones of no bytes, or of too few for a record.
+TEST_F(HitTables, None)
+{
+    PipelineTracer tracer(gpu(), withoutHitGroups());
+    const PipelineTracer other(gpu());
+    const VkStridedDeviceAddressRegionKHR &region = other.table().hit;
+    for (const std::uint32_t record : {0u, 50u, 10'000'000u}) {
+        SCOPED_TRACE(testing::Message() << "record " << record);
+        const PipelineScene scene(gpu(), {.triangleRecord = record});
+        for (const std::uint32_t flags : recordlessFlags()) {
+            for (const VkDeviceSize size : {VkDeviceSize{0}, VkDeviceSize{16}})
+                expect(tracer, scene, {region.deviceAddress, region.stride, size}, flags | kRaySkipBoxes,
+                       {.missFlags = false});
+            expect(tracer, scene, {}, flags | kRaySkipBoxes, {.missFlags = false});
+        }
+    }
+}
+
+// Constant flags, and hit groups that no table names.
+TEST_F(HitTables, NoneOfConstantFlags)
+{
+    PipelineTracer tracer(gpu(), {.raygen = pipeline_constant_209, .groups = {{}}});
+    constexpr std::uint32_t kFlags = kRayOpaque | kTrianglesOnly;
+    const PipelineScene scene(gpu(), {.triangleRecord = 50});
+    const PipelineScene::View view{.runTimeFlags = 0, .constantFlags = true};
+    expect(tracer, scene, {}, kFlags, view);
+    expect(tracer, scene, tracer.table().hit, kFlags, view);
+}
+
+// Geometry without any micromap.
+TEST_F(HitTables, NoneWithoutMicromaps)
+{
+    PipelineTracer tracer(gpu(), withoutHitGroups());
+    const PipelineScene scene(gpu(), {.micromaps = false, .triangleRecord = 50});
+    expect(tracer, scene, {}, kRayOpaque | kTrianglesOnly, {.missFlags = false});
+}
+
+// A null region has null hit records: every non-opaque hit is confirmed, and no shader runs.
+TEST_F(HitTables, NoneForAnyRay)
+{
+    PipelineTracer tracer(gpu(), withoutHitGroups());
+    const PipelineScene scene(gpu(), {.triangleRecord = 7});
+    for (const std::uint32_t flags : opacityRayFlags())
+        expect(tracer, scene, {}, flags | kRaySkipBoxes,
+               {.triangleAnyHit = false, .triangleClosestHit = false, .missFlags = false});
+}
+
+// One record, which record 0 of the scene uses as ever.
+TEST_F(HitTables, OneRecord)
+{
+    for (const bool zero : {false, true}) {
+        PipelineTracer tracer(gpu(), {.groups = {{}}, .records = {zero ? std::nullopt : std::optional(0u)}});
+        for (const std::uint32_t record : {0u, 1u, 50u, 100'000u, 10'000'000u}) {
+            SCOPED_TRACE(testing::Message() << "record " << record);
+            const PipelineScene scene(gpu(), {.triangleRecord = record});
+            const PipelineScene::View view{.triangleAnyHit = !zero, .triangleClosestHit = !zero};
+            for (const std::uint32_t flags : record == 0 ? opacityRayFlags() : recordlessFlags())
+                expect(tracer, scene, tracer.table().hit, flags | kRaySkipBoxes, view);
+        }
+    }
+}
+
+// One record of a procedural hit group: triangles are beyond it.
+TEST_F(HitTables, OneRecordOfBoxes)
+{
+    PipelineTracer tracer(gpu(), {.groups = {{.box = true}}});
+    for (const std::uint32_t record : {1u, 50u, 100'000u}) {
+        SCOPED_TRACE(testing::Message() << "record " << record);
+        const PipelineScene scene(gpu(), {.triangleRecord = record, .boxRecord = 0});
+        for (const std::uint32_t flags : recordlessFlags())
+            expect(tracer, scene, tracer.table().hit, flags);
+    }
+}
+
+// The same where the procedural hit group is a library's.
+TEST_F(HitTables, OneRecordOfALibrary)
+{
+    if (!gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))
+        GTEST_SKIP() << "no pipeline libraries";
+    std::optional<RayPipeline> library;
+    PipelineTracerSetup setup{.groups = {{.box = true}}};
+    setup.make = [&](Gpu &g, const PipelineSetup &from) {
+        PipelineSetup part = from;
+        part.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+        part.groups.erase(part.groups.begin(), part.groups.begin() + 2);
+        library.emplace(g, part);
+        PipelineSetup linking = from;
+        linking.stages.resize(2);
+        linking.groups.resize(2);
+        linking.libraries = {library->handle()};
+        return MadePipeline{RayPipeline(g, linking), {}};
+    };
+    PipelineTracer tracer(gpu(), setup);
+    const PipelineScene scene(gpu(), {.triangleRecord = 3, .boxRecord = 0});
+    for (const std::uint32_t flags : recordlessFlags())
+        expect(tracer, scene, tracer.table().hit, flags);
+}
+
+// Two records, of which boxes use one.
+TEST_F(HitTables, SomeRecords)
+{
+    PipelineTracer tracer(gpu());
+    for (const std::uint32_t record : {2u, 50u, 5000u, 100'000u}) {
+        SCOPED_TRACE(testing::Message() << "record " << record);
+        const PipelineScene scene(gpu(), {.triangleRecord = record});
+        for (const std::uint32_t flags : recordlessFlags())
+            expect(tracer, scene, tracer.table().hit, flags);
+    }
+    // And records that are there are still used.
+    const PipelineScene scene(gpu());
+    for (const std::uint32_t flags : opacityRayFlags())
+        expect(tracer, scene, tracer.table().hit, flags);
+}
+
+// A size that is no multiple of the stride: what is left over holds no handle.
+TEST_F(HitTables, PartOfARecord)
+{
+    PipelineTracer tracer(gpu(), {.records = {0, 1, 1}});
+    VkStridedDeviceAddressRegionKHR hit = tracer.table().hit;
+    hit.size = 2 * hit.stride + 16;
+    const PipelineScene scene(gpu(), {.triangleRecord = 2});
+    for (const std::uint32_t flags : recordlessFlags())
+        expect(tracer, scene, hit, flags);
+}
+
+// Indices beyond the table by what the trace adds: its offset, and its stride for the second geometry.
+TEST_F(HitTables, OffsetAndStrideOfTheTrace)
+{
+    const PipelineScene scene(gpu());
+    for (const bool one : {false, true}) {
+        PipelineTracerSetup setup{.sbtOffset = 15, .sbtStride = 15};
+        if (one)
+            setup.groups = {{}};
+        PipelineTracer tracer(gpu(), setup);
+        for (const std::uint32_t flags : recordlessFlags())
+            expect(tracer, scene, tracer.table().hit, flags | kRaySkipBoxes);
+    }
+}
+
+// What inherits conditional rendering gets no work of the layer's.
+class HitTablesInherited : public HitTables
+{
+protected:
+    HitTablesInherited() : HitTables({.validation = false}) {}
+};
+
+TEST_F(HitTablesInherited, ConditionalRendering)
+{
+    if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+        GTEST_SKIP() << "no VK_EXT_conditional_rendering";
+    constexpr std::uint32_t kFlags = kTrianglesOnly | kRayOpaque;
+    PipelineTracer tracer(gpu(), {.groups = {{}}});
+    const PipelineScene scene(gpu(), {.triangleRecord = 1000});
+    const BindingTable &table = tracer.table();
+    for (const VkStridedDeviceAddressRegionKHR &hit : {VkStridedDeviceAddressRegionKHR{}, table.hit}) {
+        tracer.prepare(scene.tlas(), scene.rays(kFlags), 4);
+        tracer.clearResults();
+        VkCommandBuffer secondary = beginInheritingCondition(gpu());
+        tracer.bind(secondary);
+        gpu().vk().CmdTraceRaysKHR(secondary, &table.raygen, &table.miss, &hit, &table.callable, tracer.rayCount(), 1,
+                                   1);
+        barrier(secondary);
+        VT_CHECK(vkEndCommandBuffer(secondary));
+        gpu().submit([&](VkCommandBuffer commands) { vkCmdExecuteCommands(commands, 1, &secondary); });
+        scene.expect(tracer.results(), kFlags);
+        vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &secondary);
+    }
+}
+
+// A region that reaches further than its buffer.
+class HitTablesBadInput : public HitTables
+{
+protected:
+    HitTablesBadInput() : HitTables({.validation = false, .maintenance = true}) {}
+};
+
+TEST_F(HitTablesBadInput, BeyondTheBuffer)
+{
+    PipelineTracer tracer(gpu());
+    VkStridedDeviceAddressRegionKHR hit = tracer.table().hit;
+    hit.size = hit.stride << 24; // VUID-VkStridedDeviceAddressRegionKHR-size-04631
+    const PipelineScene scene(gpu());
+    tracer.prepare(scene.tlas(), scene.rays(0), 4);
+    trace(tracer, hit, Command::Direct);
+    scene.expect(tracer.results(), 0);
+}
+
+// Triangles in a row, each a geometry of its own, every second one transparent.
+class HitTablesOfGeometries : public HitTables
+{
+protected:
+    // `together`: the top-level structure is built in the submission that traces.
+    void expectHits(std::uint32_t geometries, std::uint32_t record, const PipelineTracerSetup &setup, bool together)
+    {
+        std::vector<Geometry> row(geometries);
+        std::vector<Ray> rays(geometries);
+        for (std::uint32_t g = 0; g < geometries; ++g) {
+            const float x = 1.5f * static_cast<float>(g);
+            appendTriangle(row[g].vertices, {x, 0, 0});
+            Attachment attachment;
+            attachment.indexType = VK_INDEX_TYPE_UINT32;
+            attachment.indices = {g % 2 == 0 ? VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_TRANSPARENT_EXT
+                                             : VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_OPAQUE_EXT};
+            row[g].micromap = attachment;
+            rays[g].origin = {x + 0.25f, 0.25f, 1};
+            rays[g].flags = kTrianglesOnly | kRayOpaque;
+        }
+        const Blas blas(gpu(), row);
+        VkAccelerationStructureInstanceKHR only = instance(blas, {0, 0, 0}, 3);
+        only.instanceShaderBindingTableRecordOffset = record & 0xffffffu;
+        Tlas tlas(gpu());
+        if (!together)
+            tlas.build(std::array{only});
+        else
+            tlas.prepare(std::array{only});
+        PipelineTracer tracer(gpu(), setup);
+        tracer.prepare(tlas, rays, 4);
+        tracer.clearResults();
+        gpu().submit([&](VkCommandBuffer commands) {
+            if (together)
+                tlas.record(commands);
+            barrier(commands);
+            tracer.bind(commands);
+            tracer.dispatch(commands);
+            barrier(commands);
+        });
+        const std::vector<PipelineResult> results = tracer.results();
+        ASSERT_EQ(results.size(), geometries);
+        for (std::uint32_t g = 0; g < geometries; ++g)
+            EXPECT_EQ(results[g].committed, g % 2 == 0 ? kNone : kUnknownResult) << "geometry " << g;
+    }
+};
+
+// More records than the table has spare ones for at any time.
+TEST_F(HitTablesOfGeometries, Many)
+{
+    expectHits(700, 0, {.sbtOffset = 15, .sbtStride = 15}, false);
+}
+
+// The device does not know the offset before the trace is recorded.
+TEST_F(HitTablesOfGeometries, BuiltInTheSameSubmission)
+{
+    expectHits(3, 200, {}, true);
+    expectHits(3, 10'000'000, {.groups = {{}}}, true);
+}
+
+} // namespace

@@ -1,0 +1,20 @@
+// Reads SPIR-V modules from the build tree.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace vellum::test
+{
+
+// Whether the file is a module (.spv), or a C array with the words of one as the build makes it of a shader (.h).
+bool isModuleFile(const std::filesystem::path &file);
+
+// Throws std::runtime_error unless the file contains words.
+std::vector<std::uint32_t> readModule(const std::filesystem::path &file);
+
+// The files that contain the project's own shaders: those in a list, one a line (shaders.txt, cmake/glsl.cmake).
+std::vector<std::filesystem::path> listedModules(const std::filesystem::path &list);
+
+} // namespace vellum::test

@@ -1,0 +1,21 @@
+// SPIRV-Tools' validator.
+#pragma once
+
+#include <spirv-tools/libspirv.hpp>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace vellum::test
+{
+
+using Module = std::vector<std::uint32_t>;
+
+// The oldest environment of Vulkan that takes a module of its version.
+spv_target_env environmentOf(const Module &words);
+
+// Empty if valid, else the validator's messages.
+std::string validate(const Module &words);
+
+} // namespace vellum::test

@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+"""Tests check_settings.py on copies of the project's files."""
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CHECK = pathlib.Path(__file__).resolve().with_name("check_settings.py")
+ROOT = CHECK.parents[2]
+sys.path.insert(0, str(CHECK.parent))
+import check_settings  # noqa: E402
+
+
+def run(file, old, new):
+    with tempfile.TemporaryDirectory() as folder:
+        for name in (check_settings.CODE, check_settings.HEADER, check_settings.MANIFEST, check_settings.PAGE):
+            copy = pathlib.Path(folder, name)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, copy)
+        changed = pathlib.Path(folder, file)
+        text = changed.read_text(encoding="utf-8")
+        if old not in text:
+            raise AssertionError(f"{old!r} is not in {file}")
+        changed.write_text(text.replace(old, new), encoding="utf-8")
+        result = subprocess.run([sys.executable, str(CHECK), folder], stdout=subprocess.PIPE, text=True, check=False)
+    return result.returncode, result.stdout
+
+
+class CheckSettings(unittest.TestCase):
+    def test_same(self):
+        self.assertEqual(run(check_settings.PAGE, "## Settings", "## Settings")[0], 0)
+
+    def test_row_that_the_others_lack(self):
+        code, out = run(check_settings.CODE, '    {"strict",', '    {"newer", &Settings::strict},\n    {"strict",')
+        self.assertEqual(code, 1)
+        self.assertIn(f"{check_settings.MANIFEST}: newer is not there", out)
+        self.assertIn(f"{check_settings.PAGE}: newer is not there", out)
+
+    def test_other_default(self):
+        code, out = run(check_settings.HEADER, "bool strict = false", "bool strict = true")
+        self.assertEqual(code, 1)
+        self.assertIn(f"{check_settings.MANIFEST}: strict", out)
+
+    def test_other_variable(self):
+        code, out = run(check_settings.MANIFEST, '"VELLUM_STRICT"', '"VELLUM_STRICTER"')
+        self.assertEqual(code, 1)
+        self.assertIn("VELLUM_STRICTER", out)
+
+    def test_variable_that_the_page_lacks(self):
+        code, out = run(check_settings.PAGE, "| `VELLUM_STRICT=1`", "| `VELLUM_STRICTER=1`")
+        self.assertEqual(code, 1)
+        self.assertIn(f"{check_settings.PAGE}: strict is VELLUM_STRICTER", out)
+
+
+if __name__ == "__main__":
+    unittest.main()
