@@ -220,6 +220,15 @@ struct MicromapTrianglesPush {
 // translation/marked_size.comp
 struct MarkedSizePush {
     VELLUM_ADDRESS value; // a 64-bit number
+    uint trailer;         // bytes to add to it, instead of rounding it up; 0: none
+    uint unused;
+};
+
+// translation/serialized_header.comp
+struct SerializedHeaderPush {
+    VELLUM_ADDRESS data;
+    uint readable; // bytes from there to the end of the buffer, or of what 32 bits can count
+    uint mode;     // kSerialized*
 };
 
 // translation/wide_indices.comp

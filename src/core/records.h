@@ -232,6 +232,16 @@ VELLUM_CONST uint kMicromapSizeMark = 64u;
 
 VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStructureInstanceKHR
 
+// --- micromaps that the driver has serialized (shaders/translation/serialized_header.comp) ---
+// After the driver's data: its deserialized size (2 words), then these words. The header has the size that applications see
+// instead, and a total size with this trailer.
+VELLUM_CONST uint kSerializedTrailerBytes = 16u;
+VELLUM_CONST uint kSerializedTrailerMagic0 = 0x564d4f54u;
+VELLUM_CONST uint kSerializedTrailerMagic1 = 0x31a78c05u;
+VELLUM_CONST uint kSerializedSeal = 0u;  // the driver has just written the data
+VELLUM_CONST uint kSerializedOpen = 1u;  // makes the header the driver's, which is about to read it
+VELLUM_CONST uint kSerializedClose = 2u; // undoes that
+
 // --- copies of micromaps (shaders/micromap_move.comp) ---
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;

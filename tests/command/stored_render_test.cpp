@@ -66,7 +66,7 @@ TEST_F(StoredMicromaps, InstancesMirroredAndFlattened)
            "\"nodes\": [{\"mesh\": 0, \"translation\": [0, 2, 0]}, {\"mesh\": 0, \"scale\": [-1, 1, 1]}, "
            "{\"mesh\": 0, \"translation\": [3, 0, 1], \"scale\": [1, 3, 0.5]}, {\"mesh\": 0, \"scale\": [0, 0, 0]}]"}});
     const Outcome outcome = compare();
-    EXPECT_NE(lineOf(outcome, "scene").find("6 masked and 3 solid triangles, 3 instances of 1 meshes"),
+    EXPECT_NE(lineOf(outcome, "scene").find("6 masked and 3 solid triangles, 3 instances of 1 mesh"),
               std::string::npos)
         << outcome.output;
     EXPECT_EQ(lineOf(outcome, "| differing"), kNone);

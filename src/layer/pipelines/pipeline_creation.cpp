@@ -551,6 +551,7 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
     auto creation = std::make_unique<Creation>(device, pipelines);
     const std::vector<VkResult> prepared =
         prepareEach(std::span(infos, count), [&](const auto &info) { return creation->add(info); });
+    creation->reserve();
     if (!allSucceeded(prepared)) {
         const VkResult result =
             createPrepared(std::span(creation->infos()), prepared, pipelines,
@@ -570,7 +571,6 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
             handle, VK_NULL_HANDLE, cache, count, creation->infos().data(), allocator, pipelines);
         return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;
     }
-    creation->reserve();
     std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();

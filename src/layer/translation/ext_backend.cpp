@@ -83,9 +83,14 @@ void ExtBackend::recordMicromapAnswer(VkCommandBuffer commandBuffer, const Prope
 
 void ExtBackend::recordCorrection(InjectedWork &work, const Property &property)
 {
+    if (!property.micromap)
+        return;
     // A structure of that size is to be known as one for a micromap.
-    if (property.micromap && property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+    if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
         work.dispatch(InjectedShader::MarkedSize, shared::MarkedSizePush{property.address}, 1, 1);
+    else if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR)
+        work.dispatch(InjectedShader::MarkedSize,
+                      shared::MarkedSizePush{property.address, shared::kSerializedTrailerBytes}, 1, 1);
 }
 
 VkAccelerationStructureCompatibilityKHR ExtBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)

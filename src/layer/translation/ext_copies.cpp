@@ -49,6 +49,17 @@ SerializedPlaces::Data dataAt(const DeviceTranslation &device, const SerializedP
     return *std::move(data);
 }
 
+// Changes the header of serialized data; `mode`: kSerialized*.
+void recordHeader(const DeviceTranslation &device, InjectedWork &work, VkDeviceAddress data, uint32_t mode)
+{
+    const VkDeviceSize bytes = device.buffers.addresses.find(data).bytes;
+    const auto readable = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, ~0u));
+    if (readable == 0)
+        return; // in no known buffer
+    work.dispatch(InjectedShader::SerializedHeader, shared::SerializedHeaderPush{data, readable, mode}, 1, 1);
+    work.barrier();
+}
+
 } // namespace
 
 VkDeviceSize ExtBackend::cloneBytes(const StructureCopy &copy)
@@ -106,7 +117,8 @@ void ExtBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy 
         serialized_.set(device_.buffers, copy.data, {});
         return device_.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &info);
     }
-    if (!checkAlignment(device_, copy.data, "serializing a micromap to"))
+    if (!checkAlignment(device_, copy.data, "serializing a micromap to") ||
+        InjectedWork::refusedIn(device_.commands, commandBuffer, kCommand))
         return;
     PlacedMicromap micromap = lastMicromap(device_, source);
     if (lacksMicromap(device_, kCommand, source, micromap.handle))
@@ -120,6 +132,7 @@ void ExtBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy 
     work.barrier();
     device_.driver.next.CmdCopyMicromapToMemoryEXT(commandBuffer, &info);
     work.barrier();
+    recordHeader(device_, work, copy.data, shared::kSerializedSeal);
 }
 
 void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
@@ -136,7 +149,8 @@ void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCo
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
         return device_.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &info);
     }
-    if (!checkAlignment(device_, copy.data, "deserializing a micromap from"))
+    if (!checkAlignment(device_, copy.data, "deserializing a micromap from") ||
+        InjectedWork::refusedIn(device_.commands, commandBuffer, kCommand))
         return;
     PlacedMicromap micromap;
     micromap.bytes = roomOf(device_.objects, target);
@@ -152,8 +166,10 @@ void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCo
     becomesMicromap(device_, target, std::move(micromap));
     InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
+    recordHeader(device_, work, copy.data, shared::kSerializedOpen);
     device_.driver.next.CmdCopyMemoryToMicromapEXT(commandBuffer, &info);
     work.barrier();
+    recordHeader(device_, work, copy.data, shared::kSerializedClose);
 }
 
 } // namespace vellum::layer

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Rounds the size of a micromap up to the next one that the layer tells applications (markedMicromapSize in
-// layer/micromaps/micromap_input.h).
+// Corrects a size that the driver returned. That of a micromap is rounded up to the next one that applications see
+// (markedMicromapSize in layer/micromaps/micromap_input.h); that of serialized data grows by the layer's trailer.
 #include "shared.h"
 #include "records.h"
 #include "push.h"
@@ -18,7 +18,8 @@ layout(push_constant, std430) uniform Push
 void main()
 {
     Words value = Words(push.value);
-    const uvec2 size = marked(uvec2(value.w[0], value.w[1]));
+    const uvec2 found = uvec2(value.w[0], value.w[1]);
+    const uvec2 size = push.trailer != 0u ? addressPlus(found, push.trailer) : marked(found);
     value.w[0] = size.x;
     value.w[1] = size.y;
 }

@@ -18,6 +18,12 @@ inline bool chosenTrait(const std::string &name)
     return chosen != nullptr && (std::string(",") + chosen + ',').find(',' + name + ',') != std::string::npos;
 }
 
+// What the layer adds to micromaps that the driver serializes: 16 bytes behind data that is translated, not emulated.
+inline unsigned serializedTrailer()
+{
+    return chosenTrait("ext") && std::getenv("VELLUM_FORCE_EMULATION") == nullptr ? 16 : 0;
+}
+
 // By its name. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an
 // instance was made.
 template <class Function>

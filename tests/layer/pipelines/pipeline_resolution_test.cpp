@@ -26,9 +26,13 @@ namespace
 {
 
 const vt::Labels kLabels{
-    {"PipelineResolution.*", "slow forcing"}, {"PipelineResolution.Constant*", "constants"},
-    {"PipelineResolution.CopiesOfBoxes", "constants"},  {"PipelineResolutionMaintenance5.*", "slow forcing"},
-    {"PipelineResolutionNotEnabled.*", "slow"},         {"PipelineResolutionWithoutLayer.*", "slow one_api"}};
+    {"PipelineResolution.*", "slow forcing"},
+    {"PipelineResolution.PlainSceneWithoutTheBit", "unforced"}, // with the bit, intersection shaders lack hidden flags
+    {"PipelineResolution.Constant*", "constants"},
+    {"PipelineResolution.CopiesOfBoxes", "constants"},
+    {"PipelineResolutionMaintenance5.*", "slow forcing"},
+    {"PipelineResolutionNotEnabled.*", "slow"},
+    {"PipelineResolutionWithoutLayer.*", "slow one_api"}};
 
 using namespace vt;
 

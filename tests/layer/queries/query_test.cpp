@@ -5,6 +5,7 @@
 #include "commands/inherited_condition.h"
 #include "harness/copies.h"
 #include "harness/program/labels.h"
+#include "harness/test_driver.h"
 
 namespace
 {
@@ -52,7 +53,8 @@ protected:
     VkDeviceSize sizeOf(VkQueryType type, std::uint32_t i)
     {
         const VkDeviceSize compacted = 64 + (i + 3) / 2 * 16 + (i + 1) * 64;
-        return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? toldSize(gpu(), compacted) : compacted + 64;
+        return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? toldSize(gpu(), compacted)
+                                                                 : compacted + 64 + serializedTrailer();
     }
     void write(VkCommandBuffer commands, VkQueryType type, VkQueryPool pool, std::uint32_t first,
                std::uint32_t count = kCount)

@@ -195,6 +195,34 @@ TEST_F(Translation, SerializedMicromapsForGenericStructures)
     EXPECT_EQ(tracedMicromap(fitting.handle()), kForwards);
 }
 
+// An application that reads the header creates a structure of the size that it finds there, and may read the data from
+// anywhere: the layer knows by the size that it is a micromap's.
+TEST_F(Translation, GenericStructuresOfTheSizeInTheHeader)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const VkDeviceSize bytes = query(micromap.handle().khr, kSerializedSize);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const Buffer elsewhere(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
+    std::memcpy(elsewhere.bytes(), data.bytes(), bytes);
+    std::uint64_t total = 0, size = 0;
+    std::memcpy(&total, elsewhere.bytes() + 2 * VK_UUID_SIZE, sizeof total);
+    std::memcpy(&size, elsewhere.bytes() + 2 * VK_UUID_SIZE + 8, sizeof size);
+    EXPECT_EQ(total, bytes);
+    EXPECT_EQ(size % 256, micromap.size() % 256);
+    EXPECT_LE(size, micromap.size());
+    const Placed structure(gpu(), kGeneric, size);
+    for (int times = 0; times < 2; ++times) {
+        gpu().submit([&](VkCommandBuffer commands) {
+            recordMemoryToMicromap(gpu(), commands, elsewhere.address(), structure.micromap());
+        });
+        EXPECT_EQ(tracedMicromap(structure.handle()), kForwards);
+        EXPECT_EQ(std::memcmp(elsewhere.bytes(), data.bytes(), bytes), 0) << "the data is only read";
+    }
+}
+
 // What VK_EXT_opacity_micromap has no place for.
 TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
 {

@@ -14,8 +14,8 @@
 //
 // inside: not where KHR is translated, since messages and sizes are those of the copy below
 //
-// lenient: not where KHR is translated; it breaks rules that the layer's micromaps tolerate, as a driver may not, or lets
-// ray queries that do not declare it meet micromaps
+// lenient: not where KHR is translated; it breaks rules that the layer's micromaps tolerate, as a driver may not, or
+// lets ray queries that do not declare it meet micromaps
 //
 // forced: emulated by VELLUM_FORCE_EMULATION on a driver with EXT
 //
@@ -25,6 +25,8 @@
 //
 // forcing: under the forcing layer; not what looks at sizes or serialized data, at flags of pipelines and modes of
 // shaders, or at modules that the layer cannot read
+//
+// unforced: never there
 //
 // packed, unpacked: in packed memory; never there
 #pragma once
