@@ -43,9 +43,8 @@ void restoreResult(Module &module, Types &types, Id function, Instruction in, Co
 }
 
 BuiltIns::BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, SideVariables &hitObjects,
-                   const RewriteOptions &options)
-    : module_(module), types_(types), linker_(linker), prefix_(prefix), hitObjects_(hitObjects),
-      stage_(options.pipelineStage)
+                   const std::optional<PipelineStage> &stage)
+    : module_(module), types_(types), linker_(linker), prefix_(prefix), hitObjects_(hitObjects), stage_(stage)
 {
     for (const Instruction in : module.section(Section::Decorations)) {
         if (in.opcode != spv::OpDecorate || module.word(in, 2) != spv::DecorationBuiltIn)

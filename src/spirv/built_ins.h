@@ -25,7 +25,7 @@ class BuiltIns
 {
 public:
     BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, SideVariables &hitObjects,
-             const RewriteOptions &options);
+             const std::optional<PipelineStage> &stage);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
     // An intersection shader reads ray flags, and their hidden bits are where it cannot see them. After its entry point

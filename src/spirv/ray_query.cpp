@@ -195,17 +195,15 @@ bool RayQueries::keepFlags(Instruction in, Code &out)
     return true;
 }
 
-// Beside the hit object, the flags that the driver does not know of the query. Of those that it knows some more do no
-// harm.
+// Beside the hit object, the flags that the driver does not know of the query. Those that it does know do no harm
+// there.
 void RayQueries::keepInHitObject(Instruction in, Code &out)
 {
-    if (!hitObjects_.inUse()) {
-        if (queryFlags_.inUse() && reached_.contains(function_))
-            error_ = "it makes a hit object from a ray query whose flags differ from those of all rays";
+    if (!hitObjects_.inUse())
         return;
-    }
     const Id object = hitObjects_.pointer(module_.word(in, 1), out);
-    Id hidden = types_.uintConstant(mode_.hidden.value_or(0));
+    const bool never = consumes_.when == Consumes::When::Never;
+    Id hidden = types_.uintConstant(never ? 0 : mode_.hidden.value_or(0));
     if (queryFlags_.inUse()) {
         const Id flags = queryFlags_.pointer(module_.word(in, 2), out);
         hidden = flags == 0 ? 0 : hiddenBits(types_, out.value(spv::OpLoad, types_.uint32(), {flags}), out);

@@ -6,6 +6,7 @@
 #include "spirv/entry_wrapper.h"
 #include "spirv/module/opcodes.h"
 #include "spirv/module/reach.h"
+#include "spirv/module/scan.h"
 #include "spirv/payload_prefix.h"
 #include "spirv/ray_query.h"
 #include "spirv/trace_ray.h"
@@ -57,25 +58,6 @@ bool replaceInstructions(Module &module, BuiltIns &builtIns, TraceRays &traces)
     return changed;
 }
 
-// Whether some instruction before the functions satisfies predicate(opcode, first operand). False for what is no
-// SPIR-V.
-template <typename Predicate>
-bool declares(std::span<const std::uint32_t> words, Predicate predicate)
-{
-    if (words.size() < 5 || words[0] != spv::MagicNumber)
-        return false;
-    for (std::size_t at = 5; at + 1 < words.size();) {
-        const std::uint32_t opcode = words[at] & 0xffff;
-        const std::uint32_t count = words[at] >> 16;
-        if (opcode == spv::OpFunction || count == 0)
-            return false;
-        if (predicate(opcode, words[at + 1]))
-            return true;
-        at += count;
-    }
-    return false;
-}
-
 // The functions that a stage consists of; where none is asked for, those of all.
 std::set<Id> stageFunctions(const Module &module, const std::optional<PipelineStage> &stage)
 {
@@ -116,36 +98,9 @@ std::uint64_t linkedCodeHash()
     return Hash::of(lookup);
 }
 
-bool hasRayTracingStages(std::span<const std::uint32_t> words)
-{
-    return declares(words, [](std::uint32_t opcode, std::uint32_t model) {
-        return opcode == spv::OpEntryPoint && model >= spv::ExecutionModelRayGenerationKHR &&
-               model <= spv::ExecutionModelCallableKHR;
-    });
-}
-
-bool tracesRays(std::span<const std::uint32_t> words)
-{
-    // Capabilities that declare ray tracing implicitly are many, and grow; its stages tell as well. Of ray queries
-    // there are these.
-    return hasRayTracingStages(words) || declares(words, [](std::uint32_t opcode, std::uint32_t capability) {
-               if (opcode != spv::OpCapability)
-                   return false;
-               switch (capability) {
-               case spv::CapabilityRayQueryKHR:
-               case spv::CapabilityRayTracingKHR:
-               case kCapabilityRayTraversalPrimitiveCulling:
-               case kCapabilityRayQueryPositionFetch:
-               case kCapabilityOpacityMicromap:
-               case kCapabilityOpacityMicromapExecutionMode: return true;
-               default: return false;
-               }
-           });
-}
-
 RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options)
 {
-    if (!options.pipelineStage && !tracesRays(words))
+    if (!options.pipelineStage && !scan(words).tracesRays)
         return {};
     std::string error;
     std::optional<Module> module = Module::parse(words, error);
@@ -183,7 +138,7 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     PayloadPrefix prefix(*module, types, reached);
     if (inPipeline && options.pipelineStage->hidden.inPayload() && !prefix.widen())
         return failed(prefix.error());
-    BuiltIns builtIns(*module, types, linker, prefix, hitObjects, options);
+    BuiltIns builtIns(*module, types, linker, prefix, hitObjects, options.pipelineStage);
     TraceRays traces(*module, types, prefix, hitObjects, options, reached, force2State);
     changed = replaceInstructions(*module, builtIns, traces) || changed;
     if (!traces.error().empty())

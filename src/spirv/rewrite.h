@@ -91,31 +91,11 @@ struct RewriteResult {
     bool lacksHiddenFlags = false;
 };
 
-// What is known of all rays that a module traces in pipelines.
-struct TracedFlags {
-    bool traces = false;
-    std::uint32_t fixed = shared::kHiddenRayFlags; // those that all rays have alike
-    std::uint32_t constant = 0;                    // the fixed ones that all rays have
-    std::uint32_t mostStride = 0;                  // the greatest SBT stride; 15 where one is unknown
-    void add(const TracedFlags &other);
-    bool operator==(const TracedFlags &) const = default;
-};
-
-// Nothing is known of what is no SPIR-V.
-TracedFlags tracedFlags(std::span<const std::uint32_t> words);
-
-// True if an entry point is a stage of ray tracing pipelines. False for what is no SPIR-V.
-bool hasRayTracingStages(std::span<const std::uint32_t> words);
-
-// True if the module has such a stage, or declares a capability to trace rays. Looks at nothing else; false for what is
-// no SPIR-V.
-bool tracesRays(std::span<const std::uint32_t> words);
-
 // Tells apart what is linked into rewritten modules: modules with the same hash read tables of the same layout.
 std::uint64_t linkedCodeHash();
 
-// Modules for which tracesRays() is false are Unchanged, whatever they hold, but for pipeline stages. Reads nothing
-// outside `words` and throws nothing but std::bad_alloc.
+// Modules that scan() (module/scan.h) finds to trace no rays are Unchanged, whatever they hold, but for pipeline
+// stages. Reads nothing outside `words` and throws nothing but std::bad_alloc.
 RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options);
 
 } // namespace vellum::spirv

@@ -1,19 +1,9 @@
 #include "spirv/trace_ray.h"
 
-#include <algorithm>
-#include <unordered_map>
-
 #include "spirv/module/opcodes.h"
-#include "spirv/module/ray_instructions.h"
 
 namespace vellum::spirv
 {
-namespace
-{
-
-constexpr std::uint32_t kStrideMask = 15; // the bits of an SBT stride that are used (OpTraceRayKHR)
-
-} // namespace
 
 // By exclusive or: lavapipe's traversal takes up to 15 % longer with a mask that its compiler sees through
 // (Mesa 25.0.7; computed flags that are the same for all rays).
@@ -112,58 +102,6 @@ bool TraceRays::replace(Instruction in, Code &out)
         return false;
     out.out.push_back(module_.with(in, ray->flags, driverFlags));
     return true;
-}
-
-void TracedFlags::add(const TracedFlags &other)
-{
-    mostStride = std::max(mostStride, other.mostStride);
-    if (!other.traces)
-        return;
-    fixed = traces ? fixed & other.fixed & ~(constant ^ other.constant) : other.fixed;
-    constant = other.constant & fixed;
-    traces = true;
-}
-
-TracedFlags tracedFlags(std::span<const std::uint32_t> words)
-{
-    if (words.size() < 5 || words[0] != spv::MagicNumber)
-        return {.mostStride = kStrideMask};
-    std::unordered_map<std::uint32_t, std::uint32_t> constants;
-    TracedFlags traced, queries;
-    bool fromQuery = false;
-    for (std::size_t at = 5; at < words.size();) {
-        const std::uint32_t opcode = words[at] & 0xffff;
-        const std::uint32_t count = words[at] >> 16;
-        if (count == 0 || count > words.size() - at)
-            return {.traces = fromQuery || traced.traces, .fixed = 0, .mostStride = kStrideMask};
-        const auto flagsIn = [&](std::uint32_t word) -> TracedFlags {
-            const auto value = word < count ? constants.find(words[at + word]) : constants.end();
-            if (value == constants.end())
-                return {.traces = true, .fixed = 0};
-            return {.traces = true, .constant = value->second & shared::kHiddenRayFlags};
-        };
-        if (opcode == spv::OpConstant && count == 4)
-            constants[words[at + 2]] = words[at + 3];
-        else if (opcode == spv::OpConstantNull && count == 3)
-            constants[words[at + 2]] = 0;
-        else if (opcode == spv::OpRayQueryInitializeKHR)
-            queries.add(flagsIn(3));
-        else if (const auto ray = rayInstruction(opcode); ray && !ray->onlyExecutes() && !ray->empties) {
-            fromQuery = fromQuery || ray->query != 0;
-            if (ray->query == 0)
-                traced.add(ray->flags != 0 ? flagsIn(ray->flags) : TracedFlags{.traces = true});
-            if (ray->stride() != 0) {
-                const auto value = ray->stride() < count ? constants.find(words[at + ray->stride()]) : constants.end();
-                traced.mostStride =
-                    std::max(traced.mostStride, value == constants.end() ? kStrideMask : value->second & kStrideMask);
-            }
-        }
-        at += count;
-    }
-    // Hit objects that are made from a ray query have the query's flags.
-    if (fromQuery)
-        traced.add(queries);
-    return traced;
 }
 
 } // namespace vellum::spirv

@@ -23,14 +23,14 @@ void check(std::span<const std::uint32_t> words, const spirv::RewriteOptions &op
     FUZZ_CHECK(result.error.empty() == (result.status != Status::Failed));
     FUZZ_CHECK(result.words.empty() == (result.status != Status::Rewritten));
 
-    const bool traces = spirv::tracesRays(words);
-    FUZZ_CHECK(traces || !spirv::hasRayTracingStages(words));
+    const spirv::ModuleScan scan = spirv::scan(words);
+    FUZZ_CHECK(scan.tracesRays || !scan.hasStages);
     if (options.pipelineStage)
         FUZZ_CHECK(result.status != Status::Unchanged);
-    else if (!traces)
+    else if (!scan.tracesRays)
         FUZZ_CHECK(result.status == Status::Unchanged);
 
-    const spirv::TracedFlags traced = spirv::tracedFlags(words);
+    const spirv::TracedFlags &traced = scan.traced;
     FUZZ_CHECK((traced.constant & ~traced.fixed) == 0 && (traced.traces || traced.fixed == spirv::TracedFlags{}.fixed));
 
     const spirv::RewriteResult again = spirv::rewrite(words, options);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "spirv/rewrite.h"
+#include "spirv/module/scan.h"
 
 namespace vellum::fuzz
 {

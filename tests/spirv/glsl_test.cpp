@@ -85,7 +85,7 @@ INSTANTIATE_TEST_SUITE_P(All, OptimizedGlsl,
 TEST(Modules, ThatDoNotTraceAreUnchanged)
 {
     const Module words = loadShader("plain.comp", "v15");
-    EXPECT_FALSE(spirv::tracesRays(words));
+    EXPECT_FALSE(spirv::scan(words).tracesRays);
     const auto result = spirv::rewrite(words, {});
     EXPECT_EQ(result.status, Status::Unchanged);
     EXPECT_TRUE(result.words.empty());
@@ -94,7 +94,7 @@ TEST(Modules, ThatDoNotTraceAreUnchanged)
 TEST(Modules, ThatTraceButNeedNothingAreUnchanged)
 {
     const Module words = loadShader("miss.rmiss", "v15");
-    EXPECT_TRUE(spirv::tracesRays(words));
+    EXPECT_TRUE(spirv::scan(words).tracesRays);
     EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Unchanged);
 }
 

@@ -102,7 +102,7 @@ Module hitObjects(const std::string &body, const std::string &other = "", const 
 
 // The same with SPV_EXT_shader_invocation_reorder, which assemblers are too old for. What that has and the extension of
 // NV has not is stood for by instructions with as many operands.
-Module extHitObjects(const std::string &body, const std::string &other = "")
+Module toExt(Module words)
 {
     static const std::map<std::uint32_t, std::uint32_t> kExt{
         {spirv::kOpTypeHitObjectNV, spirv::kOpTypeHitObjectEXT},
@@ -116,11 +116,15 @@ Module extHitObjects(const std::string &body, const std::string &other = "")
         {5258, spirv::kOpHitObjectGetRayFlagsEXT},     // OpHitObjectGetShaderBindingTableRecordIndexNV
         {5294, spirv::kOpHitObjectRecordFromQueryEXT}, // OpEmitMeshTasksEXT
     };
-    Module words = assemble(moduleOf(body, other));
     for (std::size_t at = 5; at < words.size(); at += words[at] >> 16)
         if (const auto ext = kExt.find(words[at] & 0xffff); ext != kExt.end())
             words[at] = (words[at] & 0xffff0000) | ext->second;
     return words;
+}
+
+Module extHitObjects(const std::string &body)
+{
+    return toExt(assemble(moduleOf(body)));
 }
 
 const std::string kAlong = " %zero %zero %zero %zero %vector %number %vector %number %payload\n";
@@ -265,6 +269,23 @@ TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
     }
 }
 
+// What is hidden of queries that consume micromaps is not of others.
+TEST(HitObjects, OfQueriesWithoutMicromapsHaveTheFlagsThatTheDriverKnows)
+{
+    std::string text = moduleOf(initialize("%skip") + kRecordFromQuery + kTraceWithItsFlags,
+                                initialize("%opaque", "%t") + kRecordFromQuery);
+    text.replace(text.find("OpDecorate"), 0, "OpExecutionModeId %g SubgroupsPerWorkgroupId %yes\n");
+    text.replace(text.find("%uint ="), 0, "%bool = OpTypeBool\n%yes = OpConstantTrue %bool\n");
+    Module words = toExt(assemble(text));
+    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16)
+        if ((words[at] & 0xffff) == spv::OpExecutionModeId)
+            words[at + 2] = spirv::kExecutionModeOpacityMicromapId;
+    const auto result =
+        spirv::rewrite(words, {.rootAddress = 0x1000, .queriesConsume = spirv::QueriesConsume::WhereDeclared});
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(Machine(result.words, {}).run("main"), (Seen{kTraced | 256}));
+}
+
 // Nothing lies beside a copy, and beside what is reached in no way that is known. What the stage does not reach does no
 // harm.
 TEST(HitObjects, ThatAreCopiedAreRejected)
@@ -281,7 +302,7 @@ TEST(HitObjects, PassWhereFlagsAreConstant)
 {
     for (const std::string &use : {traceObject("%opaque"), recordMissNV(), executeNV()})
         EXPECT_EQ(rewriteAs(hitObjects(use), {kAllFixed, 1}).status, Status::Rewritten) << use;
-    using spirv::tracedFlags;
+    const auto tracedFlags = [](const Module &words) { return spirv::scan(words).traced; };
     const spirv::TracedFlags opaque{.traces = true, .constant = 1}, none{.traces = true},
         differ{.traces = true, .fixed = kAllFixed & ~1u};
     EXPECT_EQ(tracedFlags(hitObjects(traceObject("%opaque") + executeNV())), opaque);

@@ -215,31 +215,31 @@ TEST(PipelineStages, FlagsThatAllRaysHaveAlikeAreFixed)
 TEST(PipelineStages, TheGreatestStrideOfRaysIsKnown)
 {
     std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
-    EXPECT_EQ(spirv::tracedFlags(words).mostStride, 0u);
-    EXPECT_EQ(spirv::tracedFlags(loadShader("hit.rchit", "v15")).mostStride, 0u);
-    EXPECT_EQ(spirv::tracedFlags({}).mostStride, 15u);
+    EXPECT_EQ(spirv::scan(words).traced.mostStride, 0u);
+    EXPECT_EQ(spirv::scan(loadShader("hit.rchit", "v15")).traced.mostStride, 0u);
+    EXPECT_EQ(spirv::scan({}).traced.mostStride, 15u);
     std::size_t ray = 5;
     while ((words[ray] & 0xffff) != spv::OpTraceRayKHR)
         ray += words[ray] >> 16;
     words[ray + 5] = words[ray + 2]; // its flags, 0x85
-    EXPECT_EQ(spirv::tracedFlags(words).mostStride, 5u);
+    EXPECT_EQ(spirv::scan(words).traced.mostStride, 5u);
     words[ray + 5] = words[ray + 1]; // no constant
-    EXPECT_EQ(spirv::tracedFlags(words).mostStride, 15u);
+    EXPECT_EQ(spirv::scan(words).traced.mostStride, 15u);
 }
 
 TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
 {
-    const auto traced = spirv::tracedFlags(loadShader("trace.rgen", "v15"));
+    const auto traced = spirv::scan(loadShader("trace.rgen", "v15")).traced;
     EXPECT_TRUE(traced.traces);
     EXPECT_EQ(traced.fixed, 0u);
-    EXPECT_FALSE(spirv::tracedFlags(loadShader("hit.rchit", "v15")).traces);
-    const auto constant = spirv::tracedFlags(loadShader("constant_trace.rgen", "v15"));
+    EXPECT_FALSE(spirv::scan(loadShader("hit.rchit", "v15")).traced.traces);
+    const auto constant = spirv::scan(loadShader("constant_trace.rgen", "v15")).traced;
     EXPECT_TRUE(constant.traces);
     EXPECT_EQ(constant, (spirv::TracedFlags{.traces = true, .constant = 0x81}));
     // Cut off anywhere, it is no longer known, or as far as it goes.
     const std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
     for (std::size_t size = 0; size < words.size(); ++size) {
-        const auto cut = spirv::tracedFlags(std::span(words).first(size));
+        const auto cut = spirv::scan(std::span(words).first(size)).traced;
         EXPECT_EQ(cut.constant & ~0x81u, 0u);
         EXPECT_EQ(~cut.fixed & cut.constant, 0u);
     }
@@ -367,7 +367,7 @@ TEST(PipelineStages, AreKnownByTheirEntryPointsToo)
 {
     const Module words = assemble(anyHitText("ShaderInvocationReorderNV", "", ""));
     EXPECT_EQ(validate(words), "");
-    EXPECT_TRUE(spirv::tracesRays(words));
+    EXPECT_TRUE(spirv::scan(words).tracesRays);
     const auto result = spirv::rewrite(words, optionsOf(kTriangles));
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(count(disassemble(result.words), "OpFunctionCall %uint %vellumResolve"), 1u);

@@ -1,6 +1,7 @@
 // What the tests of the rewriter share: shaders, SPIR-V Tools, and a view of what came out.
 #pragma once
 
+#include "spirv/module/scan.h"
 #include "spirv/rewrite.h"
 #include "validate.h"
 
@@ -29,8 +30,8 @@ std::string disassemble(const Module &words);
 // enables on every device.
 void expectNoMoreNeeds(const Module &words, const Module &rewritten);
 
-// Rewrites, and fails the test unless the result is a valid Rewritten module. The same where constant ray flags are kept
-// like others; that module is not returned.
+// Rewrites, and fails the test unless the result is a valid Rewritten module. The same where constant ray flags are
+// kept like others; that module is not returned.
 Module rewriteValid(const Module &words);
 
 std::size_t count(const std::string &text, const std::string &part);

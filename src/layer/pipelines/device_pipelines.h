@@ -18,9 +18,16 @@
 #include "layer/pipelines/any_hit_modules.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
+#include "spirv/module/scan.h"
 
 namespace vellum::layer
 {
+
+// A module that may have stages of ray tracing pipelines.
+struct RayTracingModule {
+    std::vector<uint32_t> words; // SPIR-V, as the application gave it
+    spirv::TracedFlags traced;
+};
 
 inline uint64_t codeHash(std::span<const uint32_t> words)
 {
@@ -48,8 +55,7 @@ struct DevicePipelines {
     DeviceBuffers &buffers;
     DeviceObjects &objects;
     DeviceCommands &commands;
-    // SPIR-V, as the application gave it, of modules that may have stages of ray tracing pipelines.
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> rayTracingModules{};
+    HandleMap<VkShaderModule, std::shared_ptr<const RayTracingModule>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
     HandleMap<VkShaderModule, bool> tracingModules{};                                 // true: shaders that trace rays
     GivenIdentifiers givenIdentifiers{};

@@ -51,7 +51,7 @@ void warnOf(DevicePipelines &device, const spirv::RewriteResult &result, std::sp
          "their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
     warn(result.lacksHiddenFlags, "VELLUM-intersection-ray-flags",
          "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
-         "ForceOpacityMicromap2State, which travel in ray payloads, since the driver drops unused ray flag bits");
+         "ForceOpacityMicromap2State, which travel in ray payloads where not all rays have them alike");
 }
 
 } // namespace
@@ -60,14 +60,14 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
     const std::span<const uint32_t> words(code, bytes / 4);
-    if (!pipelineStage && !spirv::tracesRays(words))
-        return true;
     spirv::RewriteResult result = spirv::rewrite(words, rewriteOptions(device, pipelineStage));
-    static std::atomic<uint32_t> counter{0};
-    const bool dumping = !device.driver.settings->dumpShaders.empty();
-    const uint32_t number = dumping ? counter++ : 0;
-    if (dumping)
+    if (!device.driver.settings->dumpShaders.empty() && result.status != spirv::RewriteResult::Status::Unchanged) {
+        static std::atomic<uint32_t> counter{0};
+        const uint32_t number = counter++;
         dump(device, number, ".before.spv", words);
+        if (result.status == spirv::RewriteResult::Status::Rewritten)
+            dump(device, number, ".after.spv", result.words);
+    }
     if (result.status == spirv::RewriteResult::Status::Failed) {
         device.driver.report().error("VELLUM-shader-rewrite",
                                      "a shader that traces rays cannot be rewritten: " + result.error);
@@ -79,8 +79,6 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
     storage = std::move(result.words);
     code = storage.data();
     bytes = storage.size() * 4;
-    if (dumping)
-        dump(device, number, ".after.spv", storage);
     return true;
 }
 
@@ -105,7 +103,8 @@ bool DriverStages::rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &c
 {
     const auto *inlined =
         findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-    if (stage.module || !inlined || (!pipelineStage && !spirv::tracesRays({inlined->pCode, inlined->codeSize / 4})))
+    if (stage.module || !inlined ||
+        (!pipelineStage && !spirv::scan({inlined->pCode, inlined->codeSize / 4}).tracesRays))
         return true;
     auto *module =
         chains_.emplace_back(stage.pNext).edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);

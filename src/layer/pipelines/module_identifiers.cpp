@@ -170,7 +170,7 @@ void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handl
     const bool known = !device.driver.emulated || rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
     device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
     if (known)
-        give(device, *identifier, spirv::tracesRays({info->pCode, info->codeSize / 4}));
+        give(device, *identifier, spirv::scan({info->pCode, info->codeSize / 4}).tracesRays);
     else // there is no such module on this device, and its identifier is mixed as none of this device's is
         mix(identifier->identifier, identifier->identifierSize, untouchedMask());
 }

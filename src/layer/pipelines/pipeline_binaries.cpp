@@ -206,7 +206,7 @@ void giveStandIn(DevicePipelines &device, const newer::PipelineCreateInfo &info,
         if (name && !stage.module)
             add(name->pIdentifier, name->identifierSize);
         if (const auto code = device.rayTracingModules.get(stage.module))
-            add(code->data(), code->size() * 4);
+            add(code->words.data(), code->words.size() * 4);
         else
             addNumber(reinterpret_cast<uint64_t>(stage.module));
         if (const VkSpecializationInfo *special = stage.pSpecializationInfo) {

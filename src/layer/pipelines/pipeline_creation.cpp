@@ -194,7 +194,7 @@ private:
         for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
             const std::span<const uint32_t> code = stageCode(device_, stage);
             isFirst =
-                (spirv::tracedFlags(code).traces && device_.shaderWarnings.isFirst(kId, codeHash(code))) || isFirst;
+                (tracedBy(device_, stage).traces && device_.shaderWarnings.isFirst(kId, codeHash(code))) || isFirst;
         }
         if (isFirst)
             device_.driver.report().warning(
@@ -336,7 +336,7 @@ private:
             return {.fixed = 0};
         spirv::TracedFlags traced;
         for (uint32_t i = 0; i < info.stageCount; ++i)
-            traced.add(spirv::tracedFlags(stageCode(device_, info.pStages[i])));
+            traced.add(tracedBy(device_, info.pStages[i]));
         return {traced.fixed, traced.constant};
     }
 
@@ -453,8 +453,8 @@ private:
         VkShaderModule &module =
             rewritten_[{stage.module, stage.stage, decides, hidden, std::string(stage.pName)}]; // null until it is made
         if (!module) {
-            const uint32_t *code = original->data();
-            size_t bytes = original->size() * 4;
+            const uint32_t *code = original->words.data();
+            size_t bytes = original->words.size() * 4;
             std::vector<uint32_t> storage;
             if (!rewriteShader(device_, code, bytes, storage, target))
                 return VK_ERROR_UNKNOWN;

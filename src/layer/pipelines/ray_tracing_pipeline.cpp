@@ -14,10 +14,16 @@ namespace vellum::layer
 std::span<const uint32_t> stageCode(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage)
 {
     if (const auto original = device.rayTracingModules.get(stage.module))
-        return *original;
+        return original->words;
     const auto *inlined =
         findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
     return inlined ? std::span(inlined->pCode, inlined->codeSize / 4) : std::span<const uint32_t>();
+}
+
+spirv::TracedFlags tracedBy(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage)
+{
+    const auto module = device.rayTracingModules.get(stage.module);
+    return module ? module->traced : spirv::scan(stageCode(device, stage)).traced;
 }
 
 void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
@@ -27,8 +33,7 @@ void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCre
         record.hasBoxes =
             record.hasBoxes || info.pGroups[i].type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
     for (uint32_t i = 0; i < info.stageCount; ++i)
-        record.mostStride =
-            std::max(record.mostStride, spirv::tracedFlags(stageCode(device, info.pStages[i])).mostStride);
+        record.mostStride = std::max(record.mostStride, tracedBy(device, info.pStages[i]).mostStride);
     for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
         if (const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i])) {
             record.hasBoxes = record.hasBoxes || library->hasBoxes;

@@ -11,6 +11,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/memory/memory_pool.h"
+#include "spirv/module/scan.h"
 #include "spirv/payload_types.h"
 #include "spirv/rewrite.h"
 
@@ -55,6 +56,8 @@ withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR 
                const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use);
 // The code of a stage; nothing where only the driver has it. Valid as long as the stage's module is.
 std::span<const uint32_t> stageCode(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage);
+// What is known of the rays that it traces.
+spirv::TracedFlags tracedBy(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage);
 // Sets what decides which hit records its rays may read: hasBoxes, mostStride.
 void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                     RayTracingPipeline &record);

@@ -14,7 +14,7 @@
 #include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shader_binary.h"
-#include "spirv/rewrite.h"
+#include "spirv/module/scan.h"
 
 namespace vellum::layer
 {
@@ -52,19 +52,20 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
     const bool emulated = device.driver.emulated;
-    if (emulated && !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
-        return VK_ERROR_INVALID_SHADER_NV;
     const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
-    std::shared_ptr<const std::vector<uint32_t>> original;
-    if (emulated && spirv::hasRayTracingStages(words))
-        original = std::make_shared<std::vector<uint32_t>>(words.begin(), words.end());
+    const spirv::ModuleScan scan = spirv::scan(words);
+    if (emulated && scan.tracesRays && !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
+        return VK_ERROR_INVALID_SHADER_NV;
+    std::shared_ptr<const RayTracingModule> original;
+    if (emulated && scan.hasStages)
+        original = std::make_shared<RayTracingModule>(RayTracingModule{{words.begin(), words.end()}, scan.traced});
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     if (result != VK_SUCCESS)
         return result;
     Undo undo([&] { destroyShaderModule(device, handle, *module, allocator); });
     if (original)
         device.rayTracingModules.set(*module, std::move(original));
-    if (spirv::tracesRays(words))
+    if (scan.tracesRays)
         device.tracingModules.set(*module, true);
     undo.keep();
     return result;

@@ -130,7 +130,7 @@ uint64_t tracingCode(const DeviceTranslation &device, const VkPipelineShaderStag
     if (stage.module || !inlined)
         return device.tracingModules.get(stage.module);
     const std::span<const uint32_t> words(inlined->pCode, inlined->codeSize / 4);
-    return spirv::tracedFlags(words).traces ? codeHash(words) : 0;
+    return spirv::scan(words).traced.traces ? codeHash(words) : 0;
 }
 
 void warnOfTracing(DeviceTranslation &device, const VkRayTracingPipelineCreateInfoKHR &info)
@@ -217,7 +217,7 @@ VkResult createTranslatedModule(DeviceTranslation &device, VkDevice handle, cons
     translateShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
-    if (result == VK_SUCCESS && spirv::tracedFlags(words).traces)
+    if (result == VK_SUCCESS && spirv::scan(words).traced.traces)
         device.tracingModules.set(*module, codeHash(words));
     return result;
 }

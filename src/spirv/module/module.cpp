@@ -9,7 +9,6 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr std::uint32_t kHeaderWords = 5;
 // Universal limit of ids (SPIR-V specification, 2.17). It also bounds what a hostile header makes us allocate.
 constexpr std::uint32_t kMaxBound = 4'194'303;
 
@@ -137,7 +136,7 @@ std::uint32_t minimumWords(std::uint32_t opcode)
 std::optional<Module> Module::parse(Words words, std::string &error)
 {
     Module m;
-    if (words.size() < kHeaderWords || words[0] != spv::MagicNumber) {
+    if (!isSpirv(words)) {
         error = "not a SPIR-V module of this machine's byte order";
         return {};
     }
@@ -248,15 +247,7 @@ std::vector<std::uint32_t> Module::serialize() const
 
 std::string Module::string(Instruction in, std::uint32_t i) const
 {
-    std::string text;
-    for (; i < in.count; ++i)
-        for (std::uint32_t shift = 0; shift < 32; shift += 8) {
-            const char c = static_cast<char>((word(in, i) >> shift) & 0xff);
-            if (c == 0)
-                return text;
-            text += c;
-        }
-    return text;
+    return i < in.count ? textOf(words(in).subspan(i)) : "";
 }
 
 Id Module::result(Instruction in) const

@@ -11,11 +11,12 @@
 #include <string>
 #include <vector>
 
+#include "spirv/module/words.h"
+
 namespace vellum::spirv
 {
 
 using Id = std::uint32_t;
-using Words = std::span<const std::uint32_t>;
 
 // The sections of the logical layout (SPIR-V specification, 2.4) that we tell apart.
 enum class Section : std::uint8_t {

@@ -3,7 +3,7 @@
 
 #include "spirv/module/opcodes.h"
 #include "spirv/payload_types.h"
-#include "spirv/rewrite.h"
+#include "spirv/module/scan.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -108,7 +108,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
              "(VUID-VkShaderModuleCreateInfo-pCode-08737)");
     std::lock_guard lock(mutex);
     rayModules.erase(*module);
-    if (vellum::spirv::hasRayTracingStages(words))
+    if (vellum::spirv::scan(words).hasStages)
         rayModules[*module] = {words.begin(), words.end()};
     return result;
 }

@@ -67,9 +67,8 @@ protected:
 
 TEST_F(PipelineResolution, RayFlagsAtRunTime)
 {
-    const std::size_t warnings = gpu().intersectionWarnings();
     PipelineTracer tracer(gpu());
-    EXPECT_GT(gpu().intersectionWarnings(), warnings);
+    EXPECT_GT(gpu().intersectionWarnings(), 0u); // once for a shader
     for (const std::uint32_t flags : allRayFlags())
         scene_->expect(tracer, flags);
 }
@@ -81,7 +80,7 @@ TEST_F(PipelineResolution, ConstantRayFlags)
         PipelineTracer tracer(gpu(), {.raygen = variant.raygen});
         scene_->expect(tracer, variant.flags, {.runTimeFlags = 0x40, .constantFlags = constantRayFlags()});
     }
-    EXPECT_EQ(gpu().intersectionWarnings() == warnings, constantRayFlags());
+    EXPECT_TRUE(!constantRayFlags() || gpu().intersectionWarnings() == warnings);
 }
 
 TEST_F(PipelineResolution, SpecializedRayFlags)
