@@ -1,15 +1,14 @@
 // vellum-device-bench: what making and destroying a device costs with the layer, against the same without it; and what
 // is paid later instead, by a first build of acceleration structures and by a first pipeline that traces rays.
 #include <cstdio>
-#include <ctime>
 #include <functional>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "cli/render_command.h"
 #include "cli/render_options.h"
-#include "creation_bench.h"
+#include "layer_comparison.h"
+#include "process_times.h"
 #include "side_by_side.h"
 
 namespace
@@ -17,17 +16,11 @@ namespace
 
 using namespace vellum;
 
-// Of all threads of this program; on a CPU driver that is the device's work, too.
 double processorMilliseconds(const std::function<void()> &work)
 {
-    const auto now = [] {
-        timespec time{};
-        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-        return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-    };
-    const double begin = now();
+    const double begin = bench::processorSeconds();
     work();
-    return now() - begin;
+    return 1e3 * (bench::processorSeconds() - begin);
 }
 
 // One triangle, so that next to nothing is the scene's.
@@ -58,15 +51,8 @@ constexpr Api kApis[] = {
     {"khr", cli::MicromapApi::Khr},
 };
 
-void run(const std::optional<std::filesystem::path> &layerFolder, const std::optional<std::string> &wish,
-         unsigned repetitions)
+void run(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetitions)
 {
-    bench::disableShaderCaches();
-    cli::offerLayer(layerFolder);
-    const cli::Instance without(false);
-    const cli::Instance with(true);
-    const cli::DeviceInfo off = cli::chooseDevice(without, wish);
-    const cli::DeviceInfo on = cli::chooseDevice(with, wish);
     const cli::RenderScene scene = smallestScene();
     cli::RenderSettings settings;
     settings.width = settings.height = 8;
@@ -109,21 +95,7 @@ void run(const std::optional<std::filesystem::path> &layerFolder, const std::opt
 
 int main(int argc, char **argv)
 {
-    CLI::App app("What making a device costs with the layer and without; prints Markdown.", "vellum-device-bench");
-    std::optional<std::filesystem::path> layerFolder;
-    std::optional<std::string> device;
-    unsigned repetitions = 21;
-    app.add_option("-r,--repetitions", repetitions, "Devices of each kind")
-        ->capture_default_str()
-        ->check(CLI::Range(1, 1000));
-    app.add_option("-d,--device", device, "The Vulkan device: a number or a part of its name");
-    app.add_option("--layer-path", layerFolder, "Folder of the layer's manifest");
-    CLI11_PARSE(app, argc, argv);
-    try {
-        run(layerFolder, device, repetitions);
-        return 0;
-    } catch (const std::exception &error) {
-        std::fprintf(stderr, "vellum-device-bench: %s\n", error.what());
-        return 1;
-    }
+    return bench::compareDevices(argc, argv, "vellum-device-bench",
+                                 "What making a device costs with the layer and without; prints Markdown.",
+                                 "Devices of each kind", run);
 }

@@ -4,12 +4,11 @@
 #include <chrono>
 #include <cstdio>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "cli/render_command.h"
 #include "cli/vulkan/resources.h"
-#include "creation_bench.h"
+#include "layer_comparison.h"
 #include "side_by_side.h"
 
 namespace
@@ -183,15 +182,8 @@ private:
     std::vector<std::unique_ptr<Structure>> bottoms_, tops_;
 };
 
-void run(const std::optional<std::filesystem::path> &layerFolder, const std::optional<std::string> &wish,
-         unsigned repetitions)
+void run(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetitions)
 {
-    bench::disableShaderCaches();
-    cli::offerLayer(layerFolder);
-    const cli::Instance without(false);
-    const cli::Instance with(true);
-    const cli::DeviceInfo off = cli::chooseDevice(without, wish);
-    const cli::DeviceInfo on = cli::chooseDevice(with, wish);
     World bare(off, std::nullopt), layered(on, cli::MicromapApi::Khr);
     fmt::print("{}, {}, medians of {}, milliseconds\n\n"
                "| what is built | layer off | layer on | on - off | on/off |\n|---|--:|--:|--:|--:|\n",
@@ -213,22 +205,7 @@ void run(const std::optional<std::filesystem::path> &layerFolder, const std::opt
 
 int main(int argc, char **argv)
 {
-    CLI::App app("Builds of acceleration structures with the layer and without; prints Markdown.",
-                 "vellum-structure-bench");
-    std::optional<std::filesystem::path> layerFolder;
-    std::optional<std::string> device;
-    unsigned repetitions = 21;
-    app.add_option("-r,--repetitions", repetitions, "Builds of each kind")
-        ->capture_default_str()
-        ->check(CLI::Range(1, 1000));
-    app.add_option("-d,--device", device, "The Vulkan device: a number or a part of its name");
-    app.add_option("--layer-path", layerFolder, "Folder of the layer's manifest");
-    CLI11_PARSE(app, argc, argv);
-    try {
-        run(layerFolder, device, repetitions);
-        return 0;
-    } catch (const std::exception &error) {
-        std::fprintf(stderr, "vellum-structure-bench: %s\n", error.what());
-        return 1;
-    }
+    return bench::compareDevices(argc, argv, "vellum-structure-bench",
+                                 "Builds of acceleration structures with the layer and without; prints Markdown.",
+                                 "Builds of each kind", run);
 }

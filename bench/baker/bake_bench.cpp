@@ -7,13 +7,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
-#include <ctime>
 #include <fstream>
 #include <functional>
 
 #include "bake/classify.h"
 #include "bake_work.h"
+#include "process_times.h"
 #include "rivals.h"
 
 // What is measured runs in here, so that a profiler can be told to look at nothing else:
@@ -42,26 +41,9 @@ struct Settings {
     bool memory = false;
 };
 
-// Seconds of the process's work and of the clock; the best of all rounds.
-struct Times {
-    double cpu = 1e300;
-    double wall = 1e300;
-};
-
-template <typename Function>
-void measure(Times &times, Function &&function)
+void measure(BestTimes &times, const std::function<void()> &function)
 {
-    const auto cpu = [] {
-        timespec time{};
-        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-        return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
-    };
-    const auto start = std::chrono::steady_clock::now();
-    const double before = cpu();
-    vellum_bench_measured(function);
-    times.cpu = std::min(times.cpu, cpu() - before);
-    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-    times.wall = std::min(times.wall, wall.count());
+    times.measure([&] { vellum_bench_measured(function); });
 }
 
 BakeOptions optionsFor(const std::string &level, unsigned threads)
@@ -127,10 +109,10 @@ void printRow(const Settings &settings, const BakeWork &work, const std::string 
     threaded.threads = settings.threads;
     const auto levels = levelsOf(work, exact);
 
-    Times exactTimes;
-    Times threadedTimes;
-    Times tolerantTimes;
-    std::vector<Times> theirTimes(rivals.size());
+    BestTimes exactTimes;
+    BestTimes threadedTimes;
+    BestTimes tolerantTimes;
+    std::vector<BestTimes> theirTimes(rivals.size());
     std::vector<RivalScore> scores(rivals.size());
     std::vector<BakeResult> exactResults;
     Totals tolerantTotals;
@@ -194,7 +176,7 @@ void runOnce(const std::string &which, const BakeWork &work, const std::string &
     }
     if (which == "exact")
         options.exactly();
-    Times times;
+    BestTimes times;
     if (which == "exact" || which == "tolerant")
         measure(times, [&] { bakeAll(work, options); });
     else

@@ -5,9 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstring>
-#include <ctime>
 #include <memory>
 
 #include "bake/bake.h"
@@ -15,6 +13,7 @@
 #include "cli/vulkan/context.h"
 #include "cli/vulkan/resources.h"
 #include "core/curve.h"
+#include "process_times.h"
 #include "vellum/gpu_bake.h"
 
 namespace
@@ -32,28 +31,6 @@ struct Settings {
     std::vector<std::string> levels = {"3", "5", "auto", "7"};
     std::string device;
 };
-
-// Seconds of the process's work, of all threads, and of the clock; the best of all rounds.
-struct Times {
-    double cpu = 1e300;
-    double wall = 1e300;
-};
-
-template <typename Function>
-void measure(Times &times, Function &&function)
-{
-    const auto cpu = [] {
-        timespec time{};
-        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-        return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
-    };
-    const double before = cpu();
-    const auto start = std::chrono::steady_clock::now();
-    function();
-    times.cpu = std::min(times.cpu, cpu() - before);
-    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-    times.wall = std::min(times.wall, wall.count());
-}
 
 // A micromap from the GPU's buffers.
 class GpuBake
@@ -203,15 +180,15 @@ void compare(const Settings &settings, const std::string &level, const bench::Ba
 
     gpu.prepare(gpuOptions);
     gpu.run(gpuOptions); // the driver compiles shaders when they first run
-    Times cpuTimes;
-    Times gpuTimes;
+    bench::BestTimes cpuTimes;
+    bench::BestTimes gpuTimes;
     Micromap cpu;
     for (unsigned round = 0; round < settings.rounds; ++round) {
-        measure(cpuTimes, [&] {
+        cpuTimes.measure([&] {
             const AlphaTexture texture = mesh.texture();
             cpu = bake(texture, mesh.triangles, options).micromap;
         });
-        measure(gpuTimes, [&] { gpu.run(gpuOptions); });
+        gpuTimes.measure([&] { gpu.run(gpuOptions); });
     }
     const Score result = score(gpu.read(), cpu);
     fmt::print("{:>5} {:>10.3f} s {:>8.3f} s {:>10.3f} s {:>8.3f} s {:>8.3f} % {:>12.1f} {:>6} {:>12.1f}\n", level,
