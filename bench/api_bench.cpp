@@ -27,12 +27,11 @@ struct Pair {
 } // namespace
 
 std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderScene &scene,
-                                   cli::RenderSettings settings, const std::vector<std::uint32_t> &levels,
-                                   unsigned repetitions,
-                                   const std::function<void(std::size_t done, std::size_t total)> &progress)
+                                   cli::RenderSettings settings, const std::vector<uint32_t> &levels,
+                                   unsigned repetitions, const std::function<void(size_t done, size_t total)> &progress)
 {
     std::vector<std::unique_ptr<Pair>> pairs;
-    for (const std::uint32_t level : levels) {
+    for (const uint32_t level : levels) {
         BakeOptions options;
         options.level = level;
         const cli::BakedScene baked = cli::bakeScene(scene.scene, options);
@@ -47,7 +46,7 @@ std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderS
         ApiResult &result = pair->result;
         Renderer *const renderers[] = {&pair->khr, &pair->ext};
         cli::Picture pictures[2];
-        for (const std::size_t i : {std::size_t{0}, std::size_t{1}}) {
+        for (const size_t i : {size_t{0}, size_t{1}}) {
             renderers[i]->frame();
             pictures[i] = renderers[i]->picture();
             result.candidatesPerRay[i] = renderers[i]->count().perRay();
@@ -55,7 +54,7 @@ std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderS
         }
         result.differingPixels = cli::compare(pictures[0], pictures[1]).pixels;
     }
-    std::size_t done = 0;
+    size_t done = 0;
     for (unsigned r = 0; r < repetitions; ++r) {
         for (const auto &pair : pairs) {
             pair->times.measure([&] { return pair->ext.frame(); }, [&] { return pair->khr.frame(); });

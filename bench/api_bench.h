@@ -17,19 +17,19 @@ struct ApiDevices {
 };
 
 struct ApiResult {
-    std::uint32_t level = 0;
+    uint32_t level = 0;
     bool heavy = false;
     double candidatesPerRay[2] = {}; // with KHR, with EXT
     VkDeviceSize bytes[2] = {};
     double milliseconds[2] = {}; // medians
     double ratio = 0;            // frame time khr / ext, median
-    std::size_t differingPixels = 0;
+    size_t differingPixels = 0;
 };
 
 // Each frame with KHR lies between two with EXT.
 std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderScene &scene,
-                                   cli::RenderSettings settings, const std::vector<std::uint32_t> &levels,
+                                   cli::RenderSettings settings, const std::vector<uint32_t> &levels,
                                    unsigned repetitions,
-                                   const std::function<void(std::size_t done, std::size_t total)> &progress);
+                                   const std::function<void(size_t done, size_t total)> &progress);
 
 } // namespace vellum::bench

@@ -55,7 +55,7 @@ struct Recorder {
     Recorder &operator=(const Recorder &) = delete;
 
     // Nanoseconds of a call.
-    double measure(const CommandCase &command, std::uint32_t calls)
+    double measure(const CommandCase &command, uint32_t calls)
     {
         side.begin(commands);
         side.vk.CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, side.compute);
@@ -80,12 +80,12 @@ struct Times {
 std::vector<Times> measure(const CommandCase &command, const std::vector<std::unique_ptr<CommandSide>> &sides,
                            const BenchOptions &options)
 {
-    const std::uint32_t calls = command.creation ? 4 : options.calls;
+    const uint32_t calls = command.creation ? 4 : options.calls;
     const unsigned repetitions = command.creation ? std::max(options.repetitions / 4, 3u) : options.repetitions;
     std::vector<std::vector<double>> all(sides.size());
     std::mutex mutex;
     std::exception_ptr failure;
-    std::barrier together(static_cast<std::ptrdiff_t>(options.threads));
+    std::barrier together(static_cast<ptrdiff_t>(options.threads));
     const auto work = [&] {
         std::vector<std::vector<double>> own(sides.size());
         {
@@ -94,7 +94,7 @@ std::vector<Times> measure(const CommandCase &command, const std::vector<std::un
                 recorders.push_back(std::make_unique<Recorder>(*side));
             for (unsigned r = 0; r < repetitions + 2; ++r) {
                 double first = 0;
-                for (std::size_t i = 0; i < sides.size(); ++i) {
+                for (size_t i = 0; i < sides.size(); ++i) {
                     together.arrive_and_wait();
                     const double time = command.available(*sides[i]) ? recorders[i]->measure(command, calls) : 0;
                     if (i == 0)
@@ -105,7 +105,7 @@ std::vector<Times> measure(const CommandCase &command, const std::vector<std::un
             }
         }
         std::lock_guard lock(mutex);
-        for (std::size_t i = 0; i < sides.size(); ++i)
+        for (size_t i = 0; i < sides.size(); ++i)
             all[i].insert(all[i].end(), own[i].begin(), own[i].end());
     };
     const auto guarded = [&] {
@@ -158,7 +158,7 @@ void run(const BenchOptions &options)
     for (const auto &side : sides)
         fmt::print(" {} |", side->name);
     fmt::print("\n|---|");
-    for (std::size_t i = 0; i < sides.size(); ++i)
+    for (size_t i = 0; i < sides.size(); ++i)
         fmt::print("--:|");
     fmt::print("\n");
     for (const CommandCase &command : bench::commandCases()) {

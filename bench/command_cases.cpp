@@ -10,7 +10,7 @@ namespace
 
 using Side = const CommandSide &;
 using Commands = VkCommandBuffer;
-using Count = std::uint32_t;
+using Count = uint32_t;
 
 template <typename Call>
 auto times(Call call)
@@ -25,9 +25,9 @@ VkDependencyInfo dependency(const std::vector<VkMemoryBarrier2> &memory,
                             const std::vector<VkBufferMemoryBarrier2> &buffers)
 {
     VkDependencyInfo info{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-    info.memoryBarrierCount = static_cast<std::uint32_t>(memory.size());
+    info.memoryBarrierCount = static_cast<uint32_t>(memory.size());
     info.pMemoryBarriers = memory.data();
-    info.bufferMemoryBarrierCount = static_cast<std::uint32_t>(buffers.size());
+    info.bufferMemoryBarrierCount = static_cast<uint32_t>(buffers.size());
     info.pBufferMemoryBarriers = buffers.data();
     return info;
 }
@@ -54,7 +54,7 @@ VkBufferMemoryBarrier2 bufferBarrier(Side side)
             VK_WHOLE_SIZE};
 }
 
-void barriers(Side side, Commands commands, Count count, std::size_t memory, std::size_t buffers)
+void barriers(Side side, Commands commands, Count count, size_t memory, size_t buffers)
 {
     const std::vector<VkMemoryBarrier2> m(memory, memoryBarrier());
     const std::vector<VkBufferMemoryBarrier2> b(buffers, bufferBarrier(side));
@@ -75,7 +75,7 @@ void addBindings(std::vector<CommandCase> &cases)
                          side.vk.CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, side.rayTracing);
                      })});
     cases.push_back({"vkCmdPushConstants, 128 bytes", times([](Side side, Commands commands, Count i) {
-                         const std::uint32_t values[32] = {i};
+                         const uint32_t values[32] = {i};
                          side.vk.CmdPushConstants(commands, side.layout, VK_SHADER_STAGE_ALL, 0, sizeof values, values);
                      })});
     cases.push_back({"vkCmdPushConstants, 32 places in turns", times([](Side side, Commands commands, Count i) {
@@ -187,8 +187,8 @@ void addObjects(std::vector<CommandCase> &cases)
                          side.vk.GetBufferDeviceAddress(side.device, &info);
                      })});
     cases.push_back({"vkSet/GetPrivateData", times([](Side side, Commands, Count i) {
-                         const auto handle = reinterpret_cast<std::uint64_t>(side.buffer.buffer);
-                         std::uint64_t value = 0;
+                         const auto handle = reinterpret_cast<uint64_t>(side.buffer.buffer);
+                         uint64_t value = 0;
                          side.vk.SetPrivateData(side.device, VK_OBJECT_TYPE_BUFFER, handle, side.slot, i);
                          side.vk.GetPrivateData(side.device, VK_OBJECT_TYPE_BUFFER, handle, side.slot, &value);
                      })});
@@ -221,7 +221,7 @@ void addFrame(std::vector<CommandCase> &cases)
 {
     cases.push_back(
         {"a frame of 1,000 commands", times([](Side side, Commands commands, Count) {
-             const std::uint32_t values[32] = {};
+             const uint32_t values[32] = {};
              const std::vector<VkMemoryBarrier2> memory(1, memoryBarrier());
              const std::vector<VkBufferMemoryBarrier2> buffers(4, bufferBarrier(side));
              const VkDependencyInfo info = dependency(memory, buffers);
@@ -279,7 +279,7 @@ void addAddressCommands(std::vector<CommandCase> &cases)
 
 void addCreations(std::vector<CommandCase> &cases)
 {
-    const auto addModule = [&](const char *name, const std::uint32_t *words, std::size_t bytes) {
+    const auto addModule = [&](const char *name, const uint32_t *words, size_t bytes) {
         cases.push_back({name, times([words, bytes](Side side, Commands, Count) {
                              side.vk.DestroyShaderModule(side.device, side.makeModule(words, bytes), nullptr);
                          }),

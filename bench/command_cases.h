@@ -13,7 +13,7 @@ namespace vellum::bench
 struct CommandCase {
     std::string name;
     // Calls the command `count` times; those that are recorded, into `commands`. What objects it makes it destroys.
-    std::function<void(const CommandSide &, VkCommandBuffer commands, std::uint32_t count)> run;
+    std::function<void(const CommandSide &, VkCommandBuffer commands, uint32_t count)> run;
     // Of pipelines and shader modules, which take a driver long: fewer are made.
     bool creation = false;
     // Whether a side has it.

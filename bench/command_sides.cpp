@@ -27,7 +27,7 @@ constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFF
 
 bool hasExtension(VkPhysicalDevice device, const char *name)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr), "listing device extensions");
     std::vector<VkExtensionProperties> extensions(count);
     check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()),
@@ -39,8 +39,8 @@ bool hasExtension(VkPhysicalDevice device, const char *name)
 } // namespace
 
 CommandSide::CommandSide(std::string sideName, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> micromaps,
-                         std::uint32_t objects)
-    : name(std::move(sideName)), api(micromaps), m_physical(info.handle)
+                         uint32_t objects)
+    : name(std::move(sideName)), api(micromaps), physical_(info.handle)
 {
     createDevice(info);
     createObjects(objects);
@@ -81,7 +81,7 @@ void CommandSide::createDevice(const cli::DeviceInfo &info)
         feature.pNext = std::exchange(pipelines.pNext, &feature);
         extensions.push_back(extension);
     };
-    if (hasExtension(m_physical, VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+    if (hasExtension(physical_, VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         add(conditional, VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME);
     if (api == cli::MicromapApi::Khr) {
         add(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
@@ -99,7 +99,7 @@ void CommandSide::createDevice(const cli::DeviceInfo &info)
     deviceInfo.pNext = &features;
     deviceInfo.queueCreateInfoCount = 1;
     deviceInfo.pQueueCreateInfos = &queueInfo;
-    deviceInfo.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    deviceInfo.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
     deviceInfo.ppEnabledExtensionNames = extensions.data();
     check(vkCreateDevice(info.handle, &deviceInfo, nullptr, &device), "creating a Vulkan device");
     const auto load = [this](auto &function, const char *command) {
@@ -118,7 +118,7 @@ void CommandSide::createDevice(const cli::DeviceInfo &info)
     vkGetDeviceQueue(device, 0, 0, &queue);
 }
 
-void CommandSide::createObjects(std::uint32_t objects)
+void CommandSide::createObjects(uint32_t objects)
 {
     const VkDescriptorSetLayoutBinding bindings[] = {
         {0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr},
@@ -168,31 +168,31 @@ void CommandSide::createObjects(std::uint32_t objects)
     begin(secondary, VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT);
     check(vk.EndCommandBuffer(secondary), "recording");
     constexpr VkDeviceSize kSmall = 256;
-    m_manyStorage =
+    manyStorage_ =
         makeBuffer((VkDeviceSize{objects} + 1) * kSmall,
                    VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    structureInfo.buffer = m_manyStorage.buffer;
+    structureInfo.buffer = manyStorage_.buffer;
     structureInfo.size = kSmall;
-    for (std::uint32_t i = 0; i < objects; ++i) {
+    for (uint32_t i = 0; i < objects; ++i) {
         structureInfo.offset = i * kSmall;
-        check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &m_structures.emplace_back()),
+        check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structures_.emplace_back()),
               "creating an acceleration structure");
         const VkAccelerationStructureDeviceAddressInfoKHR query{
-            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, m_structures.back()};
+            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, structures_.back()};
         (void)vk.GetAccelerationStructureDeviceAddressKHR(device, &query);
         if (i % 256 == 0)
-            m_pools.push_back(makePool());
-        (void)allocate(m_pools.back(), VK_COMMAND_BUFFER_LEVEL_PRIMARY);
-        m_buffers.push_back(makeBuffer(256, kUsage));
+            pools_.push_back(makePool());
+        (void)allocate(pools_.back(), VK_COMMAND_BUFFER_LEVEL_PRIMARY);
+        buffers_.push_back(makeBuffer(256, kUsage));
     }
 }
 
 CommandSide::~CommandSide()
 {
     vk.DeviceWaitIdle(device);
-    for (const BenchBuffer &b : m_buffers)
+    for (const BenchBuffer &b : buffers_)
         destroy(b);
-    for (const VkCommandPool pool : m_pools)
+    for (const VkCommandPool pool : pools_)
         vk.DestroyCommandPool(device, pool, nullptr);
     vk.DestroyCommandPool(device, secondaryPool, nullptr);
     vk.DestroyPrivateDataSlot(device, slot, nullptr);
@@ -200,9 +200,9 @@ CommandSide::~CommandSide()
     vk.DestroyEvent(device, event, nullptr);
     vk.DestroyQueryPool(device, timestamps, nullptr);
     vk.DestroyAccelerationStructureKHR(device, structure, nullptr);
-    for (const VkAccelerationStructureKHR s : m_structures)
+    for (const VkAccelerationStructureKHR s : structures_)
         vk.DestroyAccelerationStructureKHR(device, s, nullptr);
-    for (const BenchBuffer &b : {buffer, other, storage, m_manyStorage})
+    for (const BenchBuffer &b : {buffer, other, storage, manyStorage_})
         destroy(b);
     for (const VkPipeline p : {compute, graphics, rayTracing})
         vk.DestroyPipeline(device, p, nullptr);
@@ -248,8 +248,8 @@ BenchBuffer CommandSide::makeBuffer(VkDeviceSize bytes, VkBufferUsageFlags usage
     VkMemoryRequirements needs{};
     vk.GetBufferMemoryRequirements(device, result.buffer, &needs);
     VkPhysicalDeviceMemoryProperties memory{};
-    vkGetPhysicalDeviceMemoryProperties(m_physical, &memory);
-    std::uint32_t type = 0;
+    vkGetPhysicalDeviceMemoryProperties(physical_, &memory);
+    uint32_t type = 0;
     while ((needs.memoryTypeBits >> type & 1u) == 0 ||
            (memory.memoryTypes[type].propertyFlags & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) == 0)
         ++type;
@@ -269,7 +269,7 @@ void CommandSide::destroy(const BenchBuffer &b) const
     vk.FreeMemory(device, b.memory, nullptr);
 }
 
-VkShaderModule CommandSide::makeModule(const std::uint32_t *words, std::size_t bytes) const
+VkShaderModule CommandSide::makeModule(const uint32_t *words, size_t bytes) const
 {
     const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, words};
     VkShaderModule module = VK_NULL_HANDLE;
@@ -345,9 +345,8 @@ VkPipeline CommandSide::makeRayTracing(bool micromaps) const
     for (const auto &[stage, module] : modules)
         stages.push_back(
             {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, stage, module, "main", nullptr});
-    constexpr std::uint32_t kNone = VK_SHADER_UNUSED_KHR;
-    const auto group = [](VkRayTracingShaderGroupTypeKHR type, std::uint32_t general, std::uint32_t closest,
-                          std::uint32_t any) {
+    constexpr uint32_t kNone = VK_SHADER_UNUSED_KHR;
+    const auto group = [](VkRayTracingShaderGroupTypeKHR type, uint32_t general, uint32_t closest, uint32_t any) {
         return VkRayTracingShaderGroupCreateInfoKHR{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR,
                                                     nullptr,
                                                     type,
@@ -362,9 +361,9 @@ VkPipeline CommandSide::makeRayTracing(bool micromaps) const
                                group(VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR, kNone, 2, 3)};
     VkRayTracingPipelineCreateInfoKHR info{VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR};
     info.flags = micromaps ? VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT : 0;
-    info.stageCount = static_cast<std::uint32_t>(stages.size());
+    info.stageCount = static_cast<uint32_t>(stages.size());
     info.pStages = stages.data();
-    info.groupCount = static_cast<std::uint32_t>(groups.size());
+    info.groupCount = static_cast<uint32_t>(groups.size());
     info.pGroups = groups.data();
     info.maxPipelineRayRecursionDepth = 1;
     info.layout = layout;

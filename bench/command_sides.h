@@ -107,8 +107,7 @@ class CommandSide
 {
 public:
     // `objects`: so many buffers, command buffers and acceleration structures are there besides those that are used.
-    CommandSide(std::string name, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> api,
-                std::uint32_t objects);
+    CommandSide(std::string name, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> api, uint32_t objects);
     ~CommandSide();
     CommandSide(const CommandSide &) = delete;
     CommandSide &operator=(const CommandSide &) = delete;
@@ -118,7 +117,7 @@ public:
     void begin(VkCommandBuffer commands, VkCommandBufferUsageFlags flags = 0) const;
     [[nodiscard]] BenchBuffer makeBuffer(VkDeviceSize bytes, VkBufferUsageFlags usage) const;
     void destroy(const BenchBuffer &buffer) const;
-    [[nodiscard]] VkShaderModule makeModule(const std::uint32_t *words, std::size_t bytes) const;
+    [[nodiscard]] VkShaderModule makeModule(const uint32_t *words, size_t bytes) const;
     [[nodiscard]] VkPipeline makeCompute(VkShaderModule module) const;
     [[nodiscard]] VkPipeline makeGraphics() const;
     [[nodiscard]] VkPipeline makeRayTracing(bool micromaps) const;
@@ -145,13 +144,13 @@ public:
 
 private:
     void createDevice(const cli::DeviceInfo &info);
-    void createObjects(std::uint32_t objects);
+    void createObjects(uint32_t objects);
 
-    VkPhysicalDevice m_physical = VK_NULL_HANDLE;
-    std::vector<VkCommandPool> m_pools;
-    std::vector<BenchBuffer> m_buffers;
-    BenchBuffer m_manyStorage; // of the structures
-    std::vector<VkAccelerationStructureKHR> m_structures;
+    VkPhysicalDevice physical_ = VK_NULL_HANDLE;
+    std::vector<VkCommandPool> pools_;
+    std::vector<BenchBuffer> buffers_;
+    BenchBuffer manyStorage_; // of the structures
+    std::vector<VkAccelerationStructureKHR> structures_;
 };
 
 } // namespace vellum::bench

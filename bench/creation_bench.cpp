@@ -14,8 +14,7 @@ void disableShaderCaches()
 }
 
 std::vector<CreationResult> measureCreation(const Devices &devices, const cli::RenderScene &scene,
-                                            const std::vector<cli::Trace> &traces, std::uint32_t level,
-                                            unsigned repetitions)
+                                            const std::vector<cli::Trace> &traces, uint32_t level, unsigned repetitions)
 {
     BakeOptions options;
     options.level = level;

@@ -19,7 +19,7 @@ struct CreationResult {
 // Makes a pipeline and renders one small frame with it, again and again, with the layer and without in turns. Every
 // pipeline is new and no pipeline cache is used, but a driver may have a cache of its own: disableShaderCaches.
 std::vector<CreationResult> measureCreation(const Devices &devices, const cli::RenderScene &scene,
-                                            const std::vector<cli::Trace> &traces, std::uint32_t level,
+                                            const std::vector<cli::Trace> &traces, uint32_t level,
                                             unsigned repetitions);
 
 // Tells the drivers of this process to compile every pipeline anew. Before the first Vulkan call.

@@ -20,8 +20,8 @@ struct Options {
     std::vector<std::string> parts = {"queries", "pipelines", "creation", "apis"};
     std::string size = "640x360";
     unsigned repetitions = 5;
-    std::vector<std::uint32_t> levels = {3, 5, 7};
-    std::vector<std::uint32_t> instances = {1, 9};
+    std::vector<uint32_t> levels = {3, 5, 7};
+    std::vector<uint32_t> instances = {1, 9};
     cli::MicromapApi api = cli::MicromapApi::Khr;
     std::optional<std::string> device;
     std::optional<std::filesystem::path> layerFolder;
@@ -35,7 +35,7 @@ const char *nameOf(cli::Trace trace)
 struct Row {
     std::string name;
     cli::Trace trace;
-    std::uint32_t instances;
+    uint32_t instances;
     bench::SceneResult result;
 };
 
@@ -108,15 +108,14 @@ std::vector<Row> measureFrames(const Options &options, const bench::Devices &dev
     std::vector<Row> rows;
     for (const auto &file : scenesOf(options)) {
         const std::string name = file ? file->stem().string() : "grove";
-        for (const std::uint32_t copies : options.instances) {
+        for (const uint32_t copies : options.instances) {
             const cli::RenderScene scene = cli::prepareScene(cli::loadScene(file), copies);
             for (const cli::Trace trace : traces) {
                 cli::Progress progress(fmt::format("{} x {}, {}", name, copies, nameOf(trace)));
                 settings.trace = trace;
-                rows.push_back(
-                    {name, trace, copies,
-                     bench::measureScene(devices, scene, settings, options.levels, options.repetitions,
-                                         [&](std::size_t done, std::size_t all) { progress.update(done, all); })});
+                rows.push_back({name, trace, copies,
+                                bench::measureScene(devices, scene, settings, options.levels, options.repetitions,
+                                                    [&](size_t done, size_t all) { progress.update(done, all); })});
             }
         }
     }
@@ -138,9 +137,8 @@ void measureApis(const Options &options, const cli::DeviceInfo &info, cli::Rende
         for (const cli::Trace trace : traces) {
             cli::Progress progress(fmt::format("{}, {}, both extensions", name, nameOf(trace)));
             settings.trace = trace;
-            const auto results =
-                bench::compareApis({khr, ext}, scene, settings, options.levels, options.repetitions,
-                                   [&](std::size_t done, std::size_t all) { progress.update(done, all); });
+            const auto results = bench::compareApis({khr, ext}, scene, settings, options.levels, options.repetitions,
+                                                    [&](size_t done, size_t all) { progress.update(done, all); });
             printApis(name, trace, results);
         }
     }

@@ -16,13 +16,13 @@ namespace
 using namespace vellum;
 
 // A micromap's bytes after compaction, as the layer builds it with ALLOW_COMPACTION.
-std::uint64_t compactedBytes(const Micromap &micromap)
+uint64_t compactedBytes(const Micromap &micromap)
 {
     if (micromap.triangles.empty())
         return 0;
     MicromapBuildInput input;
-    input.triangles = reinterpret_cast<const std::uint8_t *>(micromap.triangles.data());
-    input.triangleCount = static_cast<std::uint32_t>(micromap.triangles.size());
+    input.triangles = reinterpret_cast<const uint8_t *>(micromap.triangles.data());
+    input.triangleCount = static_cast<uint32_t>(micromap.triangles.size());
     input.data = micromap.data.data();
     input.dataBytes = micromap.data.size();
     input.maxLevel = shared::kMaxSubdivisionLevel;
@@ -30,29 +30,29 @@ std::uint64_t compactedBytes(const Micromap &micromap)
     for (const MicromapTriangle &t : micromap.triangles)
         if (t.subdivisionLevel > shared::kCoarseLevel)
             input.capacityUnits += (packedBytes(t.subdivisionLevel, t.format) + 15) / 16;
-    std::vector<std::uint8_t> memory(micromapMemoryBytes(input.triangleCount, input.capacityUnits));
+    std::vector<uint8_t> memory(micromapMemoryBytes(input.triangleCount, input.capacityUnits));
     writeMicromapMemory(input, memory.data());
     return micromapMemoryInUse(memory.data());
 }
 
 // Cuts every triangle of masked geometry into n * n: more distinct triangles, each with less in it.
-void cut(Scene &scene, std::uint32_t n)
+void cut(Scene &scene, uint32_t n)
 {
     for (Geometry &g : scene.geometries) {
         if (!scene.materials[g.material].masked() || n < 2)
             continue;
         Geometry out{.material = g.material};
-        for (std::size_t t = 0; t + 2 < g.indices.size(); t += 3) {
-            const std::uint32_t *corner = &g.indices[t];
-            const auto first = static_cast<std::uint32_t>(out.positions.size());
-            const auto at = [&](std::uint32_t i, std::uint32_t j) { return first + i * (2 * n + 3 - i) / 2 + j; };
-            for (std::uint32_t i = 0; i <= n; ++i) {
-                for (std::uint32_t j = 0; i + j <= n; ++j) {
+        for (size_t t = 0; t + 2 < g.indices.size(); t += 3) {
+            const uint32_t *corner = &g.indices[t];
+            const auto first = static_cast<uint32_t>(out.positions.size());
+            const auto at = [&](uint32_t i, uint32_t j) { return first + i * (2 * n + 3 - i) / 2 + j; };
+            for (uint32_t i = 0; i <= n; ++i) {
+                for (uint32_t j = 0; i + j <= n; ++j) {
                     const float b = static_cast<float>(i) / static_cast<float>(n);
                     const float c = static_cast<float>(j) / static_cast<float>(n);
                     const auto mix = [&](float x, float y, float z) { return x + b * (y - x) + c * (z - x); };
                     Vec3 position;
-                    for (std::size_t k = 0; k < 3; ++k)
+                    for (size_t k = 0; k < 3; ++k)
                         position[k] =
                             mix(g.positions[corner[0]][k], g.positions[corner[1]][k], g.positions[corner[2]][k]);
                     const TexCoord &p = g.uvs[corner[0]];
@@ -62,8 +62,8 @@ void cut(Scene &scene, std::uint32_t n)
                     out.uvs.push_back({mix(p.u, q.u, r.u), mix(p.v, q.v, r.v)});
                 }
             }
-            for (std::uint32_t i = 0; i < n; ++i) {
-                for (std::uint32_t j = 0; i + j < n; ++j) {
+            for (uint32_t i = 0; i < n; ++i) {
+                for (uint32_t j = 0; i + j < n; ++j) {
                     out.indices.insert(out.indices.end(), {at(i, j), at(i + 1, j), at(i, j + 1)});
                     if (i + j + 1 < n)
                         out.indices.insert(out.indices.end(), {at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)});
@@ -77,14 +77,14 @@ void cut(Scene &scene, std::uint32_t n)
 struct Options {
     std::vector<std::filesystem::path> files;
     std::string size = "640x360";
-    std::vector<std::uint32_t> levels = {4, 5, 6, 7, 8};
-    std::vector<std::uint32_t> cuts = {1, 4};
-    std::vector<std::uint32_t> prices = {shared::kLossyPriceLog2};
-    std::uint32_t instances = 1;
+    std::vector<uint32_t> levels = {4, 5, 6, 7, 8};
+    std::vector<uint32_t> cuts = {1, 4};
+    std::vector<uint32_t> prices = {shared::kLossyPriceLog2};
+    uint32_t instances = 1;
 };
 
 struct Measured {
-    std::uint64_t bytes = 0;
+    uint64_t bytes = 0;
     double perRay = 0;
 };
 
@@ -111,11 +111,11 @@ void run(const Options &options)
     fmt::print("| scene | cut | level | price | bytes lossless | bytes lossy | lossy/lossless | calls/ray lossless | "
                "calls/ray lossy | more calls |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n");
     for (const std::filesystem::path &file : options.files) {
-        for (const std::uint32_t pieces : options.cuts) {
+        for (const uint32_t pieces : options.cuts) {
             Scene loaded = cli::loadScene(file);
             cut(loaded, pieces);
             const cli::RenderScene scene = cli::prepareScene(std::move(loaded), options.instances);
-            for (const std::uint32_t level : options.levels) {
+            for (const uint32_t level : options.levels) {
                 BakeOptions bake;
                 bake.level = level;
                 const cli::BakedScene baked = cli::bakeScene(scene.scene, bake);
@@ -123,7 +123,7 @@ void run(const Options &options)
                 for (const std::optional<BakeResult> &r : baked.results)
                     lossless.push_back(r ? r->micromap : Micromap{});
                 const Measured before = measure(device, scene, lossless, settings);
-                for (const std::uint32_t price : options.prices) {
+                for (const uint32_t price : options.prices) {
                     std::vector<Micromap> lossy;
                     for (const Micromap &m : lossless)
                         lossy.push_back(lossyMicromap(m, price));

@@ -44,21 +44,21 @@ double seconds(const std::function<void()> &work)
 }
 
 // As many triangles of a level as take about that many bytes; no two with the same data.
-Micromap inputOf(std::uint32_t level, Format format, std::size_t bytes)
+Micromap inputOf(uint32_t level, Format format, size_t bytes)
 {
     Micromap micromap;
-    const std::uint32_t each = packedBytes(level, format);
-    const auto count = std::max<std::size_t>(bytes / (each + 8), 1);
+    const uint32_t each = packedBytes(level, format);
+    const auto count = std::max<size_t>(bytes / (each + 8), 1);
     micromap.data.resize(count * each);
-    std::uint64_t state = 88172645463325252u;
-    for (std::uint8_t &byte : micromap.data) {
+    uint64_t state = 88172645463325252u;
+    for (uint8_t &byte : micromap.data) {
         state ^= state << 13;
         state ^= state >> 7;
         state ^= state << 17;
-        byte = static_cast<std::uint8_t>(state);
+        byte = static_cast<uint8_t>(state);
     }
-    for (std::size_t i = 0; i < count; ++i)
-        micromap.triangles.push_back({static_cast<std::uint32_t>(i * each), static_cast<std::uint16_t>(level), format});
+    for (size_t i = 0; i < count; ++i)
+        micromap.triangles.push_back({static_cast<uint32_t>(i * each), static_cast<uint16_t>(level), format});
     return micromap;
 }
 
@@ -76,10 +76,10 @@ public:
           triangles_(cli::uploadBuffer(device, std::as_bytes(std::span(input.triangles)), kInput, kAlignment))
     {
         for (const MicromapUsage &u : input.buildUsage())
-            usage_.push_back({u.count, u.subdivisionLevel, static_cast<std::uint32_t>(u.format)});
+            usage_.push_back({u.count, u.subdivisionLevel, static_cast<uint32_t>(u.format)});
         info_.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
         info_.flags = flags;
-        info_.usageCountsCount = static_cast<std::uint32_t>(usage_.size());
+        info_.usageCountsCount = static_cast<uint32_t>(usage_.size());
         info_.pUsageCounts = usage_.data();
         info_.data.deviceAddress = data_.address(kAlignment);
         info_.triangleArray.deviceAddress = triangles_.address(kAlignment);
@@ -156,8 +156,7 @@ private:
     VkCommandBuffer commands_;
 };
 
-void measure(cli::Device &device, std::uint32_t level, Format format, const Flags &flags, std::size_t bytes,
-             unsigned repetitions)
+void measure(cli::Device &device, uint32_t level, Format format, const Flags &flags, size_t bytes, unsigned repetitions)
 {
     const Micromap input = inputOf(level, format, bytes);
     Build build(device, input, flags.bits);
@@ -188,8 +187,8 @@ void measure(cli::Device &device, std::uint32_t level, Format format, const Flag
 int main(int argc, char **argv)
 {
     CLI::App app("Throughput of micromap builds, against a buffer copy of the same bytes");
-    std::vector<std::uint32_t> levels = {0, 2, 3, 4, 5, 6, 8, 10, 12};
-    std::size_t megabytes = 64;
+    std::vector<uint32_t> levels = {0, 2, 3, 4, 5, 6, 8, 10, 12};
+    size_t megabytes = 64;
     unsigned repetitions = 7;
     app.add_option("--levels", levels, "subdivision levels");
     app.add_option("--megabytes", megabytes, "size of each micromap");
@@ -204,7 +203,7 @@ int main(int argc, char **argv)
                    "|--:|---|---|--:|--:|--:|--:|--:|--:|\n");
         for (const Flags &flags : kFlags)
             for (const Format format : {Format::TwoState, Format::FourState})
-                for (const std::uint32_t level : levels)
+                for (const uint32_t level : levels)
                     measure(device, level, format, flags, megabytes * 1000 * 1000, repetitions);
     } catch (const std::exception &error) {
         fmt::print(stderr, "vellum-micromap-bench: {}\n", error.what());

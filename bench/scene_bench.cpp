@@ -22,8 +22,8 @@ struct Variant {
 } // namespace
 
 SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
-                         const std::vector<std::uint32_t> &levels, unsigned repetitions,
-                         const std::function<void(std::size_t done, std::size_t total)> &progress)
+                         const std::vector<uint32_t> &levels, unsigned repetitions,
+                         const std::function<void(size_t done, size_t total)> &progress)
 {
     SceneResult result;
     result.levels.resize(levels.size());
@@ -42,7 +42,7 @@ SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, 
                             &ratio});
         return *variants.back().renderer;
     };
-    for (std::size_t i = 0; i < levels.size(); ++i) {
+    for (size_t i = 0; i < levels.size(); ++i) {
         LevelResult &level = result.levels[i];
         level.level = levels[i];
         BakeOptions options;
@@ -61,7 +61,7 @@ SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, 
         v.renderer->frame(); // warms up
     plain.frame();
     heavy.frame();
-    std::size_t done = 0;
+    size_t done = 0;
     for (unsigned r = 0; r < repetitions; ++r) {
         for (Variant &v : variants) {
             v.times.measure([&] { return v.classic->frame(); }, [&] { return v.renderer->frame(); });

@@ -19,7 +19,7 @@ struct Devices {
 };
 
 struct LevelResult {
-    std::uint32_t level = 0;
+    uint32_t level = 0;
     VkDeviceSize bytes = 0;
     double unknown = 0; // share of micro-triangles
     double candidatesPerRay = 0;
@@ -38,7 +38,7 @@ struct SceneResult {
 // Renders each variant `repetitions` times, every frame between two of the classic alpha test, to which it is compared:
 // the machine's other work hits both. Ratios are medians.
 SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
-                         const std::vector<std::uint32_t> &levels, unsigned repetitions,
-                         const std::function<void(std::size_t done, std::size_t total)> &progress);
+                         const std::vector<uint32_t> &levels, unsigned repetitions,
+                         const std::function<void(size_t done, size_t total)> &progress);
 
 } // namespace vellum::bench

@@ -18,18 +18,18 @@ public:
         const double before = classic();
         const double middle = own();
         const double after = classic();
-        m_classic.insert(m_classic.end(), {before, after});
-        m_own.push_back(middle);
-        m_ratios.push_back(2 * middle / (before + after));
+        classic_.insert(classic_.end(), {before, after});
+        own_.push_back(middle);
+        ratios_.push_back(2 * middle / (before + after));
     }
 
     // Medians, after at least one measurement.
-    [[nodiscard]] double ratio() const { return cli::median(m_ratios); }
-    [[nodiscard]] double classic() const { return cli::median(m_classic); }
-    [[nodiscard]] double own() const { return cli::median(m_own); }
+    [[nodiscard]] double ratio() const { return cli::median(ratios_); }
+    [[nodiscard]] double classic() const { return cli::median(classic_); }
+    [[nodiscard]] double own() const { return cli::median(own_); }
 
 private:
-    std::vector<double> m_classic, m_own, m_ratios;
+    std::vector<double> classic_, own_, ratios_;
 };
 
 } // namespace vellum::bench

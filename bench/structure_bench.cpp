@@ -25,7 +25,7 @@ class Structure
 {
 public:
     Structure(cli::Device &device, VkAccelerationStructureTypeKHR type,
-              const VkAccelerationStructureGeometryKHR &geometry, std::uint32_t primitives)
+              const VkAccelerationStructureGeometryKHR &geometry, uint32_t primitives)
         : device_(device), geometry_(geometry), range_{primitives, 0, 0, 0}
     {
         info_.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
@@ -92,8 +92,8 @@ public:
         VkCommandBufferBeginInfo begin{};
         begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
         cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
-        device.functions().cmdBuildAccelerationStructures(commands_, static_cast<std::uint32_t>(infos.size()),
-                                                          infos.data(), ranges.data());
+        device.functions().cmdBuildAccelerationStructures(commands_, static_cast<uint32_t>(infos.size()), infos.data(),
+                                                          ranges.data());
         cli::check(vkEndCommandBuffer(commands_), "recording");
         device.submitAndWait(commands_);
     }
@@ -121,10 +121,10 @@ public:
         Builds(device_, bottoms_);
     }
 
-    std::unique_ptr<Builds> top(std::uint32_t count)
+    std::unique_ptr<Builds> top(uint32_t count)
     {
         std::vector<VkAccelerationStructureInstanceKHR> instances(count);
-        for (std::uint32_t i = 0; i < count; ++i) {
+        for (uint32_t i = 0; i < count; ++i) {
             VkAccelerationStructureInstanceKHR &instance = instances[i];
             for (int axis = 0; axis < 3; ++axis)
                 instance.transform.matrix[axis][axis] = 1;
@@ -147,10 +147,10 @@ public:
         return builds;
     }
 
-    std::unique_ptr<Builds> bottoms(std::uint32_t count)
+    std::unique_ptr<Builds> bottoms(uint32_t count)
     {
         std::vector<std::unique_ptr<Structure>> many;
-        for (std::uint32_t i = 0; i < count; ++i)
+        for (uint32_t i = 0; i < count; ++i)
             many.push_back(bottom());
         auto builds = std::make_unique<Builds>(device_, many);
         for (auto &structure : many)
@@ -196,7 +196,7 @@ void run(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetit
                    times.own() - times.classic(), times.ratio());
         std::fflush(stdout);
     };
-    for (const std::uint32_t count : {1u, 1000u, 100000u})
+    for (const uint32_t count : {1u, 1000u, 100000u})
         row(fmt::format("TLAS of {} instances", count), *bare.top(count), *layered.top(count));
     row("1,000 BLASes of one triangle", *bare.bottoms(1000), *layered.bottoms(1000));
 }

@@ -29,8 +29,8 @@ using namespace vellum;
 using namespace vellum::bench;
 
 struct Settings {
-    std::vector<std::size_t> triangles = {10000};
-    std::vector<std::uint32_t> textures = {1024};
+    std::vector<size_t> triangles = {10000};
+    std::vector<uint32_t> textures = {1024};
     std::vector<std::string> scenes;
     std::vector<std::string> levels = {"3", "5", "auto", "7"};
     unsigned threads = 2;
@@ -51,7 +51,7 @@ BakeOptions optionsFor(const std::string &level, unsigned threads)
     BakeOptions options;
     options.threads = threads;
     if (level != "auto")
-        options.level = static_cast<std::uint32_t>(std::stoul(level));
+        options.level = static_cast<uint32_t>(std::stoul(level));
     return options;
 }
 
@@ -66,15 +66,15 @@ std::vector<BakeResult> bakeAll(const BakeWork &work, BakeOptions options)
 }
 
 // The levels that the baker chooses, for others to use.
-std::vector<std::vector<std::uint8_t>> levelsOf(const BakeWork &work, const BakeOptions &options)
+std::vector<std::vector<uint8_t>> levelsOf(const BakeWork &work, const BakeOptions &options)
 {
-    std::vector<std::vector<std::uint8_t>> levels;
+    std::vector<std::vector<uint8_t>> levels;
     for (const BakeMesh &mesh : work.meshes) {
         const AlphaTexture texture = mesh.texture();
         const Classifier classifier(texture, options);
         auto &of = levels.emplace_back();
         for (const TriangleUvs &uvs : mesh.triangles)
-            of.push_back(static_cast<std::uint8_t>(classifier.levelFor(uvs)));
+            of.push_back(static_cast<uint8_t>(classifier.levelFor(uvs)));
     }
     return levels;
 }
@@ -89,7 +89,7 @@ Totals totalsOf(const std::vector<BakeResult> &results)
 {
     Totals totals;
     for (const BakeResult &result : results) {
-        for (std::size_t s = 0; s < 4; ++s) {
+        for (size_t s = 0; s < 4; ++s) {
             totals.micro += static_cast<double>(result.statistics.states[s]);
             totals.unknown += s >= 2 ? static_cast<double>(result.statistics.states[s]) : 0;
         }
@@ -123,14 +123,14 @@ void printRow(const Settings &settings, const BakeWork &work, const std::string 
         measure(tolerantTimes, [&] { results = bakeAll(work, tolerant); });
         tolerantTotals = totalsOf(results);
         results = {};
-        for (std::size_t r = 0; r < rivals.size(); ++r) {
+        for (size_t r = 0; r < rivals.size(); ++r) {
             std::vector<RivalResult> theirs(work.meshes.size());
             measure(theirTimes[r], [&] {
-                for (std::size_t i = 0; i < theirs.size(); ++i)
+                for (size_t i = 0; i < theirs.size(); ++i)
                     theirs[i] = rivals[r]->bake(work.meshes[i], levels[i]);
             });
             if (round == 0)
-                for (std::size_t i = 0; i < theirs.size(); ++i)
+                for (size_t i = 0; i < theirs.size(); ++i)
                     addScore(scores[r], theirs[i], exactResults[i].micromap, levels[i]);
         }
     }
@@ -139,7 +139,7 @@ void printRow(const Settings &settings, const BakeWork &work, const std::string 
                exactTimes.cpu, exactTimes.wall, threadedTimes.wall, exactTimes.wall / threadedTimes.wall,
                100 * totals.unknown / totals.micro, tolerantTimes.cpu,
                100 * tolerantTotals.unknown / tolerantTotals.micro);
-    for (std::size_t r = 0; r < rivals.size(); ++r)
+    for (size_t r = 0; r < rivals.size(); ++r)
         fmt::print(" {:.4f} | {:.2f} | {:.2f} | {:.3f} % | {:.1f} |", theirTimes[r].cpu,
                    theirTimes[r].cpu / exactTimes.cpu, theirTimes[r].cpu / tolerantTimes.cpu,
                    100 * (1 - scores[r].known / scores[r].micro), 1e6 * scores[r].wrong / scores[r].known);
@@ -155,8 +155,7 @@ void printHeader(const Settings &settings, const std::vector<std::unique_ptr<Riv
     for (const auto &rival : rivals)
         header += fmt::format(" {}, CPU s | / exact | / tolerant | unknown | wrong per million |", rival->name);
     std::string line;
-    for (std::size_t column = 0; column < static_cast<std::size_t>(std::count(header.begin(), header.end(), '|')) - 1;
-         ++column)
+    for (size_t column = 0; column < static_cast<size_t>(std::count(header.begin(), header.end(), '|')) - 1; ++column)
         line += column < 2 ? "|---" : "|--:";
     fmt::print("{}\n{}|\n", header, line);
 }
@@ -169,9 +168,9 @@ void runOnce(const std::string &which, const BakeWork &work, const std::string &
     const auto levels = levelsOf(work, options);
     double micro = 0;
     double texels = 0;
-    for (std::size_t i = 0; i < work.meshes.size(); ++i) {
+    for (size_t i = 0; i < work.meshes.size(); ++i) {
         texels += static_cast<double>(work.meshes[i].alpha.size());
-        for (const std::uint8_t of : levels[i])
+        for (const uint8_t of : levels[i])
             micro += microTriangleCount(of);
     }
     if (which == "exact")
@@ -181,7 +180,7 @@ void runOnce(const std::string &which, const BakeWork &work, const std::string &
         measure(times, [&] { bakeAll(work, options); });
     else
         measure(times, [&] {
-            for (std::size_t i = 0; i < work.meshes.size(); ++i)
+            for (size_t i = 0; i < work.meshes.size(); ++i)
                 (void)rivals.front()->bake(work.meshes[i], levels[i]);
         });
     fmt::print("{}, level {}, {}: {:.0f} micro-triangles, {:.0f} texels\n", work.name, level, which, micro, texels);
@@ -231,8 +230,8 @@ int run(const Settings &settings)
     for (const std::string &scene : settings.scenes)
         works.emplace_back([&] { return leafCards(scene); });
     if (settings.scenes.empty())
-        for (const std::uint32_t texture : settings.textures)
-            for (const std::size_t triangles : settings.triangles)
+        for (const uint32_t texture : settings.textures)
+            for (const size_t triangles : settings.triangles)
                 works.emplace_back([=] { return leaves(texture, triangles); });
     if (settings.memory)
         fmt::print("| input | level | threads | result, MiB | peak, MiB | ratio |\n|---|---|--:|--:|--:|--:|\n");

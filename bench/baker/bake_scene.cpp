@@ -15,14 +15,14 @@ namespace
 class Random
 {
 public:
-    explicit Random(std::uint32_t seed) : m_engine(seed) {}
+    explicit Random(uint32_t seed) : engine_(seed) {}
     double operator()(double low, double high)
     {
-        return low + (high - low) * static_cast<double>(m_engine()) / 4294967296.0;
+        return low + (high - low) * static_cast<double>(engine_()) / 4294967296.0;
     }
 
 private:
-    std::mt19937 m_engine;
+    std::mt19937 engine_;
 };
 
 } // namespace
@@ -34,11 +34,11 @@ double userSeconds()
     return static_cast<double>(usage.ru_utime.tv_sec) + static_cast<double>(usage.ru_utime.tv_usec) * 1e-6;
 }
 
-std::vector<std::uint8_t> paintLeaves(std::uint32_t size)
+std::vector<uint8_t> paintLeaves(uint32_t size)
 {
-    std::vector<std::uint8_t> alpha(std::size_t{size} * size);
+    std::vector<uint8_t> alpha(size_t{size} * size);
     Random random(7);
-    std::size_t covered = 0;
+    size_t covered = 0;
     while (covered * 10 < alpha.size() * 4) {
         const double x = random(0, size);
         const double y = random(0, size);
@@ -56,10 +56,10 @@ std::vector<std::uint8_t> paintLeaves(std::uint32_t size)
                 const double radius = length * (0.86 + 0.14 * (tooth - std::floor(tooth)));
                 const double value = std::clamp(0.5 + (radius - std::hypot(px, py)) * slender / 2, 0.0, 1.0);
                 const auto wrap = [size](double c) {
-                    return static_cast<std::size_t>(std::fmod(std::floor(c) + size, size));
+                    return static_cast<size_t>(std::fmod(std::floor(c) + size, size));
                 };
-                std::uint8_t &texel = alpha[wrap(y + dy) * size + wrap(x + dx)];
-                const auto byte = static_cast<std::uint8_t>(std::lround(value * 255));
+                uint8_t &texel = alpha[wrap(y + dy) * size + wrap(x + dx)];
+                const auto byte = static_cast<uint8_t>(std::lround(value * 255));
                 covered += texel < 128 && byte >= 128 ? 1u : 0u;
                 texel = std::max(texel, byte);
             }
@@ -68,7 +68,7 @@ std::vector<std::uint8_t> paintLeaves(std::uint32_t size)
     return alpha;
 }
 
-std::vector<TriangleUvs> scatter(std::size_t count, std::uint32_t size)
+std::vector<TriangleUvs> scatter(size_t count, uint32_t size)
 {
     Random random(11);
     std::vector<TriangleUvs> triangles(count);

@@ -14,9 +14,9 @@ namespace vellum::bench
 double userSeconds();
 
 // Toothed leaves with soft borders at random places of a texture that repeats, until 40 % of it is covered.
-std::vector<std::uint8_t> paintLeaves(std::uint32_t size);
+std::vector<uint8_t> paintLeaves(uint32_t size);
 
 // Triangles with edges of 60 to 100 texels at random places, turned at random.
-std::vector<TriangleUvs> scatter(std::size_t count, std::uint32_t size);
+std::vector<TriangleUvs> scatter(size_t count, uint32_t size);
 
 } // namespace vellum::bench

@@ -13,7 +13,7 @@ AlphaTexture BakeMesh::texture() const
     return texture;
 }
 
-BakeWork leaves(std::uint32_t size, std::size_t triangles)
+BakeWork leaves(uint32_t size, size_t triangles)
 {
     BakeMesh mesh;
     mesh.width = mesh.height = size;
@@ -30,16 +30,16 @@ BakeWork leafCards(const std::filesystem::path &file)
         const Material &material = scene.materials[geometry.material];
         if (!material.masked())
             continue;
-        const Image &image = scene.images[static_cast<std::size_t>(material.image)];
+        const Image &image = scene.images[static_cast<size_t>(material.image)];
         BakeMesh mesh;
         mesh.width = image.width;
         mesh.height = image.height;
-        for (std::size_t i = 3; i < image.rgba.size(); i += 4)
+        for (size_t i = 3; i < image.rgba.size(); i += 4)
             mesh.alpha.push_back(image.rgba[i]);
         mesh.wrapU = material.wrapU;
         mesh.wrapV = material.wrapV;
         mesh.cutoff = static_cast<double>(material.alphaCutoff);
-        for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3)
+        for (size_t i = 0; i + 2 < geometry.indices.size(); i += 3)
             mesh.triangles.push_back({geometry.uvs[geometry.indices[i]], geometry.uvs[geometry.indices[i + 1]],
                                       geometry.uvs[geometry.indices[i + 2]]});
         work.meshes.push_back(std::move(mesh));

@@ -12,9 +12,9 @@ namespace vellum::bench
 {
 
 struct BakeMesh {
-    std::uint32_t width = 0;
-    std::uint32_t height = 0;
-    std::vector<std::uint8_t> alpha; // as it would come from a file
+    uint32_t width = 0;
+    uint32_t height = 0;
+    std::vector<uint8_t> alpha; // as it would come from a file
     Wrap wrapU = Wrap::Repeat;
     Wrap wrapV = Wrap::Repeat;
     double cutoff = 0.5;
@@ -30,7 +30,7 @@ struct BakeWork {
 
 // Triangles with edges of 60 to 100 texels at random places, turned at random, over a texture of toothed leaves with
 // soft borders that repeats and is covered by 40 %.
-BakeWork leaves(std::uint32_t size, std::size_t triangles);
+BakeWork leaves(uint32_t size, size_t triangles);
 // The masked materials of a glTF file. Throws GltfError.
 BakeWork leafCards(const std::filesystem::path &file);
 

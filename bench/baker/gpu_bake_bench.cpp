@@ -23,8 +23,8 @@ using namespace vellum;
 using cli::Buffer;
 
 struct Settings {
-    std::size_t triangles = 10000;
-    std::uint32_t size = 1024;
+    size_t triangles = 10000;
+    uint32_t size = 1024;
     unsigned threads = 1;
     unsigned rounds = 3;
     bool exact = false;
@@ -36,44 +36,43 @@ struct Settings {
 class GpuBake
 {
 public:
-    GpuBake(cli::Device &device, const cli::Texture &texture, std::uint32_t size,
-            const std::vector<TriangleUvs> &triangles)
-        : m_device(device), m_count(static_cast<std::uint32_t>(triangles.size())),
-          m_uvs(cli::uploadBuffer(device, std::as_bytes(std::span(triangles)), kUsage)),
-          m_result(device, sizeof(GpuBakeResult), kUsage, Buffer::Place::Device),
-          m_indices(device, 4 * VkDeviceSize{m_count}, kUsage, Buffer::Place::Device)
+    GpuBake(cli::Device &device, const cli::Texture &texture, uint32_t size, const std::vector<TriangleUvs> &triangles)
+        : device_(device), count_(static_cast<uint32_t>(triangles.size())),
+          uvs_(cli::uploadBuffer(device, std::as_bytes(std::span(triangles)), kUsage)),
+          result_(device, sizeof(GpuBakeResult), kUsage, Buffer::Place::Device),
+          indices_(device, 4 * VkDeviceSize{count_}, kUsage, Buffer::Place::Device)
     {
-        cli::check(GpuBaker::create({device.handle(), vkGetDeviceProcAddr}, m_baker), "creating the GPU baker");
+        cli::check(GpuBaker::create({device.handle(), vkGetDeviceProcAddr}, baker_), "creating the GPU baker");
         GpuAlphaInfo info;
         info.view = texture.view();
         info.width = info.height = size;
-        cli::check(m_baker->createAlpha(info, m_alpha), "creating the GPU baker's image");
-        m_scratch = Buffer(device, GpuBaker::scratchBytes(info, m_count), kUsage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
-                           Buffer::Place::Device);
+        cli::check(baker_->createAlpha(info, alpha_), "creating the GPU baker's image");
+        scratch_ = Buffer(device, GpuBaker::scratchBytes(info, count_), kUsage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                          Buffer::Place::Device);
     }
 
     // Sizes first, as room for all would be most of the memory that there is.
     void prepare(const GpuBakeOptions &options)
     {
-        m_device.run([&](VkCommandBuffer commands) {
-            if (!m_baker->recordSizes(commands, *m_alpha, input(), options, scratch(), m_result.address()))
+        device_.run([&](VkCommandBuffer commands) {
+            if (!baker_->recordSizes(commands, *alpha_, input(), options, scratch(), result_.address()))
                 throw cli::Error("the GPU baker does not take these options");
         });
         GpuBakeResult result{};
-        const std::vector<std::uint32_t> words = cli::downloadWords(m_device, m_result, sizeof result / 4);
+        const std::vector<uint32_t> words = cli::downloadWords(device_, result_, sizeof result / 4);
         std::memcpy(&result, words.data(), sizeof result);
-        m_room.triangles = result.triangles;
-        m_data = Buffer(m_device, GpuBaker::dataBytes(m_room, options.format), kUsage, Buffer::Place::Device);
-        m_records = Buffer(m_device, GpuBaker::recordBytes(m_room), kUsage, Buffer::Place::Device);
-        m_room.data = m_data.address();
-        m_room.records = m_records.address();
-        m_room.indices = m_indices.address();
+        room_.triangles = result.triangles;
+        data_ = Buffer(device_, GpuBaker::dataBytes(room_, options.format), kUsage, Buffer::Place::Device);
+        records_ = Buffer(device_, GpuBaker::recordBytes(room_), kUsage, Buffer::Place::Device);
+        room_.data = data_.address();
+        room_.records = records_.address();
+        room_.indices = indices_.address();
     }
 
     void run(const GpuBakeOptions &options)
     {
-        m_device.run([&](VkCommandBuffer commands) {
-            if (!m_baker->record(commands, *m_alpha, input(), options, scratch(), m_room, m_result.address()))
+        device_.run([&](VkCommandBuffer commands) {
+            if (!baker_->record(commands, *alpha_, input(), options, scratch(), room_, result_.address()))
                 throw cli::Error("the GPU baker does not take these options");
             const VkMemoryBarrier all{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_SHADER_WRITE_BIT,
                                       VK_ACCESS_MEMORY_READ_BIT};
@@ -85,16 +84,16 @@ public:
     [[nodiscard]] Micromap read()
     {
         Micromap micromap;
-        const std::vector<std::uint32_t> indices = cli::downloadWords(m_device, m_indices, m_count);
+        const std::vector<uint32_t> indices = cli::downloadWords(device_, indices_, count_);
         micromap.indices.assign(indices.begin(), indices.end());
-        const std::vector<std::uint32_t> records =
-            cli::downloadWords(m_device, m_records, static_cast<std::size_t>(GpuBaker::recordBytes(m_room) / 4));
-        for (std::size_t i = 0; i + 1 < records.size(); i += 2)
-            micromap.triangles.push_back({records[i], static_cast<std::uint16_t>(records[i + 1] & 0xffffu),
+        const std::vector<uint32_t> records =
+            cli::downloadWords(device_, records_, static_cast<size_t>(GpuBaker::recordBytes(room_) / 4));
+        for (size_t i = 0; i + 1 < records.size(); i += 2)
+            micromap.triangles.push_back({records[i], static_cast<uint16_t>(records[i + 1] & 0xffffu),
                                           static_cast<Format>(records[i + 1] >> 16)});
-        const std::vector<std::uint32_t> data = cli::downloadWords(
-            m_device, m_data,
-            static_cast<std::size_t>(GpuBaker::dataBytes(m_room, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) / 4));
+        const std::vector<uint32_t> data = cli::downloadWords(
+            device_, data_,
+            static_cast<size_t>(GpuBaker::dataBytes(room_, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) / 4));
         micromap.data.resize(data.size() * 4);
         std::memcpy(micromap.data.data(), data.data(), micromap.data.size());
         return micromap;
@@ -108,49 +107,49 @@ private:
     [[nodiscard]] GpuBakeInput input() const
     {
         GpuBakeInput input;
-        input.uvs = m_uvs.address();
+        input.uvs = uvs_.address();
         input.indexType = VK_INDEX_TYPE_NONE_KHR;
-        input.triangles = m_count;
-        input.vertices = 3 * m_count;
+        input.triangles = count_;
+        input.vertices = 3 * count_;
         return input;
     }
-    [[nodiscard]] GpuBaker::Scratch scratch() const { return {m_scratch.handle(), 0, m_scratch.address()}; }
+    [[nodiscard]] GpuBaker::Scratch scratch() const { return {scratch_.handle(), 0, scratch_.address()}; }
 
-    cli::Device &m_device;
-    std::uint32_t m_count;
-    Buffer m_uvs, m_result, m_indices, m_scratch, m_data, m_records;
-    std::unique_ptr<GpuBaker> m_baker;
-    std::unique_ptr<GpuAlpha> m_alpha;
-    GpuBakeRoom m_room;
+    cli::Device &device_;
+    uint32_t count_;
+    Buffer uvs_, result_, indices_, scratch_, data_, records_;
+    std::unique_ptr<GpuBaker> baker_;
+    std::unique_ptr<GpuAlpha> alpha_;
+    GpuBakeRoom room_;
 };
 
 // Shares of all micro-triangles, all triangles counting the same.
 struct Score {
     double unknown = 0;
-    double needless = 0;   // unknown where the CPU baker knows
-    double more = 0;       // known where it does not know
-    std::size_t wrong = 0; // micro-triangles that are the contrary of what the CPU baker knows
+    double needless = 0; // unknown where the CPU baker knows
+    double more = 0;     // known where it does not know
+    size_t wrong = 0;    // micro-triangles that are the contrary of what the CPU baker knows
 };
 
 Score score(const Micromap &gpu, const Micromap &cpu)
 {
-    const auto stateOf = [](const Micromap &micromap, std::size_t triangle, std::uint32_t index) {
-        const std::int32_t special = micromap.indices[triangle];
+    const auto stateOf = [](const Micromap &micromap, size_t triangle, uint32_t index) {
+        const int32_t special = micromap.indices[triangle];
         if (const auto state = specialState(special))
             return *state;
-        const MicromapTriangle &t = micromap.triangles[static_cast<std::size_t>(special)];
+        const MicromapTriangle &t = micromap.triangles[static_cast<size_t>(special)];
         return readState(micromap.data.data() + t.dataOffset, index, t.format);
     };
-    const auto levelOf = [](const Micromap &micromap, std::size_t triangle) {
-        const std::int32_t index = micromap.indices[triangle];
-        return index < 0 ? 0u : std::uint32_t{micromap.triangles[static_cast<std::size_t>(index)].subdivisionLevel};
+    const auto levelOf = [](const Micromap &micromap, size_t triangle) {
+        const int32_t index = micromap.indices[triangle];
+        return index < 0 ? 0u : uint32_t{micromap.triangles[static_cast<size_t>(index)].subdivisionLevel};
     };
     const auto known = [](State state) { return state == State::Opaque || state == State::Transparent; };
     Score score;
-    for (std::size_t t = 0; t < gpu.indices.size(); ++t) {
-        const std::uint32_t count = microTriangleCount(std::max(levelOf(gpu, t), levelOf(cpu, t)));
+    for (size_t t = 0; t < gpu.indices.size(); ++t) {
+        const uint32_t count = microTriangleCount(std::max(levelOf(gpu, t), levelOf(cpu, t)));
         const double each = 1.0 / static_cast<double>(gpu.indices.size()) / count;
-        for (std::uint32_t i = 0; i < count; ++i) {
+        for (uint32_t i = 0; i < count; ++i) {
             const State a = stateOf(gpu, t, i);
             const State b = stateOf(cpu, t, i);
             score.unknown += known(a) ? 0 : each;
@@ -172,7 +171,7 @@ void compare(const Settings &settings, const std::string &level, const bench::Ba
     gpuOptions.automatic = level == "auto";
     gpuOptions.level = options.maxLevel;
     if (!gpuOptions.automatic)
-        options.level = gpuOptions.level = static_cast<std::uint32_t>(std::stoul(level));
+        options.level = gpuOptions.level = static_cast<uint32_t>(std::stoul(level));
     gpuOptions.valueTolerance = options.valueTolerance;
     gpuOptions.subtexelTolerance = options.subtexelTolerance;
     gpuOptions.barycentricTolerance = options.barycentricTolerance;
@@ -220,8 +219,8 @@ try {
     const bench::BakeMesh &mesh = work.meshes.front();
     Image image;
     image.width = image.height = settings.size;
-    image.rgba.assign(std::size_t{settings.size} * settings.size * 4, 255);
-    for (std::size_t i = 0; i < mesh.alpha.size(); ++i)
+    image.rgba.assign(size_t{settings.size} * settings.size * 4, 255);
+    for (size_t i = 0; i < mesh.alpha.size(); ++i)
         image.rgba[4 * i + 3] = mesh.alpha[i];
     const cli::Texture texture(device, image, Material{});
     GpuBake gpu(device, texture, settings.size, mesh.triangles);

@@ -11,10 +11,10 @@ namespace vellum::bench
 
 // 4-state data.
 struct RivalResult {
-    std::vector<std::uint8_t> data;
-    std::vector<std::uint8_t> levels;    // of each entry
-    std::vector<std::uint32_t> offsets;  // of each entry
-    std::vector<std::int32_t> indices{}; // of each triangle: an entry or a special index
+    std::vector<uint8_t> data;
+    std::vector<uint8_t> levels;    // of each entry
+    std::vector<uint32_t> offsets;  // of each entry
+    std::vector<int32_t> indices{}; // of each triangle: an entry or a special index
 };
 
 class Rival
@@ -22,7 +22,7 @@ class Rival
 public:
     virtual ~Rival() = default;
     // With these levels for the triangles, on one thread. Throws std::runtime_error.
-    [[nodiscard]] virtual RivalResult bake(const BakeMesh &mesh, const std::vector<std::uint8_t> &levels) const = 0;
+    [[nodiscard]] virtual RivalResult bake(const BakeMesh &mesh, const std::vector<uint8_t> &levels) const = 0;
 
     std::string name;
 };
@@ -41,7 +41,6 @@ struct RivalScore {
 
 // Adds up what a rival claims. `exact` is the result of Vellum's baker without tolerances: what it does not claim
 // nobody may. Large results are looked at in part.
-void addScore(RivalScore &score, const RivalResult &theirs, const Micromap &exact,
-              const std::vector<std::uint8_t> &levels);
+void addScore(RivalScore &score, const RivalResult &theirs, const Micromap &exact, const std::vector<uint8_t> &levels);
 
 } // namespace vellum::bench

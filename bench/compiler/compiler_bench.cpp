@@ -58,13 +58,13 @@ const std::vector<Column> &columnsOf(Driver driver)
     return driver == Driver::Anv ? anv : radv;
 }
 
-std::uint64_t get(const Executable &executable, const char *name)
+uint64_t get(const Executable &executable, const char *name)
 {
     const auto found = executable.statistics.find(name);
     return found == executable.statistics.end() ? 0 : found->second;
 }
 
-using Numbers = std::vector<std::uint64_t>; // one for each column
+using Numbers = std::vector<uint64_t>; // one for each column
 
 Numbers numbersOf(const Compiled &pipeline, const std::vector<Column> &columns, bool all)
 {
@@ -79,9 +79,9 @@ Numbers numbersOf(const Compiled &pipeline, const std::vector<Column> &columns, 
     }
     Numbers numbers;
     for (const Column &column : columns) {
-        std::uint64_t number = column.over == Over::Least ? UINT64_MAX : 0;
+        uint64_t number = column.over == Over::Least ? UINT64_MAX : 0;
         for (const Executable &e : executables) {
-            std::uint64_t one = 0;
+            uint64_t one = 0;
             for (const char *name : column.names)
                 one += get(e, name);
             number = column.over == Over::Sum    ? number + one
@@ -93,14 +93,13 @@ Numbers numbersOf(const Compiled &pipeline, const std::vector<Column> &columns, 
     return numbers;
 }
 
-std::string cell(Shown shown, std::uint64_t from, std::uint64_t to)
+std::string cell(Shown shown, uint64_t from, uint64_t to)
 {
     const auto a = static_cast<double>(from), b = static_cast<double>(to);
     switch (shown) {
     case Shown::Plain: return fmt::format("{} -> {}", from, to);
     case Shown::Difference:
-        return fmt::format("{} -> {} ({:+})", from, to,
-                           static_cast<std::int64_t>(to) - static_cast<std::int64_t>(from));
+        return fmt::format("{} -> {} ({:+})", from, to, static_cast<int64_t>(to) - static_cast<int64_t>(from));
     case Shown::Thousands: return fmt::format("{:.1f}k -> {:.1f}k ({:+.0f} %)", a / 1e3, b / 1e3, (b / a - 1) * 100);
     }
     return {};
@@ -161,9 +160,9 @@ void measure(const std::string &name, bool all)
             (layer ? with : without).push_back(numbersOf(compile(gpu, c.kind, c.heavy), columns, all));
         }
     }
-    for (std::size_t i = 0; i < std::size(kCases); ++i) {
+    for (size_t i = 0; i < std::size(kCases); ++i) {
         fmt::print("| {} | {} |", name, kCases[i].name);
-        for (std::size_t c = 0; c < columns.size(); ++c)
+        for (size_t c = 0; c < columns.size(); ++c)
             fmt::print(" {} |", cell(columns[c].shown, without[i][c], with[i][c]));
         fmt::print("\n");
     }
@@ -195,7 +194,7 @@ int main(int argc, char **argv)
     // Each driver has a table of its own.
     std::ranges::stable_sort(gpus, {}, vellum::test::driverOf);
     try {
-        for (std::size_t i = 0; i < gpus.size(); ++i) {
+        for (size_t i = 0; i < gpus.size(); ++i) {
             const Driver driver = vellum::test::driverOf(gpus[i]);
             if (i == 0 || driver != vellum::test::driverOf(gpus[i - 1]))
                 printHeader(driver);

@@ -40,11 +40,11 @@ inline namespace v0
 class Error : public std::runtime_error
 {
 public:
-    Error(VellumResult result, const std::string &message) : std::runtime_error(message), m_result(result) {}
-    [[nodiscard]] VellumResult result() const noexcept { return m_result; }
+    Error(VellumResult result, const std::string &message) : std::runtime_error(message), result_(result) {}
+    [[nodiscard]] VellumResult result() const noexcept { return result_; }
 
 private:
-    VellumResult m_result;
+    VellumResult result_;
 };
 
 // VELLUM_CANCELLED
@@ -196,56 +196,56 @@ class Micromap
 public:
     Micromap() = default;
     // Takes what vellumBake() made.
-    explicit Micromap(VellumMicromap *micromap) : m_micromap(micromap)
+    explicit Micromap(VellumMicromap *micromap) : micromap_(micromap)
     {
-        m_info.structSize = sizeof m_info;
-        check(vellumGetMicromapInfo(micromap, &m_info));
+        info_.structSize = sizeof info_;
+        check(vellumGetMicromapInfo(micromap, &info_));
     }
     Micromap(Micromap &&other) noexcept
-        : m_micromap(std::move(other.m_micromap)), m_info(std::exchange(other.m_info, VellumMicromapInfo{}))
+        : micromap_(std::move(other.micromap_)), info_(std::exchange(other.info_, VellumMicromapInfo{}))
     {
     }
     Micromap &operator=(Micromap &&other) noexcept
     {
-        m_micromap = std::move(other.m_micromap);
-        m_info = std::exchange(other.m_info, VellumMicromapInfo{});
+        micromap_ = std::move(other.micromap_);
+        info_ = std::exchange(other.info_, VellumMicromapInfo{});
         return *this;
     }
 
-    [[nodiscard]] std::span<const std::uint8_t> data() const { return {m_info.data, m_info.dataSize}; }
+    [[nodiscard]] std::span<const std::uint8_t> data() const { return {info_.data, info_.dataSize}; }
     [[nodiscard]] std::span<const MicromapTriangle> triangles() const
     {
-        return {m_info.triangles, m_info.triangleCount};
+        return {info_.triangles, info_.triangleCount};
     }
-    [[nodiscard]] std::span<const MicromapUsage> usages() const { return {m_info.usages, m_info.usageCount}; }
-    [[nodiscard]] std::span<const std::int32_t> indices() const { return {m_info.indices, m_info.indexCount}; }
+    [[nodiscard]] std::span<const MicromapUsage> usages() const { return {info_.usages, info_.usageCount}; }
+    [[nodiscard]] std::span<const std::int32_t> indices() const { return {info_.indices, info_.indexCount}; }
     [[nodiscard]] std::uint64_t stateCount(State state) const
     {
-        return m_info.stateCounts[static_cast<std::size_t>(state)];
+        return info_.stateCounts[static_cast<std::size_t>(state)];
     }
     [[nodiscard]] std::uint64_t specialCount(State state) const
     {
-        return m_info.specialCounts[static_cast<std::size_t>(state)];
+        return info_.specialCounts[static_cast<std::size_t>(state)];
     }
-    [[nodiscard]] std::uint64_t distinctCount() const { return m_info.distinctCount; }
+    [[nodiscard]] std::uint64_t distinctCount() const { return info_.distinctCount; }
 
     // Of an input of the bake; throws Error for another number.
     [[nodiscard]] Geometry geometry(std::size_t input) const
     {
         VellumGeometryInfo info{};
         info.structSize = sizeof info;
-        check(vellumGetGeometryInfo(m_micromap.get(), input, &info));
+        check(vellumGetGeometryInfo(micromap_.get(), input, &info));
         return {{info.indices, info.indexCount}, {info.usages, info.usageCount}};
     }
     // At a point of a triangle; throws Error for a triangle that there is not.
     [[nodiscard]] State state(std::size_t triangle, float u, float v) const
     {
         std::uint32_t state = 0;
-        check(vellumGetState(m_micromap.get(), triangle, u, v, &state));
+        check(vellumGetState(micromap_.get(), triangle, u, v, &state));
         return static_cast<State>(state);
     }
     // For functions of vellum/vellum.h; stays the Micromap's. Null if that is empty.
-    [[nodiscard]] const VellumMicromap *get() const { return m_micromap.get(); }
+    [[nodiscard]] const VellumMicromap *get() const { return micromap_.get(); }
 
 private:
     struct Destroy {
@@ -257,8 +257,8 @@ private:
             throw Error(result, vellumResultName(result));
     }
 
-    std::unique_ptr<VellumMicromap, Destroy> m_micromap;
-    VellumMicromapInfo m_info{};
+    std::unique_ptr<VellumMicromap, Destroy> micromap_;
+    VellumMicromapInfo info_{};
 };
 
 namespace detail
@@ -268,12 +268,12 @@ namespace detail
 class Listener
 {
 public:
-    explicit Listener(const BakeOptions &options) : m_options(options) {}
+    explicit Listener(const BakeOptions &options) : options_(options) {}
 
     static void message(void *self, VellumResult, const char *text)
     {
         try {
-            static_cast<Listener *>(self)->m_message = text;
+            static_cast<Listener *>(self)->message_ = text;
         } catch (...) {
             // The name of the result will have to do.
         }
@@ -292,12 +292,12 @@ public:
 
     void check(VellumResult result) const
     {
-        if (m_thrown)
-            std::rethrow_exception(m_thrown);
+        if (thrown_)
+            std::rethrow_exception(thrown_);
         if (result == VELLUM_CANCELLED)
             throw Cancelled();
         if (result != VELLUM_SUCCESS)
-            throw Error(result, m_message.empty() ? vellumResultName(result) : m_message);
+            throw Error(result, message_.empty() ? vellumResultName(result) : message_);
     }
 
 private:
@@ -305,19 +305,19 @@ private:
     int caught(Function &&function)
     {
         try {
-            return function(m_options) ? 1 : 0;
+            return function(options_) ? 1 : 0;
         } catch (...) {
-            const std::lock_guard lock(m_mutex);
-            if (!m_thrown)
-                m_thrown = std::current_exception();
+            const std::lock_guard lock(mutex_);
+            if (!thrown_)
+                thrown_ = std::current_exception();
             return 1;
         }
     }
 
-    const BakeOptions &m_options;
-    std::string m_message;
-    std::mutex m_mutex;
-    std::exception_ptr m_thrown;
+    const BakeOptions &options_;
+    std::string message_;
+    std::mutex mutex_;
+    std::exception_ptr thrown_;
 };
 
 inline VellumTexture toC(const Texture &texture)

@@ -126,7 +126,7 @@ private:
     friend class GpuBaker;
     struct State;
     explicit GpuAlpha(std::unique_ptr<State> state);
-    std::unique_ptr<State> m_state;
+    std::unique_ptr<State> state_;
 };
 
 // Recording is safe from several threads, with a command buffer each. Must outlive the execution of what it recorded.
@@ -189,7 +189,7 @@ public:
 private:
     struct State;
     explicit GpuBaker(std::unique_ptr<State> state);
-    std::unique_ptr<State> m_state;
+    std::unique_ptr<State> state_;
 };
 
 } // namespace vellum

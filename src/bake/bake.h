@@ -31,10 +31,10 @@ struct TexCoord {
 using TriangleUvs = std::array<TexCoord, 3>;
 
 // Which filtered values are opaque.
-enum class AlphaTest : std::uint8_t { GreaterOrEqual, Greater, LessOrEqual, Less };
+enum class AlphaTest : uint8_t { GreaterOrEqual, Greater, LessOrEqual, Less };
 
 // What becomes of unknown states in 2-state data.
-enum class TwoStateRule : std::uint8_t {
+enum class TwoStateRule : uint8_t {
     Nearest,              // what most of the micro-triangle is
     UnknownIsOpaque,      // nothing opaque is lost
     UnknownIsTransparent, // nothing transparent is hit
@@ -46,12 +46,12 @@ struct BakeOptions {
     TwoStateRule twoStateRule = TwoStateRule::Nearest;
     // Subdivision level of every triangle, 0..12. Without it each triangle gets the level at which the legs of its
     // micro-triangles are about `texelsPerEdge` texels long, at most `maxLevel`.
-    std::optional<std::uint32_t> level;
-    std::uint32_t maxLevel = 8;
+    std::optional<uint32_t> level;
+    uint32_t maxLevel = 8;
     double texelsPerEdge = 4.0;
     // Most bytes of the result: data, and 8 for each micromap triangle. Levels are lowered where that turns the least
     // from known to unknown, down to special indices, which are free. 2-state data is chosen as if it were 4-state.
-    std::optional<std::uint64_t> budget;
+    std::optional<uint64_t> budget;
     // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
     // data.
     double worthwhile = 0;
@@ -86,10 +86,10 @@ struct BakeOptions {
     // Worker threads; 0 takes one per processor. The result does not depend on it.
     unsigned threads = 0;
     // Bytes of micromap data after which to give up with BakeError. At most 2^32 - 1, what dataOffset can address.
-    std::uint64_t maxDataBytes = std::uint64_t{1} << 30;
+    uint64_t maxDataBytes = uint64_t{1} << 30;
     // Called now and then with triangles done and in all, from any worker but one at a time. With a budget, each
     // triangle counts twice.
-    std::function<void(std::size_t done, std::size_t total)> progress;
+    std::function<void(size_t done, size_t total)> progress;
     // Makes bake() throw BakeCancelled soon after it returns true. Called often, from several workers at a time.
     std::function<bool()> cancelled;
 
@@ -108,7 +108,7 @@ struct BakeInput {
     std::span<const AlphaTexture> textures;
     std::span<const TriangleUvs> triangles;
     // The level and the format of each triangle. Where there are none the options decide.
-    std::span<const std::uint8_t> levels{};
+    std::span<const uint8_t> levels{};
     std::span<const Format> formats{};
     // Instead of those of the options.
     std::optional<double> cutoff{};
@@ -119,9 +119,9 @@ struct BakeInput {
 };
 
 struct BakeStatistics {
-    std::array<std::uint64_t, 4> states{};  // micro-triangles of all triangles by State, folded ones included
-    std::array<std::uint64_t, 4> special{}; // triangles that became a special index, by State
-    std::size_t distinct = 0;               // triangles with different texture coordinates
+    std::array<uint64_t, 4> states{};  // micro-triangles of all triangles by State, folded ones included
+    std::array<uint64_t, 4> special{}; // triangles that became a special index, by State
+    size_t distinct = 0;               // triangles with different texture coordinates
 };
 
 struct BakeResult {

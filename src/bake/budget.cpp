@@ -12,16 +12,16 @@ namespace
 // steps of a triangle become dearer as it goes down, so that taking the cheapest step of all is right.
 struct Step {
     double price; // known area lost for each byte saved
-    std::size_t which;
-    std::uint32_t to;
+    size_t which;
+    uint32_t to;
 
     bool operator>(const Step &other) const { return price != other.price ? price > other.price : which > other.which; }
 };
 
-Step cheapestStep(const LevelChoice &choice, std::size_t which)
+Step cheapestStep(const LevelChoice &choice, size_t which)
 {
     Step best{0, which, choice.level};
-    for (std::uint32_t to = choice.level; to-- > 0;) {
+    for (uint32_t to = choice.level; to-- > 0;) {
         const double lost =
             static_cast<double>(choice.uses) * (double{choice.known[choice.level]} - double{choice.known[to]});
         const double saved = static_cast<double>(choice.bytes[choice.level]) - static_cast<double>(choice.bytes[to]);
@@ -36,16 +36,16 @@ Step cheapestStep(const LevelChoice &choice, std::size_t which)
 
 } // namespace
 
-void fitBudget(std::span<LevelChoice> choices, std::uint64_t budget)
+void fitBudget(std::span<LevelChoice> choices, uint64_t budget)
 {
-    std::uint64_t bytes = 0;
+    uint64_t bytes = 0;
     std::priority_queue<Step, std::vector<Step>, std::greater<>> steps;
-    const auto offer = [&](std::size_t which) {
+    const auto offer = [&](size_t which) {
         const Step step = cheapestStep(choices[which], which);
         if (step.to != choices[which].level)
             steps.push(step);
     };
-    for (std::size_t i = 0; i < choices.size(); ++i) {
+    for (size_t i = 0; i < choices.size(); ++i) {
         bytes += choices[i].bytes[choices[i].level];
         offer(i);
     }

@@ -13,15 +13,15 @@ namespace vellum
 
 // What a triangle costs and tells at each level up to its own.
 struct LevelChoice {
-    std::uint64_t uses = 0;  // triangles of the mesh that share it
-    std::uint32_t level = 0; // the highest, and then the chosen one
+    uint64_t uses = 0;  // triangles of the mesh that share it
+    uint32_t level = 0; // the highest, and then the chosen one
     // By level: micro-triangles that are known, as a share of all, and bytes.
     std::array<float, shared::kMaxSubdivisionLevel + 1> known{};
-    std::array<std::uint32_t, shared::kMaxSubdivisionLevel + 1> bytes{};
+    std::array<uint32_t, shared::kMaxSubdivisionLevel + 1> bytes{};
 };
 
 // Lowers levels until the sum of bytes is at most `budget`, or all are at level 0. Each step is the one that loses the
 // least known area for a byte; among equal ones, that of the first triangle.
-void fitBudget(std::span<LevelChoice> choices, std::uint64_t budget);
+void fitBudget(std::span<LevelChoice> choices, uint64_t budget);
 
 } // namespace vellum

@@ -19,10 +19,10 @@ namespace
 // A sub-triangle with a box of more cells than this is divided before its cells are listed.
 constexpr double kMostCells = 65536;
 
-void fill(std::uint8_t *packed, std::uint32_t first, std::uint32_t count, State state)
+void fill(uint8_t *packed, uint32_t first, uint32_t count, State state)
 {
     if (count < 4) {
-        for (std::uint32_t i = first; i < first + count; ++i)
+        for (uint32_t i = first; i < first + count; ++i)
             writeState(packed, i, Format::FourState, state);
         return;
     }
@@ -37,7 +37,7 @@ struct Samples {
 };
 constexpr Samples kSamples = [] {
     Samples samples;
-    std::size_t n = 0;
+    size_t n = 0;
     for (unsigned i = 0; i < 4; ++i)
         for (unsigned j = 0; i + j < 4; ++j)
             for (unsigned thirds = 1; thirds < (i + j < 3 ? 3u : 2u); ++thirds, ++n) {
@@ -52,7 +52,7 @@ constexpr const std::array<float, 16> &kSampleJ = kSamples.j;
 constexpr std::array<unsigned, 16> kBitsOf = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4};
 
 // Single precision counts cells within a sub-triangle of that many well enough for a guess.
-constexpr std::int64_t kMostColumns = 1 << 15;
+constexpr int64_t kMostColumns = 1 << 15;
 
 } // namespace
 
@@ -65,33 +65,33 @@ constexpr std::int64_t kMostColumns = 1 << 15;
 class Classifier::Walk
 {
 public:
-    Walk(const Classifier &classifier, const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed,
+    Walk(const Classifier &classifier, const TriangleUvs &uvs, uint32_t level, uint8_t *packed,
          ClassifierScratch &scratch)
-        : m_texture(classifier.m_texture), m_cutoff(classifier.m_options.cutoff), m_map(classifier.m_map),
-          m_cancelled(classifier.m_options.cancelled), m_uvs(uvs), m_level(level), m_packed(packed), m_scratch(scratch),
-          m_place(m_texture, m_map, classifier.m_options, uvs, level, classifier.m_uvTerms),
-          m_piece(m_place, m_texture.filter, classifier.m_thresholds)
+        : texture_(classifier.texture_), cutoff_(classifier.options_.cutoff), map_(classifier.map_),
+          cancelled_(classifier.options_.cancelled), uvs_(uvs), level_(level), packed_(packed), scratch_(scratch),
+          place_(texture_, map_, classifier.options_, uvs, level, classifier.uvTerms_),
+          piece_(place_, texture_.filter, classifier.thresholds_)
     {
     }
 
-    void run() { descendWide({{0, 0, 1 << m_level}, 0, false}, 0); }
+    void run() { descendWide({{0, 0, 1 << level_}, 0, false}, 0); }
 
 private:
     // A sub-triangle of the level `depth`, its place on the curve, and whether the curve runs through it from the
     // lattice point (i + size, j) instead of (i, j).
     struct Node {
         SubTriangle sub;
-        std::uint32_t index;
+        uint32_t index;
         bool swapped;
     };
     // The parts of a sub-triangle: at its lattice point, towards vertex 1, towards vertex 2, and in the middle.
-    enum Part : std::size_t { kAtCorner, kTowardsI, kTowardsJ, kMiddle };
+    enum Part : size_t { kAtCorner, kTowardsI, kTowardsJ, kMiddle };
 
-    static Node part(const Node &node, std::size_t child)
+    static Node part(const Node &node, size_t child)
     {
         const auto [i, j, size] = node.sub;
-        const std::int32_t half = size / 2;
-        const std::uint32_t index = node.index * 4 + static_cast<std::uint32_t>(child);
+        const int32_t half = size / 2;
+        const uint32_t index = node.index * 4 + static_cast<uint32_t>(child);
         switch (partOf(node, child)) {
         case kAtCorner: return {{i, j, half}, index, node.swapped != (child == 3)};
         case kTowardsI: return {{i + half, j, half}, index, node.swapped != (child == 3)};
@@ -100,7 +100,7 @@ private:
         }
     }
     // The curve enters a triangle at one corner, turns in the middle, and leaves it at vertex 2's.
-    static Part partOf(const Node &node, std::size_t child)
+    static Part partOf(const Node &node, size_t child)
     {
         switch (child) {
         case 0: return node.swapped ? kTowardsI : kAtCorner;
@@ -112,7 +112,7 @@ private:
 
     // What the lists of a sub-triangle's parts are made with; lengths in cells, from a lattice point near by.
     struct Frame {
-        std::int32_t i, j;
+        int32_t i, j;
         float stepIx, stepIy, stepJx, stepJy;
         float lowX, lowY, highX, highY; // the box of a sub-triangle of size 1
         float area;
@@ -123,92 +123,92 @@ private:
     };
 
     // What takes longer than this may be cancelled on its way: sub-triangles of so many levels, or of many cells.
-    static constexpr std::uint32_t kLevelsBetweenPolls = 6;
+    static constexpr uint32_t kLevelsBetweenPolls = 6;
     void poll() const
     {
-        if (m_cancelled && m_cancelled())
+        if (cancelled_ && cancelled_())
             throw BakeCancelled();
     }
-    void descendWide(const Node &node, std::uint32_t depth);
-    void descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list, std::size_t count);
+    void descendWide(const Node &node, uint32_t depth);
+    void descend(const Frame &frame, const Node &node, uint32_t depth, size_t list, size_t count);
     void list(const Node &node, Frame &frame);
     struct Parts;
-    void uniform(const Node &node, std::uint32_t depth);
-    void leaf(const Node &node, std::size_t list, std::size_t count);
+    void uniform(const Node &node, uint32_t depth);
+    void leaf(const Node &node, size_t list, size_t count);
     // The lattice point of a micro-triangle, seen from a cell.
     [[nodiscard]] Point cornerIn(const SubTriangle &sub, const Cell &cell) const
     {
-        const Point corner = m_place.at(sub.i, sub.j);
-        return {corner.x - static_cast<double>(cell.x - m_place.baseX),
-                corner.y - static_cast<double>(cell.y - m_place.baseY)};
+        const Point corner = place_.at(sub.i, sub.j);
+        return {corner.x - static_cast<double>(cell.x - place_.baseX),
+                corner.y - static_cast<double>(cell.y - place_.baseY)};
     }
     bool crosses(const SubTriangle &sub, const Cell &cell);
     int sideOf(const SubTriangle &sub);
     State guess(const SubTriangle &sub) const;
     const ExactTriangle &exact();
 
-    const AlphaTexture &m_texture;
-    double m_cutoff;
-    const CellMap &m_map;
-    const std::function<bool()> &m_cancelled;
-    const TriangleUvs &m_uvs;
-    std::uint32_t m_level;
-    std::uint8_t *m_packed;
-    ClassifierScratch &m_scratch;
-    Placement m_place;
-    PieceTest m_piece;
-    std::optional<ExactTriangle> m_exact;
-    int m_side = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
+    const AlphaTexture &texture_;
+    double cutoff_;
+    const CellMap &map_;
+    const std::function<bool()> &cancelled_;
+    const TriangleUvs &uvs_;
+    uint32_t level_;
+    uint8_t *packed_;
+    ClassifierScratch &scratch_;
+    Placement place_;
+    PieceTest piece_;
+    std::optional<ExactTriangle> exact_;
+    int side_ = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
 };
 
 const ExactTriangle &Classifier::Walk::exact()
 {
-    if (!m_exact)
-        m_exact.emplace(m_texture, m_cutoff, m_uvs, m_level);
-    return *m_exact;
+    if (!exact_)
+        exact_.emplace(texture_, cutoff_, uvs_, level_);
+    return *exact_;
 }
 
 // Lists the mixed cells of a sub-triangle, or divides it until it has few enough.
-void Classifier::Walk::descendWide(const Node &node, std::uint32_t depth)
+void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
 {
-    if (!m_map.anyMixed()) {
+    if (!map_.anyMixed()) {
         uniform(node, depth);
         return;
     }
     poll();
-    if (m_place.boxCells(node.sub) <= kMostCells) {
+    if (place_.boxCells(node.sub) <= kMostCells) {
         Frame frame;
         list(node, frame);
-        const std::size_t count = m_scratch.cells.size();
-        m_scratch.lists.resize(count);
-        for (std::size_t i = 0; i < count; ++i)
-            m_scratch.lists[i] = static_cast<std::uint32_t>(i);
+        const size_t count = scratch_.cells.size();
+        scratch_.lists.resize(count);
+        for (size_t i = 0; i < count; ++i)
+            scratch_.lists[i] = static_cast<uint32_t>(i);
         if (count == 0)
             uniform(node, depth);
-        else if (depth == m_level)
+        else if (depth == level_)
             leaf(node, 0, count);
         else
             descend(frame, node, depth, 0, count);
         return;
     }
-    if (depth < m_level) {
-        for (std::size_t child = 0; child < 4; ++child)
+    if (depth < level_) {
+        for (size_t child = 0; child < 4; ++child)
             descendWide(part(node, child), depth + 1);
         return;
     }
-    const bool mixed = m_place.forMixed(
-        m_map, node.sub, [&](const CellMap::Place &cell) { return crosses(node.sub, m_map.read(cell)); });
+    const bool mixed =
+        place_.forMixed(map_, node.sub, [&](const CellMap::Place &cell) { return crosses(node.sub, map_.read(cell)); });
     if (!mixed) {
         uniform(node, depth);
         return;
     }
-    m_side = -1;
-    writeState(m_packed, node.index, Format::FourState, guess(node.sub));
+    side_ = -1;
+    writeState(packed_, node.index, Format::FourState, guess(node.sub));
 }
 
 void Classifier::Walk::list(const Node &node, Frame &frame)
 {
-    const Placement &p = m_place;
+    const Placement &p = place_;
     const Point origin = p.at(node.sub.i, node.sub.j);
     const double steps = std::abs(static_cast<double>(node.sub.size));
     const auto toFloat = [](double x) { return static_cast<float>(x); };
@@ -240,33 +240,33 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
              toFloat(p.marginY + 2 * p.slack + kRounding * height),
              0,
              0,
-             m_texture.filter == Filter::Bilinear};
-    const double valueRounding = p.valueSlack + kValueRounding * (m_map.largest() + std::abs(m_cutoff));
-    frame.valueLow = toFloat(m_piece.thresholds().transparent - valueRounding);
-    frame.valueHigh = toFloat(m_piece.thresholds().opaque + valueRounding);
+             texture_.filter == Filter::Bilinear};
+    const double valueRounding = p.valueSlack + kValueRounding * (map_.largest() + std::abs(cutoff_));
+    frame.valueLow = toFloat(piece_.thresholds().transparent - valueRounding);
+    frame.valueHigh = toFloat(piece_.thresholds().opaque + valueRounding);
 
     // Texels are far away: while those of one cell come, the next ones are found.
-    m_scratch.places.clear();
-    p.forMixed(m_map, node.sub, [&](const CellMap::Place &cell) {
-        m_map.prefetch(cell);
-        m_scratch.places.push_back(cell);
+    scratch_.places.clear();
+    p.forMixed(map_, node.sub, [&](const CellMap::Place &cell) {
+        map_.prefetch(cell);
+        scratch_.places.push_back(cell);
         return false;
     });
-    const std::size_t count = m_scratch.places.size();
-    m_scratch.cells.resize(count);
-    m_scratch.near.resize(count);
-    for (std::size_t n = 0; n < count; ++n) {
-        const Cell cell = m_map.read(m_scratch.places[n]);
+    const size_t count = scratch_.places.size();
+    scratch_.cells.resize(count);
+    scratch_.near.resize(count);
+    for (size_t n = 0; n < count; ++n) {
+        const Cell cell = map_.read(scratch_.places[n]);
         const double x = static_cast<double>(cell.x - p.baseX) - origin.x;
         const double y = static_cast<double>(cell.y - p.baseY) - origin.y;
         const Point middle{x + 0.5, y + 0.5};
-        NearCell near = m_piece.near(cell);
+        NearCell near = piece_.near(cell);
         near.x = toFloat(x);
         near.y = toFloat(y);
         near.i = toFloat(p.gradientI.x * middle.x + p.gradientI.y * middle.y);
         near.j = toFloat(p.gradientJ.x * middle.x + p.gradientJ.y * middle.y);
-        m_scratch.cells[n] = cell;
-        m_scratch.near[n] = near;
+        scratch_.cells[n] = cell;
+        scratch_.near[n] = near;
     }
 }
 
@@ -361,142 +361,141 @@ private:
     bool small;
 };
 
-void Classifier::Walk::descend(const Frame &frame, const Node &node, std::uint32_t depth, std::size_t list,
-                               std::size_t count)
+void Classifier::Walk::descend(const Frame &frame, const Node &node, uint32_t depth, size_t list, size_t count)
 {
-    if (m_level - depth > kLevelsBetweenPolls)
+    if (level_ - depth > kLevelsBetweenPolls)
         poll();
-    std::vector<std::uint32_t> &lists = m_scratch.lists;
-    const std::size_t start = list + count;
+    std::vector<uint32_t> &lists = scratch_.lists;
+    const size_t start = list + count;
     // Four lists, and a place behind them for the one that is followed first.
     if (lists.size() < start + 5 * count)
         lists.resize(start + 5 * count);
     const Parts parts(frame, node);
-    std::array<std::size_t, 4> counts{};
-    for (std::size_t n = 0; n < count; ++n) {
-        const std::uint32_t cell = lists[list + n];
-        const unsigned touched = parts.touched(m_scratch.near[cell]);
-        for (std::size_t k = 0; k < 4; ++k) {
+    std::array<size_t, 4> counts{};
+    for (size_t n = 0; n < count; ++n) {
+        const uint32_t cell = lists[list + n];
+        const unsigned touched = parts.touched(scratch_.near[cell]);
+        for (size_t k = 0; k < 4; ++k) {
             lists[start + k * count + counts[k]] = cell;
             counts[k] += touched >> k & 1;
         }
     }
-    for (std::size_t child = 0; child < 4; ++child) {
+    for (size_t child = 0; child < 4; ++child) {
         const Part k = partOf(node, child);
         const Node below = part(node, child);
-        const std::size_t from = start + k * count;
+        const size_t from = start + k * count;
         if (counts[k] == 0) {
             uniform(below, depth + 1);
-        } else if (depth + 1 == m_level) {
+        } else if (depth + 1 == level_) {
             leaf(below, from, counts[k]);
         } else {
             // Those below need the room behind their list.
-            const std::size_t to = start + 4 * count;
+            const size_t to = start + 4 * count;
             std::copy_n(lists.data() + from, counts[k], lists.data() + to);
             descend(frame, below, depth + 1, to, counts[k]);
         }
     }
 }
 
-void Classifier::Walk::uniform(const Node &node, std::uint32_t depth)
+void Classifier::Walk::uniform(const Node &node, uint32_t depth)
 {
-    if (m_side < 0)
-        m_side = sideOf(node.sub);
-    const std::uint32_t below = microTriangleCount(m_level - depth);
-    const State state = m_side < 0 ? State::UnknownOpaque : m_side == 1 ? State::Opaque : State::Transparent;
-    fill(m_packed, node.index * below, below, state);
+    if (side_ < 0)
+        side_ = sideOf(node.sub);
+    const uint32_t below = microTriangleCount(level_ - depth);
+    const State state = side_ < 0 ? State::UnknownOpaque : side_ == 1 ? State::Opaque : State::Transparent;
+    fill(packed_, node.index * below, below, state);
 }
 
-void Classifier::Walk::leaf(const Node &node, std::size_t list, std::size_t count)
+void Classifier::Walk::leaf(const Node &node, size_t list, size_t count)
 {
-    for (std::size_t n = 0; n < count; ++n) {
-        const std::uint32_t which = m_scratch.lists[list + n];
-        const Cell &cell = m_scratch.cells[which];
+    for (size_t n = 0; n < count; ++n) {
+        const uint32_t which = scratch_.lists[list + n];
+        const Cell &cell = scratch_.cells[which];
         Crossing crossing = Crossing::Open;
-        if (m_texture.filter == Filter::Bilinear)
-            crossing = m_piece.quick(cornerIn(node.sub, cell), node.sub.size < 0, m_scratch.near[which]);
+        if (texture_.filter == Filter::Bilinear)
+            crossing = piece_.quick(cornerIn(node.sub, cell), node.sub.size < 0, scratch_.near[which]);
         if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(node.sub, cell))) {
-            m_side = -1;
-            writeState(m_packed, node.index, Format::FourState, guess(node.sub));
+            side_ = -1;
+            writeState(packed_, node.index, Format::FourState, guess(node.sub));
             return;
         }
     }
-    uniform(node, m_level);
+    uniform(node, level_);
 }
 
 bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell)
 {
-    const Crossing crossing = m_piece(cornerIn(sub, cell), sub.size < 0, cell);
+    const Crossing crossing = piece_(cornerIn(sub, cell), sub.size < 0, cell);
     if (crossing != Crossing::Open)
         return crossing == Crossing::Yes;
-    if (!m_place.exact)
+    if (!place_.exact)
         return true;
     Cell unwrapped = cell;
-    unwrapped.x += m_place.unwrappedX - m_place.baseX;
-    unwrapped.y += m_place.unwrappedY - m_place.baseY;
+    unwrapped.x += place_.unwrappedX - place_.baseX;
+    unwrapped.y += place_.unwrappedY - place_.baseY;
     return exact().crosses({{{sub.i, sub.j}, {sub.i + sub.size, sub.j}, {sub.i, sub.j + sub.size}}}, unwrapped);
 }
 
 // The outcome in a sub-triangle that has but one: that at its middle, if rounding allows to tell, or at a corner.
 int Classifier::Walk::sideOf(const SubTriangle &sub)
 {
-    const Point corner = m_place.at(sub.i, sub.j);
+    const Point corner = place_.at(sub.i, sub.j);
     const double third = sub.size / 3.0;
-    const double x = corner.x + third * (m_place.stepI.x + m_place.stepJ.x);
-    const double y = corner.y + third * (m_place.stepI.y + m_place.stepJ.y);
+    const double x = corner.x + third * (place_.stepI.x + place_.stepJ.x);
+    const double y = corner.y + third * (place_.stepI.y + place_.stepJ.y);
     const double column = std::floor(x);
     const double row = std::floor(y);
-    const std::int64_t cellX = m_place.baseX + static_cast<std::int64_t>(column);
-    const std::int64_t cellY = m_place.baseY + static_cast<std::int64_t>(row);
+    const int64_t cellX = place_.baseX + static_cast<int64_t>(column);
+    const int64_t cellY = place_.baseY + static_cast<int64_t>(row);
     // Rounding can name a neighbour of the right cell. Where neither is mixed, they are alike.
-    if (const int side = m_map.side(cellX, cellY); side >= 0)
+    if (const int side = map_.side(cellX, cellY); side >= 0)
         return side;
-    const Cell cell = m_map.cell(cellX, cellY);
+    const Cell cell = map_.cell(cellX, cellY);
     const double a = x - column;
     const double b = y - row;
-    if (m_texture.filter == Filter::Bilinear) {
+    if (texture_.filter == Filter::Bilinear) {
         const double value = (double{cell.f00} * (1 - a) + double{cell.f10} * a) * (1 - b) +
                              (double{cell.f01} * (1 - a) + double{cell.f11} * a) * b;
-        if (value >= m_cutoff + m_place.valueSlack)
+        if (value >= cutoff_ + place_.valueSlack)
             return 1;
-        if (value < m_cutoff - m_place.valueSlack)
+        if (value < cutoff_ - place_.valueSlack)
             return 0;
-    } else if (std::abs(a - 0.5) > 2 * m_place.slack && std::abs(b - 0.5) > 2 * m_place.slack) {
+    } else if (std::abs(a - 0.5) > 2 * place_.slack && std::abs(b - 0.5) > 2 * place_.slack) {
         const float texel = b < 0.5 ? (a < 0.5 ? cell.f00 : cell.f10) : (a < 0.5 ? cell.f01 : cell.f11);
         if (std::isfinite(texel))
-            return double{texel} >= m_cutoff ? 1 : 0;
+            return double{texel} >= cutoff_ ? 1 : 0;
     }
-    return exact().side({sub.i, sub.j}, m_map);
+    return exact().side({sub.i, sub.j}, map_);
 }
 
 // What most of an unknown micro-triangle is, by sampling.
 State Classifier::Walk::guess(const SubTriangle &sub) const
 {
-    const Placement &p = m_place;
+    const Placement &p = place_;
     Point corner = p.at(sub.i, sub.j);
     const bool down = sub.size < 0;
     const Point low{corner.x + (down ? -p.high.x : p.low.x), corner.y + (down ? -p.high.y : p.low.y)};
     const Point high{corner.x + (down ? -p.low.x : p.high.x), corner.y + (down ? -p.low.y : p.high.y)};
     const double left = std::floor(low.x - 2 * p.slack);
     const double top = std::floor(low.y - 2 * p.slack);
-    const std::int64_t x0 = p.baseX + static_cast<std::int64_t>(left);
-    const std::int64_t y0 = p.baseY + static_cast<std::int64_t>(top);
-    const auto columns = static_cast<std::int64_t>(high.x + 2 * p.slack - left);
-    const auto rows = static_cast<std::int64_t>(high.y + 2 * p.slack - top);
+    const int64_t x0 = p.baseX + static_cast<int64_t>(left);
+    const int64_t y0 = p.baseY + static_cast<int64_t>(top);
+    const auto columns = static_cast<int64_t>(high.x + 2 * p.slack - left);
+    const auto rows = static_cast<int64_t>(high.y + 2 * p.slack - top);
     // Single precision is enough for a guess, but not to stay inside the window: hence the bounds.
-    const auto limit = [](std::int64_t cells) { return Float4(static_cast<float>(cells) + 0.999f); };
+    const auto limit = [](int64_t cells) { return Float4(static_cast<float>(cells) + 0.999f); };
     const Float4 limitX = limit(columns);
     const Float4 limitY = limit(rows);
     corner = {corner.x - left, corner.y - top};
     const auto s = static_cast<float>(sub.size);
     const auto toFloat = [](double x) { return static_cast<float>(x); };
-    const bool nearest = m_texture.filter == Filter::Nearest;
+    const bool nearest = texture_.filter == Filter::Nearest;
     const Float4 zero(0.0f);
     const Float4 one(1.0f);
     const float *window =
-        columns < kMostColumns && rows < kMostColumns ? m_map.window(x0, y0, x0 + columns, y0 + rows) : nullptr;
+        columns < kMostColumns && rows < kMostColumns ? map_.window(x0, y0, x0 + columns, y0 + rows) : nullptr;
     unsigned opaque = 0;
-    for (std::size_t n = 0; n < kSampleI.size(); n += 4) {
+    for (size_t n = 0; n < kSampleI.size(); n += 4) {
         const Float4 i = Float4(kSampleI[n], kSampleI[n + 1], kSampleI[n + 2], kSampleI[n + 3]) * Float4(s);
         const Float4 j = Float4(kSampleJ[n], kSampleJ[n + 1], kSampleJ[n + 2], kSampleJ[n + 3]) * Float4(s);
         const auto along = [&](double start, double stepI, double stepJ, Float4 most) {
@@ -510,19 +509,19 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
         x.store(xs.data());
         y.store(ys.data());
         std::array<std::array<float, 4>, 4> texels; // f00, f10, f01, f11 of four samples
-        for (std::size_t k = 0; k < 4; ++k) {
-            const auto column = static_cast<std::int64_t>(xs[k]);
-            const auto row = static_cast<std::int64_t>(ys[k]);
+        for (size_t k = 0; k < 4; ++k) {
+            const auto column = static_cast<int64_t>(xs[k]);
+            const auto row = static_cast<int64_t>(ys[k]);
             xs[k] -= static_cast<float>(column);
             ys[k] -= static_cast<float>(row);
             if (window != nullptr) {
-                const float *texel = window + row * m_map.pitch() + column;
+                const float *texel = window + row * map_.pitch() + column;
                 texels[0][k] = texel[0];
                 texels[1][k] = texel[1];
-                texels[2][k] = texel[m_map.pitch()];
-                texels[3][k] = texel[m_map.pitch() + 1];
+                texels[2][k] = texel[map_.pitch()];
+                texels[3][k] = texel[map_.pitch() + 1];
             } else {
-                const Cell cell = m_map.cell(x0 + column, y0 + row);
+                const Cell cell = map_.cell(x0 + column, y0 + row);
                 texels[0][k] = cell.f00;
                 texels[1][k] = cell.f10;
                 texels[2][k] = cell.f01;
@@ -538,41 +537,40 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
         const Float4 b = load(ys);
         const Float4 value = (load(texels[0]) * (one - a) + load(texels[1]) * a) * (one - b) +
                              (load(texels[2]) * (one - a) + load(texels[3]) * a) * b;
-        opaque += kBitsOf[atLeast(value, Float4(toFloat(m_cutoff)))];
+        opaque += kBitsOf[atLeast(value, Float4(toFloat(cutoff_)))];
     }
     return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;
 }
 
 Classifier::Classifier(const AlphaTexture &texture, const BakeOptions &options, double uvTerms)
-    : m_texture(texture), m_options(options), m_uvTerms(uvTerms), m_thresholds{options.cutoff - options.valueTolerance,
-                                                                               options.cutoff + options.valueTolerance},
-      m_map(texture, m_thresholds)
+    : texture_(texture), options_(options),
+      uvTerms_(uvTerms), thresholds_{options.cutoff - options.valueTolerance, options.cutoff + options.valueTolerance},
+      map_(texture, thresholds_)
 {
 }
 
-std::uint32_t Classifier::levelFor(const TriangleUvs &uvs) const
+uint32_t Classifier::levelFor(const TriangleUvs &uvs) const
 {
-    if (m_options.level)
-        return *m_options.level;
-    if (!usable(uvs, m_texture))
+    if (options_.level)
+        return *options_.level;
+    if (!usable(uvs, texture_))
         return 0;
     const auto edge = [&](const TexCoord &from, const TexCoord &to) {
-        return std::array<double, 2>{(double{to.u} - from.u) * m_texture.width,
-                                     (double{to.v} - from.v) * m_texture.height};
+        return std::array<double, 2>{(double{to.u} - from.u) * texture_.width,
+                                     (double{to.v} - from.v) * texture_.height};
     };
     const auto a = edge(uvs[0], uvs[1]);
     const auto b = edge(uvs[0], uvs[2]);
     const double area = std::abs(a[0] * b[1] - a[1] * b[0]);
-    const double wanted = std::ceil(0.5 * std::log2(area / (m_options.texelsPerEdge * m_options.texelsPerEdge)));
+    const double wanted = std::ceil(0.5 * std::log2(area / (options_.texelsPerEdge * options_.texelsPerEdge)));
     if (!(wanted > 0)) // a zero area gives -infinity, which must not be converted
         return 0;
-    return static_cast<std::uint32_t>(std::min<double>(wanted, m_options.maxLevel));
+    return static_cast<uint32_t>(std::min<double>(wanted, options_.maxLevel));
 }
 
-void Classifier::classify(const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed,
-                          ClassifierScratch &scratch) const
+void Classifier::classify(const TriangleUvs &uvs, uint32_t level, uint8_t *packed, ClassifierScratch &scratch) const
 {
-    if (!usable(uvs, m_texture)) {
+    if (!usable(uvs, texture_)) {
         fill(packed, 0, microTriangleCount(level), State::UnknownOpaque);
         return;
     }

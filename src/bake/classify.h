@@ -16,7 +16,7 @@ struct ClassifierScratch {
     std::vector<CellMap::Place> places;
     std::vector<Cell> cells;
     std::vector<NearCell> near;
-    std::vector<std::uint32_t> lists;
+    std::vector<uint32_t> lists;
 };
 
 class Classifier
@@ -26,19 +26,19 @@ public:
     // `uvTerms`: that of BakeInput.
     Classifier(const AlphaTexture &texture, const BakeOptions &options, double uvTerms = 0);
 
-    [[nodiscard]] std::uint32_t levelFor(const TriangleUvs &uvs) const;
+    [[nodiscard]] uint32_t levelFor(const TriangleUvs &uvs) const;
     // Writes the 4-state data of a triangle: packedBytes(level, Format::FourState) bytes, which must be 0. Safe to call
     // from several threads with a scratch each. Throws BakeCancelled when the options say so.
-    void classify(const TriangleUvs &uvs, std::uint32_t level, std::uint8_t *packed, ClassifierScratch &scratch) const;
+    void classify(const TriangleUvs &uvs, uint32_t level, uint8_t *packed, ClassifierScratch &scratch) const;
 
 private:
     class Walk;
 
-    const AlphaTexture &m_texture;
-    const BakeOptions &m_options;
-    double m_uvTerms;
-    Thresholds m_thresholds;
-    CellMap m_map;
+    const AlphaTexture &texture_;
+    const BakeOptions &options_;
+    double uvTerms_;
+    Thresholds thresholds_;
+    CellMap map_;
 };
 
 } // namespace vellum

@@ -14,7 +14,7 @@ int fractionBits(double value)
     if (value == 0)
         return 0;
     int exponent = 0;
-    auto mantissa = static_cast<std::int64_t>(std::ldexp(std::frexp(value, &exponent), 53));
+    auto mantissa = static_cast<int64_t>(std::ldexp(std::frexp(value, &exponent), 53));
     for (exponent -= 53; mantissa % 2 == 0; ++exponent)
         mantissa /= 2;
     return std::max(0, -exponent);
@@ -80,10 +80,10 @@ struct ExactTriangle::Patch {
     BigInt c, cx, cy, cxy;
 };
 
-ExactTriangle::ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, std::uint32_t level)
-    : m_filter(texture.filter),
+ExactTriangle::ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, uint32_t level)
+    : filter_(texture.filter),
       // No texel is as large as that, and the digits stay within bounds.
-      m_cutoff(std::clamp(cutoff, -0x1p129, 0x1p129)), m_level(level)
+      cutoff_(std::clamp(cutoff, -0x1p129, 0x1p129)), level_(level)
 {
     int bitsX = 0;
     int bitsY = 0;
@@ -92,38 +92,38 @@ ExactTriangle::ExactTriangle(const AlphaTexture &texture, double cutoff, const T
         bitsY = std::max(bitsY, fractionBits(double{uv.v}));
     }
     // Lattice points divide by 2^level, and centres of texels by 2.
-    m_shiftX = static_cast<unsigned>(bitsX) + level + 1;
-    m_shiftY = static_cast<unsigned>(bitsY) + level + 1;
-    for (std::size_t i = 0; i < 3; ++i) {
-        m_vertices[i].x = BigInt::scaled(double{uvs[i].u}, bitsX) * BigInt(texture.width);
-        m_vertices[i].y = BigInt::scaled(double{uvs[i].v}, bitsY) * BigInt(texture.height);
+    shiftX_ = static_cast<unsigned>(bitsX) + level + 1;
+    shiftY_ = static_cast<unsigned>(bitsY) + level + 1;
+    for (size_t i = 0; i < 3; ++i) {
+        vertices_[i].x = BigInt::scaled(double{uvs[i].u}, bitsX) * BigInt(texture.width);
+        vertices_[i].y = BigInt::scaled(double{uvs[i].v}, bitsY) * BigInt(texture.height);
     }
-    for (std::size_t i = 1; i < 3; ++i) {
-        m_vertices[i].x = m_vertices[i].x - m_vertices[0].x;
-        m_vertices[i].y = m_vertices[i].y - m_vertices[0].y;
+    for (size_t i = 1; i < 3; ++i) {
+        vertices_[i].x = vertices_[i].x - vertices_[0].x;
+        vertices_[i].y = vertices_[i].y - vertices_[0].y;
     }
 }
 
 ExactTriangle::Point ExactTriangle::place(LatticePoint point) const
 {
     const auto along = [&](const BigInt &base, const BigInt &first, const BigInt &second, unsigned shift) {
-        const BigInt sum = (base << m_level) + first * BigInt(point.i) + second * BigInt(point.j);
+        const BigInt sum = (base << level_) + first * BigInt(point.i) + second * BigInt(point.j);
         return (sum << 1) - (BigInt(1) << (shift - 1)); // cells begin at centres of texels
     };
-    return {along(m_vertices[0].x, m_vertices[1].x, m_vertices[2].x, m_shiftX),
-            along(m_vertices[0].y, m_vertices[1].y, m_vertices[2].y, m_shiftY)};
+    return {along(vertices_[0].x, vertices_[1].x, vertices_[2].x, shiftX_),
+            along(vertices_[0].y, vertices_[1].y, vertices_[2].y, shiftY_)};
 }
 
 ExactTriangle::Patch ExactTriangle::patch(const Cell &cell) const
 {
-    int bits = fractionBits(m_cutoff);
+    int bits = fractionBits(cutoff_);
     for (const float f : {cell.f00, cell.f10, cell.f01, cell.f11})
         bits = std::max(bits, fractionBits(double{f}));
     const auto scaled = [bits](float f) { return BigInt::scaled(double{f}, bits); };
     const BigInt f00 = scaled(cell.f00);
     const BigInt f10 = scaled(cell.f10);
     const BigInt f01 = scaled(cell.f01);
-    return {f00 - BigInt::scaled(m_cutoff, bits), f10 - f00, f01 - f00, scaled(cell.f11) - f10 - f01 + f00};
+    return {f00 - BigInt::scaled(cutoff_, bits), f10 - f00, f01 - f00, scaled(cell.f11) - f10 - f01 + f00};
 }
 
 namespace
@@ -144,7 +144,7 @@ bool ExactTriangle::touches(const std::array<Point, 3> &corners, const Box &box,
     bool left = !openRight;
     bool above = !openBottom;
     bool any = false;
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (size_t i = 0; i < 3; ++i) {
         const Point &start = corners[i];
         const Point delta{corners[(i + 1) % 3].x - start.x, corners[(i + 1) % 3].y - start.y};
         const Range range = box.clip(start, delta);
@@ -156,7 +156,7 @@ bool ExactTriangle::touches(const std::array<Point, 3> &corners, const Box &box,
             above = above || compare(start.y * s.denominator + delta.y * s.numerator, box.bottom * s.denominator) < 0;
         }
     }
-    const auto turn = [&](std::size_t i, const BigInt &x, const BigInt &y) {
+    const auto turn = [&](size_t i, const BigInt &x, const BigInt &y) {
         const Point &a = corners[i];
         const Point &b = corners[(i + 1) % 3];
         return cross(b.x - a.x, b.y - a.y, x - a.x, y - a.y).sign();
@@ -178,15 +178,15 @@ bool ExactTriangle::touches(const std::array<Point, 3> &corners, const Box &box,
 
 bool ExactTriangle::crossesNearest(const std::array<Point, 3> &corners, const Cell &cell) const
 {
-    const BigInt middleX = BigInt(1) << (m_shiftX - 1);
-    const BigInt middleY = BigInt(1) << (m_shiftY - 1);
+    const BigInt middleX = BigInt(1) << (shiftX_ - 1);
+    const BigInt middleY = BigInt(1) << (shiftY_ - 1);
     bool opaque = false;
     bool transparent = false;
     const float texels[] = {cell.f00, cell.f10, cell.f01, cell.f11};
     for (unsigned quarter = 0; quarter < 4; ++quarter) {
         const float texel = texels[quarter];
-        const bool newOpaque = !std::isfinite(texel) || double{texel} >= m_cutoff;
-        const bool newTransparent = !std::isfinite(texel) || double{texel} < m_cutoff;
+        const bool newOpaque = !std::isfinite(texel) || double{texel} >= cutoff_;
+        const bool newTransparent = !std::isfinite(texel) || double{texel} < cutoff_;
         if ((!newOpaque || opaque) && (!newTransparent || transparent))
             continue;
         // A position half way between two centres reads the texel behind it.
@@ -204,15 +204,15 @@ bool ExactTriangle::crossesNearest(const std::array<Point, 3> &corners, const Ce
 
 bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const
 {
-    const BigInt unitX = BigInt(1) << m_shiftX;
-    const BigInt unitY = BigInt(1) << m_shiftY;
+    const BigInt unitX = BigInt(1) << shiftX_;
+    const BigInt unitY = BigInt(1) << shiftY_;
     std::array<Point, 3> corners;
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (size_t i = 0; i < 3; ++i) {
         corners[i] = place(lattice[i]);
-        corners[i].x = corners[i].x - (BigInt(cell.x) << m_shiftX);
-        corners[i].y = corners[i].y - (BigInt(cell.y) << m_shiftY);
+        corners[i].x = corners[i].x - (BigInt(cell.x) << shiftX_);
+        corners[i].y = corners[i].y - (BigInt(cell.y) << shiftY_);
     }
-    if (m_filter == Filter::Nearest)
+    if (filter_ == Filter::Nearest)
         return crossesNearest(corners, cell);
     const Box box{BigInt(0), BigInt(0), unitX, unitY};
     if (!allFinite(cell))
@@ -225,7 +225,7 @@ bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Ce
     // A bilinear function has no extreme inside: its Hessian is indefinite. What is left are the corners of the part,
     // and the places on its slanted edges where the function stops to rise or to fall. Every corner of the part is the
     // end of a clipped edge or a corner of the cell.
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (size_t i = 0; i < 3; ++i) {
         const Point &a = corners[i];
         const Point d{corners[(i + 1) % 3].x - a.x, corners[(i + 1) % 3].y - a.y};
         const Range range = box.clip(a, d);
@@ -233,9 +233,9 @@ bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Ce
             continue;
         // On the edge, times unitX * unitY: q2 s^2 + q1 s + q0.
         const BigInt q2 = f.cxy * d.x * d.y;
-        const BigInt q1 = ((f.cx * d.x) << m_shiftY) + ((f.cy * d.y) << m_shiftX) + f.cxy * (a.x * d.y + a.y * d.x);
-        const BigInt q0 = ((f.c << m_shiftY) << m_shiftX) + ((f.cx * a.x) << m_shiftY) + ((f.cy * a.y) << m_shiftX) +
-                          f.cxy * a.x * a.y;
+        const BigInt q1 = ((f.cx * d.x) << shiftY_) + ((f.cy * d.y) << shiftX_) + f.cxy * (a.x * d.y + a.y * d.x);
+        const BigInt q0 =
+            ((f.c << shiftY_) << shiftX_) + ((f.cx * a.x) << shiftY_) + ((f.cy * a.y) << shiftX_) + f.cxy * a.x * a.y;
         for (const Rational &s : {range.from, range.to})
             add(((q2 * s.numerator + q1 * s.denominator) * s.numerator + q0 * s.denominator * s.denominator).sign());
         if (q2.sign() == 0)
@@ -247,7 +247,7 @@ bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Ce
     }
     const float texels[] = {cell.f00, cell.f10, cell.f01, cell.f11};
     for (unsigned corner = 0; corner < 4 && !(opaque && transparent); ++corner) {
-        const bool isOpaque = double{texels[corner]} >= m_cutoff;
+        const bool isOpaque = double{texels[corner]} >= cutoff_;
         if (isOpaque ? opaque : transparent)
             continue;
         const Box point{corner % 2 != 0 ? unitX : BigInt(0), corner / 2 != 0 ? unitY : BigInt(0),
@@ -261,20 +261,20 @@ bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Ce
 int ExactTriangle::side(LatticePoint point, const CellMap &map) const
 {
     const Point place = this->place(point);
-    const Cell cell = map.cell(place.x.floorShift(m_shiftX), place.y.floorShift(m_shiftY));
-    const BigInt x = place.x - (BigInt(cell.x) << m_shiftX);
-    const BigInt y = place.y - (BigInt(cell.y) << m_shiftY);
-    if (m_filter == Filter::Nearest) {
-        const bool right = compare(x, BigInt(1) << (m_shiftX - 1)) >= 0;
-        const bool bottom = compare(y, BigInt(1) << (m_shiftY - 1)) >= 0;
+    const Cell cell = map.cell(place.x.floorShift(shiftX_), place.y.floorShift(shiftY_));
+    const BigInt x = place.x - (BigInt(cell.x) << shiftX_);
+    const BigInt y = place.y - (BigInt(cell.y) << shiftY_);
+    if (filter_ == Filter::Nearest) {
+        const bool right = compare(x, BigInt(1) << (shiftX_ - 1)) >= 0;
+        const bool bottom = compare(y, BigInt(1) << (shiftY_ - 1)) >= 0;
         const float texel = bottom ? (right ? cell.f11 : cell.f01) : (right ? cell.f10 : cell.f00);
-        return !std::isfinite(texel) ? -1 : double{texel} >= m_cutoff ? 1 : 0;
+        return !std::isfinite(texel) ? -1 : double{texel} >= cutoff_ ? 1 : 0;
     }
     if (!allFinite(cell))
         return -1;
     const Patch f = patch(cell);
     const BigInt value =
-        ((f.c << m_shiftY) << m_shiftX) + ((f.cx * x) << m_shiftY) + ((f.cy * y) << m_shiftX) + f.cxy * x * y;
+        ((f.c << shiftY_) << shiftX_) + ((f.cx * x) << shiftY_) + ((f.cy * y) << shiftX_) + f.cxy * x * y;
     return value.sign() >= 0 ? 1 : 0;
 }
 

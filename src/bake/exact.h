@@ -14,15 +14,15 @@ namespace vellum
 // A point of the lattice that the corners of a triangle's micro-triangles form: vertex 0 is (0, 0), vertex 1 is
 // (2^level, 0), vertex 2 is (0, 2^level).
 struct LatticePoint {
-    std::int32_t i;
-    std::int32_t j;
+    int32_t i;
+    int32_t j;
 };
 
 class ExactTriangle
 {
 public:
     // The texture must outlive this. `uvs` are finite.
-    ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, std::uint32_t level);
+    ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, uint32_t level);
 
     // Whether the alpha test has both outcomes in the part of a micro-triangle that lies in a cell; both are closed.
     // `cell` is in unwrapped positions. A texel of its that is not finite makes any part of it have both.
@@ -46,12 +46,12 @@ private:
     [[nodiscard]] bool touches(const std::array<Point, 3> &corners, const Box &box, bool openRight,
                                bool openBottom) const;
 
-    Filter m_filter;
-    double m_cutoff;
-    std::uint32_t m_level;
-    unsigned m_shiftX; // a texel is 2^m_shiftX units of x
-    unsigned m_shiftY;
-    std::array<Point, 3> m_vertices; // vertex 0, and the other two from there
+    Filter filter_;
+    double cutoff_;
+    uint32_t level_;
+    unsigned shiftX_; // a texel is 2^shiftX_ units of x
+    unsigned shiftY_;
+    std::array<Point, 3> vertices_; // vertex 0, and the other two from there
 };
 
 } // namespace vellum

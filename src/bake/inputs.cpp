@@ -19,7 +19,7 @@ T load(const std::byte *from)
     return value;
 }
 
-std::size_t sizeOf(AlphaFormat format)
+size_t sizeOf(AlphaFormat format)
 {
     switch (format) {
     case AlphaFormat::Unorm8: return 1;
@@ -32,9 +32,9 @@ std::size_t sizeOf(AlphaFormat format)
 
 // A row of values that are `stride` bytes apart, by a function from one of them to a float.
 template <typename T, typename Function>
-void readRow(const std::byte *from, std::size_t stride, std::span<float> to, Function &&function)
+void readRow(const std::byte *from, size_t stride, std::span<float> to, Function &&function)
 {
-    for (std::size_t x = 0; x < to.size(); ++x)
+    for (size_t x = 0; x < to.size(); ++x)
         to[x] = function(load<T>(from + x * stride));
 }
 
@@ -45,35 +45,33 @@ void withRowsOf(AlphaFormat format, float scale, Use &&use)
     switch (format) {
     case AlphaFormat::Unorm8: {
         std::array<float, 256> values;
-        for (std::size_t i = 0; i < values.size(); ++i)
+        for (size_t i = 0; i < values.size(); ++i)
             values[i] = static_cast<float>(i) / 255.0f * scale;
-        use([&](const std::byte *from, std::size_t stride, std::span<float> to) {
-            readRow<std::uint8_t>(from, stride, to, [&](std::uint8_t value) { return values[value]; });
+        use([&](const std::byte *from, size_t stride, std::span<float> to) {
+            readRow<uint8_t>(from, stride, to, [&](uint8_t value) { return values[value]; });
         });
         break;
     }
     case AlphaFormat::Unorm16:
-        use([scale](const std::byte *from, std::size_t stride, std::span<float> to) {
-            readRow<std::uint16_t>(from, stride, to, [scale](std::uint16_t value) {
-                return static_cast<float>(value) / 65535.0f * scale;
-            });
+        use([scale](const std::byte *from, size_t stride, std::span<float> to) {
+            readRow<uint16_t>(from, stride, to,
+                              [scale](uint16_t value) { return static_cast<float>(value) / 65535.0f * scale; });
         });
         break;
     case AlphaFormat::Float16:
-        use([scale](const std::byte *from, std::size_t stride, std::span<float> to) {
-            readRow<std::uint16_t>(from, stride, to,
-                                   [scale](std::uint16_t value) { return halfToFloat(value) * scale; });
+        use([scale](const std::byte *from, size_t stride, std::span<float> to) {
+            readRow<uint16_t>(from, stride, to, [scale](uint16_t value) { return halfToFloat(value) * scale; });
         });
         break;
     case AlphaFormat::Float32:
-        use([scale](const std::byte *from, std::size_t stride, std::span<float> to) {
+        use([scale](const std::byte *from, size_t stride, std::span<float> to) {
             readRow<float>(from, stride, to, [scale](float value) { return value * scale; });
         });
         break;
     }
 }
 
-std::size_t componentSize(UvFormat format)
+size_t componentSize(UvFormat format)
 {
     switch (format) {
     case UvFormat::Float32: return 4;
@@ -86,14 +84,14 @@ std::size_t componentSize(UvFormat format)
 float coordinateAt(const std::byte *from, UvFormat format)
 {
     switch (format) {
-    case UvFormat::Float16: return halfToFloat(load<std::uint16_t>(from));
-    case UvFormat::Unorm16: return static_cast<float>(load<std::uint16_t>(from)) / 65535.0f;
+    case UvFormat::Float16: return halfToFloat(load<uint16_t>(from));
+    case UvFormat::Unorm16: return static_cast<float>(load<uint16_t>(from)) / 65535.0f;
     case UvFormat::Float32: break;
     }
     return load<float>(from);
 }
 
-std::size_t indexSize(IndexFormat format)
+size_t indexSize(IndexFormat format)
 {
     switch (format) {
     case IndexFormat::None: return 0;
@@ -104,27 +102,27 @@ std::size_t indexSize(IndexFormat format)
     throw BakeError("unknown format of indices");
 }
 
-std::size_t indexAt(const UvVertices &vertices, std::size_t i)
+size_t indexAt(const UvVertices &vertices, size_t i)
 {
     const std::byte *from = vertices.indices.data() + i * indexSize(vertices.indexFormat);
     switch (vertices.indexFormat) {
     case IndexFormat::None: break;
-    case IndexFormat::Uint8: return load<std::uint8_t>(from);
-    case IndexFormat::Uint16: return load<std::uint16_t>(from);
-    case IndexFormat::Uint32: return load<std::uint32_t>(from);
+    case IndexFormat::Uint8: return load<uint8_t>(from);
+    case IndexFormat::Uint16: return load<uint16_t>(from);
+    case IndexFormat::Uint32: return load<uint32_t>(from);
     }
     return i;
 }
 
 // How many elements of `size` bytes, `stride` apart, lie within `bytes`.
-std::size_t countWithin(std::size_t bytes, std::size_t size, std::size_t stride)
+size_t countWithin(size_t bytes, size_t size, size_t stride)
 {
     return bytes < size ? 0 : (bytes - size) / stride + 1;
 }
 
 } // namespace
 
-float halfToFloat(std::uint16_t bits)
+float halfToFloat(uint16_t bits)
 {
     const int exponent = bits >> 10 & 31;
     const int mantissa = bits & 1023;
@@ -140,27 +138,27 @@ float halfToFloat(std::uint16_t bits)
 
 AlphaTexture readAlpha(const AlphaPixels &pixels)
 {
-    const std::size_t size = sizeOf(pixels.format);
-    const std::size_t rowStride = pixels.rowStride != 0 ? pixels.rowStride : pixels.width * pixels.pixelStride;
+    const size_t size = sizeOf(pixels.format);
+    const size_t rowStride = pixels.rowStride != 0 ? pixels.rowStride : pixels.width * pixels.pixelStride;
     AlphaTexture texture;
     texture.width = pixels.width;
     texture.height = pixels.height;
     if (pixels.width == 0 || pixels.height == 0)
         return texture;
     // Products of two 32-bit sizes and a stride could leave 64 bits: what remains is compared step by step.
-    const auto within = [](std::size_t remaining, std::size_t steps, std::size_t stride) {
+    const auto within = [](size_t remaining, size_t steps, size_t stride) {
         return steps == 0 || stride <= remaining / steps;
     };
-    const std::size_t total = pixels.bytes.size();
-    const std::size_t inRow = pixels.width - std::size_t{1};
-    const std::size_t inColumn = pixels.height - std::size_t{1};
+    const size_t total = pixels.bytes.size();
+    const size_t inRow = pixels.width - size_t{1};
+    const size_t inColumn = pixels.height - size_t{1};
     if (pixels.offset > total || size > total - pixels.offset ||
         !within(total - pixels.offset - size, inRow, pixels.pixelStride) ||
         !within(total - pixels.offset - size - inRow * pixels.pixelStride, inColumn, rowStride))
         throw BakeError("the alpha values of " + std::to_string(pixels.width) + " x " + std::to_string(pixels.height) +
                         " texels do not lie within " + std::to_string(total) + " bytes");
     withRowsOf(pixels.format, pixels.scale, [&](const auto &read) {
-        texture.appendRows([&](std::size_t y, float *to) {
+        texture.appendRows([&](size_t y, float *to) {
             read(pixels.bytes.data() + pixels.offset + y * rowStride, pixels.pixelStride, std::span(to, pixels.width));
         });
     });
@@ -169,15 +167,15 @@ AlphaTexture readAlpha(const AlphaPixels &pixels)
 
 std::vector<TriangleUvs> readUvs(const UvVertices &vertices)
 {
-    const std::size_t component = componentSize(vertices.format);
-    const std::size_t stride = vertices.stride != 0 ? vertices.stride : 2 * component;
-    const std::size_t vertexCount = countWithin(vertices.bytes.size(), 2 * component, stride);
-    const std::size_t size = indexSize(vertices.indexFormat);
-    const std::size_t count = size != 0 ? vertices.indices.size() / size : vertexCount;
+    const size_t component = componentSize(vertices.format);
+    const size_t stride = vertices.stride != 0 ? vertices.stride : 2 * component;
+    const size_t vertexCount = countWithin(vertices.bytes.size(), 2 * component, stride);
+    const size_t size = indexSize(vertices.indexFormat);
+    const size_t count = size != 0 ? vertices.indices.size() / size : vertexCount;
     const auto &m = vertices.transform;
     std::vector<TriangleUvs> triangles(count / 3);
-    for (std::size_t i = 0; i < triangles.size() * 3; ++i) {
-        const std::size_t index = indexAt(vertices, i);
+    for (size_t i = 0; i < triangles.size() * 3; ++i) {
+        const size_t index = indexAt(vertices, i);
         if (index >= vertexCount)
             throw BakeError("index " + std::to_string(i) + " is " + std::to_string(index) + ", of " +
                             std::to_string(vertexCount) + " vertices");

@@ -13,18 +13,18 @@
 namespace vellum
 {
 
-enum class AlphaFormat : std::uint8_t { Unorm8, Unorm16, Float16, Float32 };
+enum class AlphaFormat : uint8_t { Unorm8, Unorm16, Float16, Float32 };
 
 // An image's values of one channel, in native byte order; values need no alignment. Compressed blocks (BC1, BC3, BC4,
 // BC7) are for the caller to decode.
 struct AlphaPixels {
-    std::uint32_t width = 0;
-    std::uint32_t height = 0;
+    uint32_t width = 0;
+    uint32_t height = 0;
     AlphaFormat format = AlphaFormat::Unorm8;
     std::span<const std::byte> bytes; // from the image's first byte on
-    std::size_t offset = 0;           // of the channel of texel (0, 0): 3 for 8-bit RGBA
-    std::size_t pixelStride = 1;      // bytes from one texel to the next in a row
-    std::size_t rowStride = 0;        // and from one row to the next; 0 where rows follow each other
+    size_t offset = 0;                // of the channel of texel (0, 0): 3 for 8-bit RGBA
+    size_t pixelStride = 1;           // bytes from one texel to the next in a row
+    size_t rowStride = 0;             // and from one row to the next; 0 where rows follow each other
     // What the shader multiplies the filtered value with: glTF's baseColorFactor[3].
     float scale = 1.0f;
 };
@@ -32,13 +32,13 @@ struct AlphaPixels {
 // The texture with default address modes and filter. Throws BakeError where pixels lie outside `bytes`.
 AlphaTexture readAlpha(const AlphaPixels &pixels);
 
-enum class UvFormat : std::uint8_t { Float32, Float16, Unorm16 };
-enum class IndexFormat : std::uint8_t { None, Uint8, Uint16, Uint32 };
+enum class UvFormat : uint8_t { Float32, Float16, Unorm16 };
+enum class IndexFormat : uint8_t { None, Uint8, Uint16, Uint32 };
 
 struct UvVertices {
     UvFormat format = UvFormat::Float32;
     std::span<const std::byte> bytes; // from the first vertex's u on
-    std::size_t stride = 0;           // bytes from one vertex to the next; 0 where they follow each other
+    size_t stride = 0;                // bytes from one vertex to the next; 0 where they follow each other
     // The triangles' vertices, three in a row for each; without indices, vertices are in that order themselves.
     IndexFormat indexFormat = IndexFormat::None;
     std::span<const std::byte> indices;
@@ -51,6 +51,6 @@ struct UvVertices {
 std::vector<TriangleUvs> readUvs(const UvVertices &vertices);
 
 // IEEE 754 half precision, exactly.
-float halfToFloat(std::uint16_t bits);
+float halfToFloat(uint16_t bits);
 
 } // namespace vellum

@@ -8,42 +8,42 @@ namespace vellum
 namespace
 {
 
-constexpr std::uint64_t kLowBits = 0x5555555555555555;
+constexpr uint64_t kLowBits = 0x5555555555555555;
 
 // Sums of the even bits of some words: up to 63 words fit.
 class BitSum
 {
 public:
-    void add(std::uint64_t evenBits)
+    void add(uint64_t evenBits)
     {
-        const std::uint64_t pairs = (evenBits & 0x3333333333333333) + (evenBits >> 2 & 0x3333333333333333);
-        m_bytes += (pairs + (pairs >> 4)) & 0x0f0f0f0f0f0f0f0f;
+        const uint64_t pairs = (evenBits & 0x3333333333333333) + (evenBits >> 2 & 0x3333333333333333);
+        bytes_ += (pairs + (pairs >> 4)) & 0x0f0f0f0f0f0f0f0f;
     }
-    [[nodiscard]] std::uint64_t sum() const
+    [[nodiscard]] uint64_t sum() const
     {
         // Bytes are at most 4 * 63; their sum needs more than a byte.
-        const std::uint64_t words = (m_bytes & 0x00ff00ff00ff00ff) + (m_bytes >> 8 & 0x00ff00ff00ff00ff);
+        const uint64_t words = (bytes_ & 0x00ff00ff00ff00ff) + (bytes_ >> 8 & 0x00ff00ff00ff00ff);
         return words * 0x0001000100010001 >> 48;
     }
 
 private:
-    std::uint64_t m_bytes = 0;
+    uint64_t bytes_ = 0;
 };
 
 // Even bits of a byte, side by side.
-constexpr std::uint8_t squeeze(unsigned byte)
+constexpr uint8_t squeeze(unsigned byte)
 {
-    return static_cast<std::uint8_t>((byte & 1) | (byte >> 1 & 2) | (byte >> 2 & 4) | (byte >> 3 & 8));
+    return static_cast<uint8_t>((byte & 1) | (byte >> 1 & 2) | (byte >> 2 & 4) | (byte >> 3 & 8));
 }
 
 // The state of a sub-triangle by those of its four parts, a byte of 4-state data.
-constexpr std::array<std::uint8_t, 256> kFolded = [] {
-    std::array<std::uint8_t, 256> folded{};
+constexpr std::array<uint8_t, 256> kFolded = [] {
+    std::array<uint8_t, 256> folded{};
     for (unsigned byte = 0; byte < 256; ++byte) {
         const unsigned opaque = (byte & 1) + (byte >> 2 & 1) + (byte >> 4 & 1) + (byte >> 6 & 1);
-        const auto unknown = static_cast<std::uint8_t>(opaque >= 2 ? State::UnknownOpaque : State::UnknownTransparent);
-        folded[byte] = byte == 0x00   ? static_cast<std::uint8_t>(State::Transparent)
-                       : byte == 0x55 ? static_cast<std::uint8_t>(State::Opaque)
+        const auto unknown = static_cast<uint8_t>(opaque >= 2 ? State::UnknownOpaque : State::UnknownTransparent);
+        folded[byte] = byte == 0x00   ? static_cast<uint8_t>(State::Transparent)
+                       : byte == 0x55 ? static_cast<uint8_t>(State::Opaque)
                                       : unknown;
     }
     return folded;
@@ -51,21 +51,21 @@ constexpr std::array<std::uint8_t, 256> kFolded = [] {
 
 } // namespace
 
-StateCounts countStates(const std::uint8_t *data, std::uint32_t level)
+StateCounts countStates(const uint8_t *data, uint32_t level)
 {
-    const std::size_t bytes = packedBytes(level, Format::FourState);
-    std::uint64_t unknown = 0;
-    std::uint64_t low = 0;
-    std::uint64_t both = 0;
-    constexpr std::size_t kWords = 63;
-    for (std::size_t at = 0; at < bytes;) {
+    const size_t bytes = packedBytes(level, Format::FourState);
+    uint64_t unknown = 0;
+    uint64_t low = 0;
+    uint64_t both = 0;
+    constexpr size_t kWords = 63;
+    for (size_t at = 0; at < bytes;) {
         BitSum unknownSum;
         BitSum lowSum;
         BitSum bothSum;
-        for (std::size_t n = 0; n < kWords && at < bytes; ++n, at += 8) {
-            std::uint64_t word = 0;
-            std::memcpy(&word, data + at, std::min<std::size_t>(8, bytes - at));
-            const std::uint64_t high = word >> 1 & kLowBits;
+        for (size_t n = 0; n < kWords && at < bytes; ++n, at += 8) {
+            uint64_t word = 0;
+            std::memcpy(&word, data + at, std::min<size_t>(8, bytes - at));
+            const uint64_t high = word >> 1 & kLowBits;
             unknownSum.add(high);
             lowSum.add(word & kLowBits);
             bothSum.add(word & high);
@@ -74,23 +74,23 @@ StateCounts countStates(const std::uint8_t *data, std::uint32_t level)
         low += lowSum.sum();
         both += bothSum.sum();
     }
-    const std::uint64_t count = microTriangleCount(level);
+    const uint64_t count = microTriangleCount(level);
     return {count - unknown - low + both, low - both, unknown - both, both};
 }
 
 std::optional<State> uniformState(const StateCounts &counts)
 {
-    for (std::size_t s = 0; s < counts.size(); ++s)
+    for (size_t s = 0; s < counts.size(); ++s)
         if (counts[s] != 0)
             return counts[s] == counts[0] + counts[1] + counts[2] + counts[3] ? std::optional(static_cast<State>(s))
                                                                               : std::nullopt;
     return std::nullopt;
 }
 
-void toTwoState(std::uint8_t *data, std::uint32_t level, TwoStateRule rule)
+void toTwoState(uint8_t *data, uint32_t level, TwoStateRule rule)
 {
-    const std::size_t bytes = packedBytes(level, Format::FourState);
-    const auto half = [&](std::size_t at) -> unsigned {
+    const size_t bytes = packedBytes(level, Format::FourState);
+    const auto half = [&](size_t at) -> unsigned {
         if (at >= bytes)
             return 0;
         const unsigned low = data[at];
@@ -102,37 +102,37 @@ void toTwoState(std::uint8_t *data, std::uint32_t level, TwoStateRule rule)
         }
         return squeeze(low);
     };
-    for (std::size_t at = 0; at < bytes; at += 2)
-        data[at / 2] = static_cast<std::uint8_t>(half(at) | half(at + 1) << 4);
+    for (size_t at = 0; at < bytes; at += 2)
+        data[at / 2] = static_cast<uint8_t>(half(at) | half(at + 1) << 4);
 }
 
-void swapOutcomes(std::uint8_t *data, std::uint32_t level)
+void swapOutcomes(uint8_t *data, uint32_t level)
 {
-    const std::uint8_t used = level == 0 ? 0x01 : 0x55;
-    const std::size_t bytes = packedBytes(level, Format::FourState);
-    for (std::size_t i = 0; i < bytes; ++i)
-        data[i] = static_cast<std::uint8_t>(data[i] ^ used);
+    const uint8_t used = level == 0 ? 0x01 : 0x55;
+    const size_t bytes = packedBytes(level, Format::FourState);
+    for (size_t i = 0; i < bytes; ++i)
+        data[i] = static_cast<uint8_t>(data[i] ^ used);
 }
 
-void keepCommon(std::uint8_t *data, const std::uint8_t *other, std::uint32_t level)
+void keepCommon(uint8_t *data, const uint8_t *other, uint32_t level)
 {
-    const std::size_t bytes = packedBytes(level, Format::FourState);
-    for (std::size_t i = 0; i < bytes; ++i) {
+    const size_t bytes = packedBytes(level, Format::FourState);
+    for (size_t i = 0; i < bytes; ++i) {
         const unsigned either = data[i] | other[i];
         const unsigned differ = data[i] ^ other[i];
         const unsigned unknown = (either & 0xaa) | (differ << 1 & 0xaa);
-        data[i] = static_cast<std::uint8_t>((data[i] & 0x55) | unknown);
+        data[i] = static_cast<uint8_t>((data[i] & 0x55) | unknown);
     }
 }
 
-void foldOnce(std::uint8_t *data, std::uint32_t level)
+void foldOnce(uint8_t *data, uint32_t level)
 {
-    const std::size_t count = microTriangleCount(level - 1);
-    for (std::size_t i = 0; i < count; i += 4) {
+    const size_t count = microTriangleCount(level - 1);
+    for (size_t i = 0; i < count; i += 4) {
         unsigned byte = 0;
-        for (std::size_t k = 0; k < 4 && i + k < count; ++k)
+        for (size_t k = 0; k < 4 && i + k < count; ++k)
             byte |= unsigned{kFolded[data[i + k]]} << (2 * k);
-        data[i / 4] = static_cast<std::uint8_t>(byte);
+        data[i / 4] = static_cast<uint8_t>(byte);
     }
 }
 

@@ -13,26 +13,26 @@ namespace vellum
 {
 
 // Micro-triangles by State.
-using StateCounts = std::array<std::uint64_t, 4>;
+using StateCounts = std::array<uint64_t, 4>;
 
 // Counts the states of 4-state data of a level.
-StateCounts countStates(const std::uint8_t *data, std::uint32_t level);
+StateCounts countStates(const uint8_t *data, uint32_t level);
 
 // The state that all of them are.
 std::optional<State> uniformState(const StateCounts &counts);
 
 // Turns 4-state data into 2-state data, in place; what is left over behind it is undefined.
-void toTwoState(std::uint8_t *data, std::uint32_t level, TwoStateRule rule);
+void toTwoState(uint8_t *data, uint32_t level, TwoStateRule rule);
 
 // Makes opaque what is transparent and the other way round, known or not, in 4-state data.
-void swapOutcomes(std::uint8_t *data, std::uint32_t level);
+void swapOutcomes(uint8_t *data, uint32_t level);
 
 // Keeps the states of `data` that `other` has, too, and makes the others unknown: 4-state data that holds for two
 // textures.
-void keepCommon(std::uint8_t *data, const std::uint8_t *other, std::uint32_t level);
+void keepCommon(uint8_t *data, const uint8_t *other, uint32_t level);
 
 // Turns 4-state data of a level, above 0, into that of the level below, in place: a state is known if those of its four
 // parts are and agree.
-void foldOnce(std::uint8_t *data, std::uint32_t level);
+void foldOnce(uint8_t *data, uint32_t level);
 
 } // namespace vellum

@@ -50,13 +50,13 @@ struct Extent {
 } // namespace
 
 PieceTest::PieceTest(const Placement &placement, Filter filter, const Thresholds &thresholds)
-    : m_filter(filter), m_margins(placement.marginX != 0 || placement.marginY != 0), m_clip(2 * placement.slack),
-      m_lineSlack(placement.lineSlack), m_opaqueSurely(thresholds.opaque + placement.valueSlack),
-      m_opaquePerhaps(thresholds.transparent + placement.valueSlack),
-      m_transparentSurely(thresholds.transparent - placement.valueSlack),
-      m_transparentPerhaps(thresholds.opaque - placement.valueSlack), m_thresholds(thresholds)
+    : filter_(filter), margins_(placement.marginX != 0 || placement.marginY != 0), clip_(2 * placement.slack),
+      lineSlack_(placement.lineSlack), opaqueSurely_(thresholds.opaque + placement.valueSlack),
+      opaquePerhaps_(thresholds.transparent + placement.valueSlack),
+      transparentSurely_(thresholds.transparent - placement.valueSlack),
+      transparentPerhaps_(thresholds.opaque - placement.valueSlack), thresholds_(thresholds)
 {
-    for (std::size_t which = 0; which < 2; ++which) {
+    for (size_t which = 0; which < 2; ++which) {
         const double s = which == 0 ? 1 : -1;
         const auto times = [](const Point &p, double factor) { return Point{p.x * factor, p.y * factor}; };
         const Point i = times(placement.stepI, s);
@@ -67,8 +67,8 @@ PieceTest::PieceTest(const Placement &placement, Filter filter, const Thresholds
         const Point starts[] = {{0, 0}, i, j};
         const Point deltas[] = {i, {j.x - i.x, j.y - i.y}, times(j, -1)};
         const double constants[] = {0, placement.area, 0};
-        Shape &shape = m_shapes[which];
-        for (std::size_t k = 0; k < 3; ++k) {
+        Shape &shape = shapes_[which];
+        for (size_t k = 0; k < 3; ++k) {
             const Point support = supportCorner(outward[k], placement.marginX, placement.marginY);
             shape.edges[k] = {{starts[k].x + support.x, starts[k].y + support.y},
                               deltas[k],
@@ -76,8 +76,8 @@ PieceTest::PieceTest(const Placement &placement, Filter filter, const Thresholds
             shape.lines[k] = {times(outward[k], -1),
                               constants[k] + outward[k].x * support.x + outward[k].y * support.y};
         }
-        const double reachX = placement.marginX + m_clip;
-        const double reachY = placement.marginY + m_clip;
+        const double reachX = placement.marginX + clip_;
+        const double reachY = placement.marginY + clip_;
         shape.low = {(s > 0 ? placement.low.x : -placement.high.x) - reachX,
                      (s > 0 ? placement.low.y : -placement.high.y) - reachY};
         shape.high = {(s > 0 ? placement.high.x : -placement.low.x) + reachX,
@@ -96,26 +96,26 @@ void PieceTest::makeQuick(const Placement &placement)
     const double gradients = std::abs(placement.gradientI.x) + std::abs(placement.gradientI.y) +
                              std::abs(placement.gradientJ.x) + std::abs(placement.gradientJ.y);
     const double largest =
-        std::max({std::abs(m_thresholds.transparent), std::abs(m_thresholds.opaque), placement.largestValue});
+        std::max({std::abs(thresholds_.transparent), std::abs(thresholds_.opaque), placement.largestValue});
     const double valueSlack = placement.valueSlack + 64 * slack * placement.largestValue + 0x1p-18 * largest;
-    m_tame = largest > 1e-12 && largest < 1e12;
+    tame_ = largest > 1e-12 && largest < 1e12;
     const auto toFloat = [](double x) { return static_cast<float>(x); };
-    m_quickClip = toFloat(2 * slack);
-    m_quickLineSlack = toFloat(2 * m_lineSlack + 8 * slack * gradients);
-    m_quickOpaqueSurely = toFloat(m_thresholds.opaque + valueSlack);
-    m_quickOpaquePerhaps = toFloat(m_thresholds.transparent + valueSlack);
-    m_quickTransparentSurely = toFloat(m_thresholds.transparent - valueSlack);
-    m_quickTransparentPerhaps = toFloat(m_thresholds.opaque - valueSlack);
-    for (std::size_t which = 0; which < 2; ++which) {
-        const Shape &from = m_shapes[which];
-        QuickShape &to = m_quick[which];
+    quickClip_ = toFloat(2 * slack);
+    quickLineSlack_ = toFloat(2 * lineSlack_ + 8 * slack * gradients);
+    quickOpaqueSurely_ = toFloat(thresholds_.opaque + valueSlack);
+    quickOpaquePerhaps_ = toFloat(thresholds_.transparent + valueSlack);
+    quickTransparentSurely_ = toFloat(thresholds_.transparent - valueSlack);
+    quickTransparentPerhaps_ = toFloat(thresholds_.opaque - valueSlack);
+    for (size_t which = 0; which < 2; ++which) {
+        const Shape &from = shapes_[which];
+        QuickShape &to = quick_[which];
         const auto lanes = [&](Point Edge::*member, double Point::*axis) {
-            const auto at = [&](std::size_t k) { return toFloat(from.edges[k].*member.*axis); };
+            const auto at = [&](size_t k) { return toFloat(from.edges[k].*member.*axis); };
             return Float4(at(0), at(1), at(2), at(2));
         };
         // A delta of almost 0 leaves all of an edge, or nothing.
         const auto inverses = [&](double Point::*axis) {
-            const auto at = [&](std::size_t k) {
+            const auto at = [&](size_t k) {
                 constexpr float kLargest = 1e30f;
                 const float delta = toFloat(from.edges[k].delta.*axis);
                 return std::abs(delta) > 1 / kLargest ? 1 / delta : kLargest;
@@ -128,7 +128,7 @@ void PieceTest::makeQuick(const Placement &placement)
         to.deltaY = lanes(&Edge::delta, &Point::y);
         to.inverseX = inverses(&Point::x);
         to.inverseY = inverses(&Point::y);
-        for (std::size_t k = 0; k < 3; ++k) {
+        for (size_t k = 0; k < 3; ++k) {
             to.lineX[k] = toFloat(from.lines[k].gradient.x);
             to.lineY[k] = toFloat(from.lines[k].gradient.y);
             to.lineConstant[k] = toFloat(from.lines[k].constant);
@@ -144,7 +144,7 @@ NearCell PieceTest::near(const Cell &cell) const
 {
     NearCell near{};
     const float all = cell.f00 + cell.f10 + cell.f01 + cell.f11;
-    near.f00 = m_tame && std::isfinite(all) ? cell.f00 : std::numeric_limits<float>::quiet_NaN();
+    near.f00 = tame_ && std::isfinite(all) ? cell.f00 : std::numeric_limits<float>::quiet_NaN();
     near.cx = cell.f10 - near.f00;
     near.cy = cell.f01 - near.f00;
     near.cxy = cell.f11 - cell.f10 - cell.f01 + near.f00;
@@ -156,7 +156,7 @@ Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cel
 {
     if (std::isnan(cell.f00))
         return Crossing::Open;
-    const QuickShape &shape = m_quick[inverted ? 1 : 0];
+    const QuickShape &shape = quick_[inverted ? 1 : 0];
     const auto cornerX = static_cast<float>(cornerInCell.x);
     const auto cornerY = static_cast<float>(cornerInCell.y);
     const float x0 = std::max(0.0f, cornerX + shape.lowX);
@@ -173,8 +173,8 @@ Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cel
     const Float4 cxy(cell.cxy);
     const auto value = [&](Float4 x, Float4 y) { return f00 + cx * x + (cy + cxy * x) * y; };
 
-    const Float4 low(-m_quickClip);
-    const Float4 high(1 + m_quickClip);
+    const Float4 low(-quickClip_);
+    const Float4 high(1 + quickClip_);
     const Float4 ax = Float4(cornerX) + shape.startX;
     const Float4 ay = Float4(cornerY) + shape.startY;
     const Float4 sx0 = (low - ax) * shape.inverseX;
@@ -197,7 +197,7 @@ Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cel
     const Float4 most = selectBelow(to, from, Float4(-kNothing), max(max(first, last), middle));
     float surelyLow = least.least();
     float surelyHigh = most.most();
-    const auto crosses = [&] { return surelyLow < m_quickTransparentPerhaps && surelyHigh >= m_quickOpaquePerhaps; };
+    const auto crosses = [&] { return surelyLow < quickTransparentPerhaps_ && surelyHigh >= quickOpaquePerhaps_; };
     if (crosses())
         return Crossing::Yes;
 
@@ -206,11 +206,11 @@ Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cel
     const Float4 fromX = cornersX - Float4(cornerX);
     const Float4 fromY = cornersY - Float4(cornerY);
     Float4 inside(kNothing);
-    for (std::size_t k = 0; k < 3; ++k)
+    for (size_t k = 0; k < 3; ++k)
         inside = min(inside,
                      fromX * Float4(shape.lineX[k]) + fromY * Float4(shape.lineY[k]) + Float4(shape.lineConstant[k]));
     const Float4 corners = value(cornersX, cornersY);
-    const Float4 slack(m_quickLineSlack);
+    const Float4 slack(quickLineSlack_);
     const Float4 below = zero - slack;
     const float perhapsLow = selectBelow(inside, below, Float4(kNothing), corners).least();
     const float perhapsHigh = selectBelow(inside, below, Float4(-kNothing), corners).most();
@@ -220,7 +220,7 @@ Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cel
         return Crossing::Yes;
     const float all = std::min(surelyLow, perhapsLow);
     const float none = std::max(surelyHigh, perhapsHigh);
-    if (all >= m_quickOpaqueSurely || none < m_quickTransparentSurely)
+    if (all >= quickOpaqueSurely_ || none < quickTransparentSurely_)
         return Crossing::No;
     return Crossing::Open;
 }
@@ -247,14 +247,14 @@ Crossing PieceTest::bilinear(Point corner, const Shape &shape, const Cell &cell)
 
     Extent surely;
     Extent perhaps;
-    const auto crosses = [&] { return surely.low < m_transparentPerhaps && surely.high >= m_opaquePerhaps; };
+    const auto crosses = [&] { return surely.low < transparentPerhaps_ && surely.high >= opaquePerhaps_; };
     for (const Edge &edge : shape.edges) {
         const double ax = corner.x + edge.start.x;
         const double ay = corner.y + edge.start.y;
         double from = 0;
         double to = 1;
-        clip(ax, edge.inverse.x, -m_clip, 1 + m_clip, from, to);
-        clip(ay, edge.inverse.y, -m_clip, 1 + m_clip, from, to);
+        clip(ax, edge.inverse.x, -clip_, 1 + clip_, from, to);
+        clip(ay, edge.inverse.y, -clip_, 1 + clip_, from, to);
         if (!(from <= to))
             continue;
         const auto along = [&](double s) { return value(ax + s * edge.delta.x, ay + s * edge.delta.y); };
@@ -271,15 +271,15 @@ Crossing PieceTest::bilinear(Point corner, const Shape &shape, const Cell &cell)
     for (const double x : {x0, x1}) {
         for (const double y : {y0, y1}) {
             // Without margins the box has no sides of its own.
-            if (!m_margins && ((x != 0 && x != 1) || (y != 0 && y != 1)))
+            if (!margins_ && ((x != 0 && x != 1) || (y != 0 && y != 1)))
                 continue;
             double inside = std::numeric_limits<double>::infinity();
             for (const Line &line : shape.lines)
                 inside = std::min(inside,
                                   (x - corner.x) * line.gradient.x + (y - corner.y) * line.gradient.y + line.constant);
-            if (inside < -m_lineSlack)
+            if (inside < -lineSlack_)
                 continue;
-            (inside > m_lineSlack ? surely : perhaps).add(value(x, y));
+            (inside > lineSlack_ ? surely : perhaps).add(value(x, y));
         }
     }
     if (crosses())
@@ -288,7 +288,7 @@ Crossing PieceTest::bilinear(Point corner, const Shape &shape, const Cell &cell)
     const double least = std::min(surely.low, perhaps.low);
     const double most = std::max(surely.high, perhaps.high);
     const bool finite = std::isfinite(c) && std::isfinite(cx) && std::isfinite(cy) && std::isfinite(cxy);
-    if (finite && (least >= m_opaqueSurely || most < m_transparentSurely || least > most))
+    if (finite && (least >= opaqueSurely_ || most < transparentSurely_ || least > most))
         return Crossing::No;
     return Crossing::Open;
 }
@@ -309,18 +309,18 @@ Crossing PieceTest::nearest(Point corner, const Shape &shape, const Cell &cell) 
         // How far the two overlap, less the slack that the box of the shape already has.
         double overlap = std::min({x + kHalf - shape.low.x, shape.high.x - x + kHalf, y + kHalf - shape.low.y,
                                    shape.high.y - y + kHalf}) -
-                         m_clip;
-        bool surely = overlap > m_clip;
-        bool perhaps = overlap >= -m_clip;
+                         clip_;
+        bool surely = overlap > clip_;
+        bool perhaps = overlap >= -clip_;
         for (const Line &line : shape.lines) {
             const double reach = kHalf * (std::abs(line.gradient.x) + std::abs(line.gradient.y));
             const double depth = x * line.gradient.x + y * line.gradient.y + line.constant + reach;
-            surely = surely && depth > m_lineSlack;
-            perhaps = perhaps && depth >= -m_lineSlack;
+            surely = surely && depth > lineSlack_;
+            perhaps = perhaps && depth >= -lineSlack_;
         }
         const double texel = double{texels[quarter]};
-        const bool mayBeOpaque = !std::isfinite(texel) || texel >= m_thresholds.transparent;
-        const bool mayBeTransparent = !std::isfinite(texel) || texel < m_thresholds.opaque;
+        const bool mayBeOpaque = !std::isfinite(texel) || texel >= thresholds_.transparent;
+        const bool mayBeTransparent = !std::isfinite(texel) || texel < thresholds_.opaque;
         opaque = opaque || (surely && mayBeOpaque);
         transparent = transparent || (surely && mayBeTransparent);
         perhapsOpaque = perhapsOpaque || (perhaps && mayBeOpaque);

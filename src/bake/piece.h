@@ -33,15 +33,15 @@ public:
     // `inverted`. Margins around the micro-triangle belong to it.
     [[nodiscard]] Crossing operator()(Point corner, bool inverted, const Cell &cell) const
     {
-        return m_filter == Filter::Bilinear ? bilinear(corner, m_shapes[inverted ? 1 : 0], cell)
-                                            : nearest(corner, m_shapes[inverted ? 1 : 0], cell);
+        return filter_ == Filter::Bilinear ? bilinear(corner, shapes_[inverted ? 1 : 0], cell)
+                                           : nearest(corner, shapes_[inverted ? 1 : 0], cell);
     }
 
     // The values of a cell in single precision; its place is left to be set.
     [[nodiscard]] NearCell near(const Cell &cell) const;
     // The same for bilinear filtering, four times as fast and Open more often. The place of the cell does not matter.
     [[nodiscard]] Crossing quick(Point corner, bool inverted, const NearCell &cell) const;
-    [[nodiscard]] const Thresholds &thresholds() const { return m_thresholds; }
+    [[nodiscard]] const Thresholds &thresholds() const { return thresholds_; }
 
 private:
     // An edge of a micro-triangle, moved outwards by the margins.
@@ -73,24 +73,24 @@ private:
     [[nodiscard]] Crossing bilinear(Point corner, const Shape &shape, const Cell &cell) const;
     [[nodiscard]] Crossing nearest(Point corner, const Shape &shape, const Cell &cell) const;
 
-    Filter m_filter;
-    bool m_margins;
-    double m_clip; // how far beyond its sides a cell is clipped
-    double m_lineSlack;
-    double m_opaqueSurely; // values from here on are opaque, whatever rounding did
-    double m_opaquePerhaps;
-    double m_transparentSurely;
-    double m_transparentPerhaps;
-    Thresholds m_thresholds;
-    std::array<Shape, 2> m_shapes;
-    std::array<QuickShape, 2> m_quick;
-    bool m_tame; // values are neither too large nor too small for products of them in single precision
-    float m_quickClip;
-    float m_quickLineSlack;
-    float m_quickOpaqueSurely;
-    float m_quickOpaquePerhaps;
-    float m_quickTransparentSurely;
-    float m_quickTransparentPerhaps;
+    Filter filter_;
+    bool margins_;
+    double clip_; // how far beyond its sides a cell is clipped
+    double lineSlack_;
+    double opaqueSurely_; // values from here on are opaque, whatever rounding did
+    double opaquePerhaps_;
+    double transparentSurely_;
+    double transparentPerhaps_;
+    Thresholds thresholds_;
+    std::array<Shape, 2> shapes_;
+    std::array<QuickShape, 2> quick_;
+    bool tame_; // values are neither too large nor too small for products of them in single precision
+    float quickClip_;
+    float quickLineSlack_;
+    float quickOpaqueSurely_;
+    float quickOpaquePerhaps_;
+    float quickTransparentSurely_;
+    float quickTransparentPerhaps_;
 };
 
 } // namespace vellum

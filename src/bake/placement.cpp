@@ -26,16 +26,16 @@ bool usable(const TriangleUvs &uvs, const AlphaTexture &texture)
 }
 
 Placement::Placement(const AlphaTexture &texture, const CellMap &map, const BakeOptions &options,
-                     const TriangleUvs &uvs, std::uint32_t level, double uvTerms)
+                     const TriangleUvs &uvs, uint32_t level, double uvTerms)
 {
     // A texture coordinate times the size is exact: 24 and 25 bits.
     std::array<Point, 3> vertices;
-    for (std::size_t i = 0; i < 3; ++i)
+    for (size_t i = 0; i < 3; ++i)
         vertices[i] = {double{uvs[i].u} * texture.width - 0.5, double{uvs[i].v} * texture.height - 0.5};
     const auto [minX, maxX] = std::minmax({vertices[0].x, vertices[1].x, vertices[2].x});
     const auto [minY, maxY] = std::minmax({vertices[0].y, vertices[1].y, vertices[2].y});
-    unwrappedX = static_cast<std::int64_t>(std::floor(minX));
-    unwrappedY = static_cast<std::int64_t>(std::floor(minY));
+    unwrappedX = static_cast<int64_t>(std::floor(minX));
+    unwrappedY = static_cast<int64_t>(std::floor(minY));
     baseX = map.axisX().reduced(unwrappedX);
     baseY = map.axisY().reduced(unwrappedY);
     for (Point &p : vertices)

@@ -22,17 +22,17 @@ struct Point {
 
 // The micro-triangle, or sub-triangle, at lattice point (i, j) with legs of |size| steps.
 struct SubTriangle {
-    std::int32_t i;
-    std::int32_t j;
-    std::int32_t size;
+    int32_t i;
+    int32_t j;
+    int32_t size;
 };
 
 struct Placement {
     // `uvs` must be usable(): finite, and not too far away.
     Placement(const AlphaTexture &texture, const CellMap &map, const BakeOptions &options, const TriangleUvs &uvs,
-              std::uint32_t level, double uvTerms = 0);
+              uint32_t level, double uvTerms = 0);
 
-    [[nodiscard]] Point at(std::int32_t i, std::int32_t j) const
+    [[nodiscard]] Point at(int32_t i, int32_t j) const
     {
         return {origin.x + i * stepI.x + j * stepJ.x, origin.y + i * stepI.y + j * stepJ.y};
     }
@@ -44,10 +44,10 @@ struct Placement {
     // How many cells the box around a sub-triangle has, about.
     [[nodiscard]] double boxCells(const SubTriangle &sub) const;
 
-    std::int64_t unwrappedX; // the cell that local coordinates count from
-    std::int64_t unwrappedY;
-    std::int64_t baseX; // the same, near the texture
-    std::int64_t baseY;
+    int64_t unwrappedX; // the cell that local coordinates count from
+    int64_t unwrappedY;
+    int64_t baseX; // the same, near the texture
+    int64_t baseY;
     Point origin; // vertex 0
     Point stepI;  // from a lattice point to the next towards vertex 1
     Point stepJ;  // and towards vertex 2
@@ -83,7 +83,7 @@ bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink
     std::array<Edge, 3> edges;
     double top = corners[0].y;
     double bottom = corners[0].y;
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (size_t i = 0; i < 3; ++i) {
         const Point &p = corners[i];
         const Point &q = corners[(i + 1) % 3];
         const Point &a = q.y < p.y ? q : p;
@@ -95,10 +95,10 @@ bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink
     }
     const double reachX = marginX + 2 * slack;
     const double reachY = marginY + 2 * slack;
-    const auto columnOf = [&](double x) { return baseX + static_cast<std::int64_t>(std::floor(x)); };
+    const auto columnOf = [&](double x) { return baseX + static_cast<int64_t>(std::floor(x)); };
     // The columns between two horizontal lines; none where the first is above the last.
     struct Columns {
-        std::int64_t first, last;
+        int64_t first, last;
     };
     const auto between = [&](double from, double to) -> Columns {
         double left = 1e300;
@@ -115,11 +115,11 @@ bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink
         return left > right ? Columns{1, 0} : Columns{columnOf(left - reachX), columnOf(right + reachX)};
     };
 
-    const auto last = static_cast<std::int64_t>(std::floor(bottom + reachY));
-    auto row = static_cast<std::int64_t>(std::floor(top - reachY));
+    const auto last = static_cast<int64_t>(std::floor(bottom + reachY));
+    auto row = static_cast<int64_t>(std::floor(top - reachY));
     // Many rows can be nothing at all: those beside the outlines of a texture that repeats, or far outside of one that
     // does not.
-    constexpr std::int64_t kMany = 64;
+    constexpr int64_t kMany = 64;
     const bool many = last - row >= kMany;
     if (many) {
         const Columns all = between(top, bottom);

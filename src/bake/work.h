@@ -12,9 +12,9 @@ namespace vellum
 
 // inParallel() of work that may be cancelled: then it throws BakeCancelled.
 template <typename State, typename Function>
-void inParallel(unsigned threads, std::size_t count, const std::function<bool()> &cancelled, Function &&function)
+void inParallel(unsigned threads, size_t count, const std::function<bool()> &cancelled, Function &&function)
 {
-    inParallel<State>(threads, count, [&](std::size_t i, State &state) {
+    inParallel<State>(threads, count, [&](size_t i, State &state) {
         if (cancelled && cancelled())
             throw BakeCancelled();
         function(i, state);

@@ -26,67 +26,66 @@ public:
 
 private:
     void work();
-    FileReport bakeOne(std::size_t job, unsigned threads);
-    void tell(std::size_t job, double share);
+    FileReport bakeOne(size_t job, unsigned threads);
+    void tell(size_t job, double share);
 
-    const BakeCommandOptions &m_options;
-    std::vector<BakeJob> m_jobs;
-    std::vector<FileReport> m_reports;
-    std::vector<double> m_bytes;      // of the inputs
-    std::vector<std::size_t> m_order; // the largest first
-    unsigned m_threads;
-    std::atomic<std::size_t> m_next{0};
-    std::mutex m_telling;
-    Progress m_progress;
-    double m_total = 0;
-    double m_done = 0;
-    std::vector<double> m_shares; // of each file that are done
+    const BakeCommandOptions &options_;
+    std::vector<BakeJob> jobs_;
+    std::vector<FileReport> reports_;
+    std::vector<double> bytes_; // of the inputs
+    std::vector<size_t> order_; // the largest first
+    unsigned threads_;
+    std::atomic<size_t> next_{0};
+    std::mutex telling_;
+    Progress progress_;
+    double total_ = 0;
+    double done_ = 0;
+    std::vector<double> shares_; // of each file that are done
 };
 
 Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs)
-    : m_options(options), m_jobs(std::move(jobs)), m_reports(m_jobs.size()), m_order(m_jobs.size()),
-      m_threads(options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency())),
-      m_progress("baking"), m_shares(m_jobs.size())
+    : options_(options), jobs_(std::move(jobs)), reports_(jobs_.size()), order_(jobs_.size()),
+      threads_(options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency())),
+      progress_("baking"), shares_(jobs_.size())
 {
-    for (const BakeJob &job : m_jobs) {
+    for (const BakeJob &job : jobs_) {
         std::error_code error;
         const auto bytes = std::filesystem::file_size(job.input, error);
-        m_bytes.push_back(error ? 1.0 : 1.0 + static_cast<double>(bytes));
-        m_total += m_bytes.back();
+        bytes_.push_back(error ? 1.0 : 1.0 + static_cast<double>(bytes));
+        total_ += bytes_.back();
     }
-    std::iota(m_order.begin(), m_order.end(), std::size_t{0});
-    std::stable_sort(m_order.begin(), m_order.end(),
-                     [&](std::size_t a, std::size_t b) { return m_bytes[a] > m_bytes[b]; });
+    std::iota(order_.begin(), order_.end(), size_t{0});
+    std::stable_sort(order_.begin(), order_.end(), [&](size_t a, size_t b) { return bytes_[a] > bytes_[b]; });
 }
 
-void Bakery::tell(std::size_t job, double share)
+void Bakery::tell(size_t job, double share)
 {
-    const std::lock_guard lock(m_telling);
-    m_done += (share - m_shares[job]) * m_bytes[job];
-    m_shares[job] = share;
-    m_progress.update(static_cast<std::size_t>(1000 * m_done / m_total), 1000);
+    const std::lock_guard lock(telling_);
+    done_ += (share - shares_[job]) * bytes_[job];
+    shares_[job] = share;
+    progress_.update(static_cast<size_t>(1000 * done_ / total_), 1000);
 }
 
-FileReport Bakery::bakeOne(std::size_t job, unsigned threads)
+FileReport Bakery::bakeOne(size_t job, unsigned threads)
 {
-    FileBakeOptions options = m_options.bake;
+    FileBakeOptions options = options_.bake;
     options.bake.threads = threads;
     options.bake.cancelled = Interruptible::interrupted;
-    options.bake.progress = [&](std::size_t done, std::size_t total) {
+    options.bake.progress = [&](size_t done, size_t total) {
         tell(job, total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total));
     };
     const auto failed = [&](const std::string &error) {
         FileReport report;
-        report.job = m_jobs[job];
+        report.job = jobs_[job];
         report.error = error;
         return report;
     };
-    const std::string prefix = m_jobs[job].input.string() + ": ";
-    if (!m_jobs[job].refusal.empty())
-        return failed(prefix + m_jobs[job].refusal);
+    const std::string prefix = jobs_[job].input.string() + ": ";
+    if (!jobs_[job].refusal.empty())
+        return failed(prefix + jobs_[job].refusal);
     options.measure = true;
     try {
-        return reportOf(m_jobs[job], bakeFile(m_jobs[job].input, m_jobs[job].output, options));
+        return reportOf(jobs_[job], bakeFile(jobs_[job].input, jobs_[job].output, options));
     } catch (const std::bad_alloc &) {
         return failed(prefix + "out of memory");
     } catch (const GltfError &error) {
@@ -98,11 +97,11 @@ FileReport Bakery::bakeOne(std::size_t job, unsigned threads)
 
 void Bakery::work()
 {
-    for (std::size_t i = m_next++; i < m_order.size() && !Interruptible::interrupted(); i = m_next++) {
-        const std::size_t left = m_order.size() - i;
-        const unsigned threads = left >= m_threads ? 1 : m_threads / static_cast<unsigned>(left);
-        const std::size_t job = m_order[i];
-        m_reports[job] = bakeOne(job, threads);
+    for (size_t i = next_++; i < order_.size() && !Interruptible::interrupted(); i = next_++) {
+        const size_t left = order_.size() - i;
+        const unsigned threads = left >= threads_ ? 1 : threads_ / static_cast<unsigned>(left);
+        const size_t job = order_[i];
+        reports_[job] = bakeOne(job, threads);
         tell(job, 1);
     }
 }
@@ -110,12 +109,12 @@ void Bakery::work()
 std::vector<FileReport> Bakery::run()
 {
     std::vector<std::thread> workers;
-    for (std::size_t i = 1; i < std::min<std::size_t>(m_threads, m_jobs.size()); ++i)
+    for (size_t i = 1; i < std::min<size_t>(threads_, jobs_.size()); ++i)
         workers.emplace_back([this] { work(); });
     work();
     for (std::thread &worker : workers)
         worker.join();
-    return std::move(m_reports);
+    return std::move(reports_);
 }
 
 } // namespace

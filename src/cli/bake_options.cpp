@@ -163,9 +163,9 @@ std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &opti
     return [&options, raw] { finishBaking(options, *raw); };
 }
 
-std::uint64_t parseBytes(const std::string &text)
+uint64_t parseBytes(const std::string &text)
 {
-    std::uint64_t number = 0;
+    uint64_t number = 0;
     const char *end = text.data() + text.size();
     const auto read = std::from_chars(text.data(), end, number);
     unsigned shift = 0;
@@ -176,7 +176,7 @@ std::uint64_t parseBytes(const std::string &text)
         shift = 20;
     else if (unit == "G")
         shift = 30;
-    if (read.ec != std::errc() || (!unit.empty() && shift == 0) || number > (~std::uint64_t{0} >> shift))
+    if (read.ec != std::errc() || (!unit.empty() && shift == 0) || number > (~uint64_t{0} >> shift))
         throw Error(text + " is not a number of bytes like 1500, 64K, 2M or 1G");
     return number << shift;
 }

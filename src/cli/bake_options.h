@@ -31,6 +31,6 @@ struct BakeCommandOptions {
 std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &options, const std::string &group = "");
 
 // "1500", "64K", "2M" or "1G", with steps of 1024. Throws Error.
-std::uint64_t parseBytes(const std::string &text);
+uint64_t parseBytes(const std::string &text);
 
 } // namespace vellum::cli

@@ -80,22 +80,22 @@ class Conflicts
 public:
     explicit Conflicts(const std::vector<BakeJob> &jobs);
     // Why this job, the next one in order, cannot be baked; empty where it can.
-    std::string refusalOf(std::size_t number);
+    std::string refusalOf(size_t number);
 
 private:
     using FileId = std::pair<dev_t, ino_t>;
     static std::optional<FileId> idOf(const fs::path &path);
     void addRead(const fs::path &path, const fs::path &input);
 
-    const std::vector<BakeJob> &m_jobs;
-    std::vector<FilesBeside> m_beside;
-    std::vector<std::string> m_refusals;
-    std::map<FileId, fs::path> m_reads; // what is read, and the input that it is or that names it
+    const std::vector<BakeJob> &jobs_;
+    std::vector<FilesBeside> beside_;
+    std::vector<std::string> refusals_;
+    std::map<FileId, fs::path> reads_; // what is read, and the input that it is or that names it
     struct Write {
         fs::path input;
         fs::path copied; // the file that is copied; empty for an output
     };
-    std::map<fs::path, Write> m_writes;
+    std::map<fs::path, Write> writes_;
 };
 
 std::optional<Conflicts::FileId> Conflicts::idOf(const fs::path &path)
@@ -110,14 +110,14 @@ std::optional<Conflicts::FileId> Conflicts::idOf(const fs::path &path)
 void Conflicts::addRead(const fs::path &path, const fs::path &input)
 {
     if (const auto id = idOf(path))
-        m_reads.try_emplace(*id, input);
+        reads_.try_emplace(*id, input);
 }
 
-Conflicts::Conflicts(const std::vector<BakeJob> &jobs) : m_jobs(jobs), m_beside(jobs.size()), m_refusals(jobs.size())
+Conflicts::Conflicts(const std::vector<BakeJob> &jobs) : jobs_(jobs), beside_(jobs.size()), refusals_(jobs.size())
 {
     for (const BakeJob &job : jobs)
         addRead(job.input, job.input);
-    for (std::size_t i = 0; i < jobs.size(); ++i) {
+    for (size_t i = 0; i < jobs.size(); ++i) {
         std::optional<Container> container;
         try {
             container = readContainer(jobs[i].input);
@@ -126,37 +126,37 @@ Conflicts::Conflicts(const std::vector<BakeJob> &jobs) : m_jobs(jobs), m_beside(
         }
         try {
             const JsonTree tree(container->json());
-            m_beside[i] = filesBeside(tree.root(), jobs[i].input, jobs[i].output);
+            beside_[i] = filesBeside(tree.root(), jobs[i].input, jobs[i].output);
         } catch (const GltfError &error) {
-            m_refusals[i] = error.what();
+            refusals_[i] = error.what();
         }
-        for (const fs::path &file : m_beside[i].read)
+        for (const fs::path &file : beside_[i].read)
             addRead(file, jobs[i].input);
     }
 }
 
-std::string Conflicts::refusalOf(std::size_t number)
+std::string Conflicts::refusalOf(size_t number)
 {
-    const BakeJob &job = m_jobs[number];
-    if (!m_refusals[number].empty())
-        return m_refusals[number];
+    const BakeJob &job = jobs_[number];
+    if (!refusals_[number].empty())
+        return refusals_[number];
     if (const auto id = idOf(job.output))
-        if (const auto read = m_reads.find(*id); read != m_reads.end() && read->second != job.input)
+        if (const auto read = reads_.find(*id); read != reads_.end() && read->second != job.input)
             return "the output " + job.output.string() + " is read for " + read->second.string();
     std::map<fs::path, Write> writes = {{placeOf(job.output), {job.input, {}}}};
-    for (const FilesBeside::Copy &copy : m_beside[number].copies)
+    for (const FilesBeside::Copy &copy : beside_[number].copies)
         writes.try_emplace(placeOf(copy.to), Write{job.input, copy.from});
     for (const auto &[place, write] : writes) {
-        const auto other = m_writes.find(place);
+        const auto other = writes_.find(place);
         std::error_code error;
-        if (other != m_writes.end() &&
+        if (other != writes_.end() &&
             (write.copied.empty() || other->second.copied.empty() || !sameBytes(write.copied, other->second.copied)))
             return place.string() + " would be another file for " + other->second.input.string();
-        if (other == m_writes.end() && !write.copied.empty() && fs::exists(place, error) &&
+        if (other == writes_.end() && !write.copied.empty() && fs::exists(place, error) &&
             !sameBytes(write.copied, place))
             return place.string() + ": is there already and differs from " + write.copied.string();
     }
-    m_writes.merge(writes);
+    writes_.merge(writes);
     return "";
 }
 
@@ -195,7 +195,7 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
         throw Error("there are no .glb or .gltf files in " + options.inputs.front().string());
     checkDistinct(jobs);
     Conflicts conflicts(jobs);
-    for (std::size_t i = 0; i < jobs.size(); ++i)
+    for (size_t i = 0; i < jobs.size(); ++i)
         jobs[i].refusal = conflicts.refusalOf(i);
     return jobs;
 }

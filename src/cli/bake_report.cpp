@@ -21,19 +21,19 @@ PrimitiveReport reportOf(const BakedPrimitive &primitive, const StoredMicromap &
     report.varying = primitive.varying;
     report.micromap = primitive.micromap.micromap;
     report.caution = primitive.caution;
-    for (const std::int32_t index : primitive.micromap.indices) {
+    for (const int32_t index : primitive.micromap.indices) {
         if (const auto special = specialState(index)) {
-            ++report.special[static_cast<std::size_t>(*special)];
-            ++report.states[static_cast<std::size_t>(*special)];
+            ++report.special[static_cast<size_t>(*special)];
+            ++report.states[static_cast<size_t>(*special)];
             continue;
         }
-        const auto triangle = static_cast<std::uint32_t>(index) + primitive.micromap.baseTriangle;
+        const auto triangle = static_cast<uint32_t>(index) + primitive.micromap.baseTriangle;
         ++report.levels[micromap.triangles[triangle].subdivisionLevel];
-        for (std::size_t s = 0; s < 4; ++s)
+        for (size_t s = 0; s < 4; ++s)
             report.states[s] += shares[triangle][s];
     }
     for (double &state : report.states)
-        state /= static_cast<double>(std::max<std::size_t>(report.triangles, 1));
+        state /= static_cast<double>(std::max<size_t>(report.triangles, 1));
     return report;
 }
 
@@ -48,9 +48,9 @@ double knownShare(const std::vector<PrimitiveReport> &primitives)
     return all > 0 ? known / all : 0;
 }
 
-std::size_t micromapBytes(const FileReport &file)
+size_t micromapBytes(const FileReport &file)
 {
-    std::size_t bytes = 0;
+    size_t bytes = 0;
     for (const MicromapReport &micromap : file.micromaps)
         bytes += micromap.bytes;
     return bytes;
@@ -58,7 +58,7 @@ std::size_t micromapBytes(const FileReport &file)
 
 std::string levelsText(const PrimitiveReport &primitive)
 {
-    const auto used = [](std::size_t count) { return count != 0; };
+    const auto used = [](size_t count) { return count != 0; };
     const auto first = std::find_if(primitive.levels.begin(), primitive.levels.end(), used);
     if (first == primitive.levels.end())
         return "-";
@@ -70,7 +70,7 @@ std::string levelsText(const PrimitiveReport &primitive)
 
 std::string summary(const FileReport &file)
 {
-    std::size_t triangles = 0;
+    size_t triangles = 0;
     for (const PrimitiveReport &primitive : file.primitives)
         triangles += primitive.triangles;
     std::string text = file.primitives.empty()
@@ -89,7 +89,7 @@ std::string summary(const FileReport &file)
     const auto cautions = std::count_if(file.primitives.begin(), file.primitives.end(),
                                         [](const PrimitiveReport &p) { return !p.caution.empty(); });
     if (cautions != 0)
-        text += fmt::format("; {}, see --report", counted(static_cast<std::size_t>(cautions), "caution"));
+        text += fmt::format("; {}, see --report", counted(static_cast<size_t>(cautions), "caution"));
     return text;
 }
 
@@ -98,13 +98,13 @@ using Row = std::vector<std::string>;
 // The first two columns to the left, numbers to the right.
 void printRows(const std::vector<Row> &rows)
 {
-    std::vector<std::size_t> widths(rows.front().size());
+    std::vector<size_t> widths(rows.front().size());
     for (const Row &row : rows)
-        for (std::size_t i = 0; i < row.size(); ++i)
+        for (size_t i = 0; i < row.size(); ++i)
             widths[i] = std::max(widths[i], row[i].size());
     for (const Row &row : rows) {
         std::string line = " ";
-        for (std::size_t i = 0; i < row.size(); ++i)
+        for (size_t i = 0; i < row.size(); ++i)
             line += i < 2 ? fmt::format(" {:<{}}", row[i], widths[i]) : fmt::format("  {:>{}}", row[i], widths[i]);
         fmt::print("{}\n", line);
     }
@@ -115,7 +115,7 @@ template <typename Values>
 void writeStates(const char *name, const Values &values, JsonWriter &json)
 {
     json.key(name).beginObject();
-    for (std::size_t s = 0; s < 4; ++s)
+    for (size_t s = 0; s < 4; ++s)
         json.member(kStateNames[s], values[s]);
     json.end();
 }
@@ -129,7 +129,7 @@ void write(const PrimitiveReport &primitive, JsonWriter &json)
         json.member("caution", primitive.caution);
     writeStates("special", primitive.special, json);
     json.key("levels").beginObject();
-    for (std::size_t level = 0; level < primitive.levels.size(); ++level)
+    for (size_t level = 0; level < primitive.levels.size(); ++level)
         if (primitive.levels[level] != 0)
             json.member(std::to_string(level), primitive.levels[level]);
     json.end();
@@ -171,7 +171,7 @@ std::string failureOf(const BakeJob &job, const FileBake &result)
     if (!result.bake.primitives.empty() || first == left.end())
         return "";
     return fmt::format("{}: none of its alpha-tested primitives could be baked: {}: {}", job.input.string(),
-                       result.leftNames[static_cast<std::size_t>(first - left.begin())], first->reason);
+                       result.leftNames[static_cast<size_t>(first - left.begin())], first->reason);
 }
 
 // What is said of a file in every form for people.
@@ -198,13 +198,13 @@ FileReport reportOf(const BakeJob &job, const FileBake &result)
         report.micromaps.push_back(
             {micromap.triangles.size(), micromap.data.size() + sizeof(MicromapTriangle) * micromap.triangles.size()});
     }
-    for (std::size_t i = 0; i < result.bake.primitives.size(); ++i) {
+    for (size_t i = 0; i < result.bake.primitives.size(); ++i) {
         const BakedPrimitive &primitive = result.bake.primitives[i];
-        const std::uint32_t micromap = primitive.micromap.micromap;
+        const uint32_t micromap = primitive.micromap.micromap;
         report.primitives.push_back(reportOf(primitive, result.bake.micromaps[micromap], shares[micromap]));
         report.primitives.back().name = result.names[i];
     }
-    for (std::size_t i = 0; i < result.bake.left.size(); ++i)
+    for (size_t i = 0; i < result.bake.left.size(); ++i)
         report.left.push_back({result.leftNames[i], result.bake.left[i].material, result.bake.left[i].reason,
                                result.bake.left[i].hadMicromap});
     report.failure = failureOf(job, result);
@@ -233,14 +233,14 @@ void printTable(const std::vector<FileReport> &files)
                                   "unknown", "micromap"}};
         for (const PrimitiveReport &p : file.primitives)
             rows.push_back({p.name, p.material, grouped(p.triangles),
-                            grouped(std::accumulate(p.levels.begin(), p.levels.end(), std::size_t{0})), levelsText(p),
+                            grouped(std::accumulate(p.levels.begin(), p.levels.end(), size_t{0})), levelsText(p),
                             percent(p.states[0]), percent(p.states[1]), percent(p.states[2] + p.states[3]),
                             std::to_string(p.micromap)});
         if (rows.size() > 1) {
             printRows(rows);
             fmt::print("  shares are of triangles, each counted alike\n");
         }
-        for (std::size_t i = 0; i < file.micromaps.size(); ++i)
+        for (size_t i = 0; i < file.micromaps.size(); ++i)
             fmt::print("  micromap {}: {}, {}\n", i, counted(file.micromaps[i].triangles, "triangle"),
                        counted(file.micromaps[i].bytes, "byte"));
         for (const PrimitiveReport &p : file.primitives)

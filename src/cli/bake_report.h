@@ -16,18 +16,18 @@ namespace vellum::cli
 struct PrimitiveReport {
     std::string name;
     std::string material;
-    std::size_t triangles = 0;
-    std::array<std::size_t, 4> special{}; // triangles that are one state all over, by State
-    std::size_t varying = 0;              // FileBake: unknown because of their vertices' alpha
-    std::array<std::size_t, 13> levels{}; // the other triangles by level
-    std::array<double, 4> states{};       // shares of State, each triangle counted alike
-    std::size_t micromap = 0;             // the number of its micromap
-    std::string caution;                  // of which renderers it is not true; empty where it is true of all
+    size_t triangles = 0;
+    std::array<size_t, 4> special{}; // triangles that are one state all over, by State
+    size_t varying = 0;              // FileBake: unknown because of their vertices' alpha
+    std::array<size_t, 13> levels{}; // the other triangles by level
+    std::array<double, 4> states{};  // shares of State, each triangle counted alike
+    size_t micromap = 0;             // the number of its micromap
+    std::string caution;             // of which renderers it is not true; empty where it is true of all
 };
 
 struct MicromapReport {
-    std::size_t triangles = 0;
-    std::size_t bytes = 0; // data and records
+    size_t triangles = 0;
+    size_t bytes = 0; // data and records
 };
 
 struct LeftReport {
@@ -44,8 +44,8 @@ struct FileReport {
     std::string failure;
     bool replaced = false;
     std::string replacedLoss; // the data that the replaced ones had lost; empty where they had not
-    std::uint64_t inputBytes = 0;
-    std::uint64_t outputBytes = 0;
+    uint64_t inputBytes = 0;
+    uint64_t outputBytes = 0;
     std::vector<PrimitiveReport> primitives;
     std::vector<MicromapReport> micromaps;
     std::vector<LeftReport> left;

@@ -58,7 +58,7 @@ int infoOnFiles(const InfoOptions &options)
     int code = 0;
     JsonWriter json;
     json.beginObject().key("files").beginArray();
-    for (std::size_t i = 0; i < options.files.size(); ++i) {
+    for (size_t i = 0; i < options.files.size(); ++i) {
         try {
             const FileReport report = reportFile(options.files[i]);
             if (!report.offences.empty() || !report.problems.empty())

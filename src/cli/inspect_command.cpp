@@ -91,8 +91,8 @@ void printFile(const InspectedFile &file)
                counted(file.primitiveCount, "primitive"), counted(tally.triangles, "triangle"),
                grouped(tally.special[0] + tally.special[1] + tally.special[2] + tally.special[3]));
     std::string levels;
-    for (std::size_t level = 0; level < tally.levels.size(); ++level)
-        if (const std::uint64_t count = tally.levels[level][0] + tally.levels[level][1]; count != 0)
+    for (size_t level = 0; level < tally.levels.size(); ++level)
+        if (const uint64_t count = tally.levels[level][0] + tally.levels[level][1]; count != 0)
             levels += fmt::format("{}{}: {}", levels.empty() ? "" : ", ", level, grouped(count));
     fmt::print("levels      {}\n", levels.empty() ? "none" : levels);
     printShares(tally);
@@ -148,7 +148,7 @@ int inspectCommand(InspectOptions &options)
     if (options.html) {
         const Progress progress("drawing");
         const std::string page = makePage(document, file);
-        writeWhole(*options.html, {reinterpret_cast<const std::uint8_t *>(page.data()), page.size()});
+        writeWhole(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()});
     }
     for (const auto &path : {options.picture, options.html})
         if (path)

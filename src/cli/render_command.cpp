@@ -73,7 +73,7 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const Bake
         fmt::print("in the file {} by {}, {}: {}\n", counted(baked.count(), "geometry", "geometries"), baked.extension,
                    counted(baked.distinctTriangles(), "micromap triangle"), states);
     const std::vector<const Micromap *> micromaps = baked.micromaps();
-    if (const auto surface = surfaceShares(scene, [&](std::size_t geometry) { return micromaps[geometry]; }))
+    if (const auto surface = surfaceShares(scene, [&](size_t geometry) { return micromaps[geometry]; }))
         fmt::print("surface     {}\n", describe(*surface));
     std::fflush(stdout);
 }
@@ -81,8 +81,8 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const Bake
 // Masked geometries that have no micromap are drawn as always: the shader samples their texture.
 void printTestedOnly(const RenderScene &scene, const BakedScene &baked)
 {
-    std::size_t without = 0;
-    for (std::size_t i = 0; i < baked.results.size(); ++i)
+    size_t without = 0;
+    for (size_t i = 0; i < baked.results.size(); ++i)
         without += scene.scene.materials[scene.scene.geometries[i].material].masked() && !baked.results[i] ? 1u : 0u;
     if (without != 0)
         fmt::print("alpha test  alone for {} without micromaps{}\n",
@@ -94,7 +94,7 @@ BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
 {
     Progress progress("baking");
     BakeOptions bake = options.bake;
-    bake.progress = [&](std::size_t done, std::size_t total) { progress.update(done, total); };
+    bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     return bakeScene(scene, bake);
 }
 
@@ -115,11 +115,11 @@ int renderOne(const RenderOptions &options, Device &device, const RenderScene &s
 {
     std::unique_ptr<Renderer> renderer;
     std::vector<double> times;
-    const std::uint32_t frames = options.frames.value_or(5);
+    const uint32_t frames = options.frames.value_or(5);
     {
         Progress progress("rendering");
         renderer = std::make_unique<Renderer>(device, scene, micromaps, options.settings);
-        for (std::uint32_t i = 0; i < frames; ++i) {
+        for (uint32_t i = 0; i < frames; ++i) {
             times.push_back(renderer->frame());
             progress.update(i + 1, frames);
         }
@@ -148,7 +148,7 @@ struct Contest {
 // to the same within 2 %, in all likelihood: a third of that for the error of each. Not for ever, though.
 PairedTiming timeFrames(const RenderOptions &options, Contest &contest)
 {
-    constexpr std::size_t kFewest = 9;
+    constexpr size_t kFewest = 9;
     constexpr double kMost = 99;
     constexpr double kUncertainty = 0.007;
     constexpr double kMilliseconds = 60'000;
@@ -172,13 +172,12 @@ PairedTiming timeFrames(const RenderOptions &options, Contest &contest)
             done = std::min(spent / kMilliseconds, 0.9);
         else
             done = std::max({pairs / kMost, spent / kMilliseconds, std::pow(kUncertainty / timing.uncertainty(), 2)});
-        progress.update(static_cast<std::size_t>(1000 * std::min(done, 1.0)), 1000);
+        progress.update(static_cast<size_t>(1000 * std::min(done, 1.0)), 1000);
     }
     return timing;
 }
 
-void printComparison(const RenderOptions &options, Contest &contest, const PairedTiming &timing,
-                     std::uint64_t differing)
+void printComparison(const RenderOptions &options, Contest &contest, const PairedTiming &timing, uint64_t differing)
 {
     const double counts[2] = {contest.alpha.count().perRay(), contest.omm.count().perRay()};
     const Quartiles ratio = timing.ratio();
@@ -239,7 +238,7 @@ int renderStates(const RenderOptions &options, const DeviceInfo &info, const Ren
         if (options.sideBySide)
             picture = sideBySide(draw(false), picture);
     }
-    const auto color = [](State state) { return kStateColors[static_cast<std::size_t>(state)]; };
+    const auto color = [](State state) { return kStateColors[static_cast<size_t>(state)]; };
     fmt::print(
         "states      opaque #{:06x}, transparent #{:06x} (a veil), unknown: opaque #{:06x}, transparent #{:06x}\n",
         color(State::Opaque), color(State::Transparent), color(State::UnknownOpaque), color(State::UnknownTransparent));

@@ -37,13 +37,13 @@ Examples:
   vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
       a smooth picture from another side)";
 
-std::uint32_t parseLevel(const std::string &text)
+uint32_t parseLevel(const std::string &text)
 {
     try {
-        std::size_t used = 0;
+        size_t used = 0;
         const unsigned long level = std::stoul(text, &used);
         if (used == text.size() && level <= 12)
-            return static_cast<std::uint32_t>(level);
+            return static_cast<uint32_t>(level);
     } catch (const std::exception &) {
         // Neither: said below.
     }

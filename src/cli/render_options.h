@@ -22,8 +22,8 @@ struct RenderOptions {
     MicromapApi api = MicromapApi::Khr;
     RenderSettings settings;
     BakeOptions bake;
-    std::uint32_t instances = 1;
-    std::optional<std::uint32_t> frames; // to time, or pairs of them; without, as many as it takes
+    uint32_t instances = 1;
+    std::optional<uint32_t> frames; // to time, or pairs of them; without, as many as it takes
     Colors colors = Colors::All;
     bool bakeAnew = false; // whatever micromaps the file has
     // To the left of it, with Mode::States the picture by micromaps, with Mode::Heat the map without them.

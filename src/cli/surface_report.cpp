@@ -17,7 +17,7 @@ void write(const std::optional<SurfaceShares> &surface, JsonWriter &json)
         return;
     }
     json.beginObject().member("known", surface->known());
-    for (std::size_t s = 0; s < surface->states.size(); ++s)
+    for (size_t s = 0; s < surface->states.size(); ++s)
         json.member(kStateNames[s], surface->states[s]);
     json.member("withoutMicromap", surface->withoutMicromap).end();
 }

@@ -105,7 +105,7 @@ VerifiedFile verifyFile(const std::string &path, const VerifyOptions &options)
     VerifiedFile file{path, {}, {}, {}};
     Progress progress("verifying " + path);
     verify::FileOptions fileOptions = options.file;
-    fileOptions.progress = [&](std::size_t done, std::size_t total) { progress.update(done, total); };
+    fileOptions.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     try {
         const Document document(path);
         file.report = verify::verifyDocument(document, fileOptions);

@@ -57,25 +57,25 @@ void print(const PrimitiveReport &primitive, const Finding &f)
 }
 
 // As wide as it is printed, as far as that can be told.
-std::size_t codePoints(const std::string &text)
+size_t codePoints(const std::string &text)
 {
-    return static_cast<std::size_t>(
+    return static_cast<size_t>(
         std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
 struct Row {
     std::string name;
-    std::size_t triangles;
+    size_t triangles;
     Counts counts;
 };
 
 void printTable(const std::vector<Row> &rows)
 {
-    const auto share = [](std::uint64_t part, std::uint64_t all) {
+    const auto share = [](uint64_t part, uint64_t all) {
         return all == 0 ? std::string("-")
                         : fmt::format("{:.1f} %", 100.0 * static_cast<double>(part) / static_cast<double>(all));
     };
-    std::size_t width = 9;
+    size_t width = 9;
     for (const Row &row : rows)
         width = std::max(width, codePoints(row.name));
     fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", "primitive", width, "triangles",
@@ -84,7 +84,7 @@ void printTable(const std::vector<Row> &rows)
                "claims", "margins", "unknown");
     for (const Row &row : rows) {
         const Counts &c = row.counts;
-        const std::uint64_t all = c.opaque + c.transparent + c.unknown;
+        const uint64_t all = c.opaque + c.transparent + c.unknown;
         fmt::print("  {:<{}} {:>11} {:>16} {:>11} {:>8} {:>8} {:>8} {:>9} {:>10}\n", row.name, width,
                    grouped(row.triangles), grouped(c.microTriangles()), share(c.transparent, all), share(c.opaque, all),
                    share(c.unknown, all), grouped(c.of(Kind::Wrong)), grouped(c.of(Kind::OutsideMargins)),
@@ -95,9 +95,9 @@ void printTable(const std::vector<Row> &rows)
 // Those of which something is to be said, where there are very many.
 void printPrimitives(const verify::FileReport &report)
 {
-    constexpr std::size_t kMany = 40;
+    constexpr size_t kMany = 40;
     std::vector<Row> rows;
-    std::size_t triangles = 0;
+    size_t triangles = 0;
     for (const PrimitiveReport &p : report.primitives) {
         const Counts &c = p.result.counts;
         const bool clean = c.of(Kind::Wrong) + c.of(Kind::OutsideMargins) + c.of(Kind::Needless) + c.open == 0;
@@ -117,12 +117,10 @@ void printPrimitives(const verify::FileReport &report)
 
 void printTwoState(const Counts &c)
 {
-    const std::uint64_t all = c.twoStateTrue + c.twoStateMixed + c.twoStateReversed;
+    const uint64_t all = c.twoStateTrue + c.twoStateMixed + c.twoStateReversed;
     if (all == 0)
         return;
-    const auto share = [all](std::uint64_t part) {
-        return 100.0 * static_cast<double>(part) / static_cast<double>(all);
-    };
+    const auto share = [all](uint64_t part) { return 100.0 * static_cast<double>(part) / static_cast<double>(all); };
     fmt::print("  2-state data, an approximation: {} micro-triangles, {:.2f} % as the texture is all over them, "
                "{:.2f} % with both outcomes, {:.2f} % the other way round\n",
                grouped(all), share(c.twoStateTrue), share(c.twoStateMixed), share(c.twoStateReversed));
@@ -142,16 +140,16 @@ void printDevice(const verify::FileReport &report)
 void printFindings(const verify::FileReport &report)
 {
     const Counts sum = report.counts();
-    std::array<std::size_t, verify::kKinds> listed{};
+    std::array<size_t, verify::kKinds> listed{};
     for (const PrimitiveReport &primitive : report.primitives) {
         for (const Finding &f : primitive.result.findings) {
             print(primitive, f);
-            ++listed[static_cast<std::size_t>(f.kind)];
+            ++listed[static_cast<size_t>(f.kind)];
         }
     }
-    std::size_t shown = 0;
-    std::uint64_t all = 0;
-    for (std::size_t kind = 0; kind < verify::kKinds; ++kind) {
+    size_t shown = 0;
+    uint64_t all = 0;
+    for (size_t kind = 0; kind < verify::kKinds; ++kind) {
         shown += listed[kind];
         all += sum.findings[kind];
     }
@@ -169,7 +167,7 @@ void write(const Counts &c, JsonWriter &json)
 {
     json.member("microTriangles", c.microTriangles());
     json.member("transparent", c.transparent).member("opaque", c.opaque).member("unknown", c.unknown);
-    for (std::size_t kind = 0; kind < verify::kKinds; ++kind)
+    for (size_t kind = 0; kind < verify::kKinds; ++kind)
         json.member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
     json.member("open", c.open).key("twoState").beginObject();
     json.member("true", c.twoStateTrue).member("mixed", c.twoStateMixed).member("reversed", c.twoStateReversed).end();

@@ -15,18 +15,18 @@ namespace vellum
 // Reserves room for `count` elements. Where the system can, it comes in large pages: a fault for each 4 KiB of a
 // texture takes longer than to fill it.
 template <typename T>
-void reserveLarge(std::vector<T> &vector, std::size_t count)
+void reserveLarge(std::vector<T> &vector, size_t count)
 {
     vector.reserve(count);
 #if defined(__linux__) && defined(MADV_HUGEPAGE)
-    constexpr std::size_t kLarge = std::size_t{2} << 20;
-    const std::size_t bytes = count * sizeof(T);
+    constexpr size_t kLarge = size_t{2} << 20;
+    const size_t bytes = count * sizeof(T);
     if (bytes < 2 * kLarge)
         return;
     // Whole large pages only: what lies beside them is not ours.
-    const auto address = reinterpret_cast<std::uintptr_t>(vector.data());
-    const std::uintptr_t first = (address + kLarge - 1) / kLarge * kLarge;
-    const std::uintptr_t last = (address + bytes) / kLarge * kLarge;
+    const auto address = reinterpret_cast<uintptr_t>(vector.data());
+    const uintptr_t first = (address + kLarge - 1) / kLarge * kLarge;
+    const uintptr_t last = (address + bytes) / kLarge * kLarge;
     // A wish, which may be refused.
     (void)madvise(reinterpret_cast<void *>(first), last - first, MADV_HUGEPAGE);
 #endif

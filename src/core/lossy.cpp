@@ -9,32 +9,32 @@ namespace
 
 using namespace shared;
 
-constexpr std::uint8_t kMixed = kStateUnknownTransparent;
+constexpr uint8_t kMixed = kStateUnknownTransparent;
 
 } // namespace
 
-std::uint32_t lossyLevel(const std::uint8_t *data, std::uint32_t level, std::uint32_t priceLog2)
+uint32_t lossyLevel(const uint8_t *data, uint32_t level, uint32_t priceLog2)
 {
-    const std::uint32_t micros = microTriangleCount(level);
-    std::vector<std::uint8_t> nodes(micros); // kStateTransparent, kStateOpaque: all over; or kMixed
-    std::uint32_t known = 0;
-    for (std::uint32_t i = 0; i < micros; ++i) {
-        const auto state = static_cast<std::uint8_t>(readState(data, i, Format::FourState));
+    const uint32_t micros = microTriangleCount(level);
+    std::vector<uint8_t> nodes(micros); // kStateTransparent, kStateOpaque: all over; or kMixed
+    uint32_t known = 0;
+    for (uint32_t i = 0; i < micros; ++i) {
+        const auto state = static_cast<uint8_t>(readState(data, i, Format::FourState));
         nodes[i] = std::min(state, kMixed);
         known += state < kMixed ? 1 : 0;
     }
-    std::uint32_t best = level;
-    std::uint32_t leastCost = micros;
-    for (std::uint32_t l = level; l > kCoarseLevel; --l) {
-        std::uint32_t left = 0; // what is known one level lower
-        for (std::uint32_t i = 0; i < microTriangleCount(l - 1); ++i) {
-            const std::uint8_t *child = &nodes[std::size_t{4} * i];
+    uint32_t best = level;
+    uint32_t leastCost = micros;
+    for (uint32_t l = level; l > kCoarseLevel; --l) {
+        uint32_t left = 0; // what is known one level lower
+        for (uint32_t i = 0; i < microTriangleCount(l - 1); ++i) {
+            const uint8_t *child = &nodes[size_t{4} * i];
             const bool same = child[0] == child[1] && child[0] == child[2] && child[0] == child[3];
             nodes[i] = same ? child[0] : kMixed;
             left += nodes[i] < kMixed ? microTriangleCount(level - (l - 1)) : 0;
         }
-        const std::uint32_t states = l - 1 > kCoarseLevel ? microTriangleCount(l - 1) : 0;
-        const std::uint32_t cost = states + ((known - left) << priceLog2);
+        const uint32_t states = l - 1 > kCoarseLevel ? microTriangleCount(l - 1) : 0;
+        const uint32_t cost = states + ((known - left) << priceLog2);
         if (cost <= leastCost) {
             leastCost = cost;
             best = l - 1;
@@ -43,38 +43,38 @@ std::uint32_t lossyLevel(const std::uint8_t *data, std::uint32_t level, std::uin
     return best;
 }
 
-std::vector<std::uint8_t> coarsenedStates(const std::uint8_t *data, std::uint32_t level, std::uint32_t to)
+std::vector<uint8_t> coarsenedStates(const uint8_t *data, uint32_t level, uint32_t to)
 {
-    std::vector<std::uint8_t> out(packedBytes(to, Format::FourState));
-    const std::uint32_t each = microTriangleCount(level - to);
-    for (std::uint32_t node = 0; node < microTriangleCount(to); ++node) {
-        std::uint32_t opaque = 0;
+    std::vector<uint8_t> out(packedBytes(to, Format::FourState));
+    const uint32_t each = microTriangleCount(level - to);
+    for (uint32_t node = 0; node < microTriangleCount(to); ++node) {
+        uint32_t opaque = 0;
         bool unknown = false;
-        for (std::uint32_t i = 0; i < each; ++i) {
-            const auto state = static_cast<std::uint32_t>(readState(data, node * each + i, Format::FourState));
+        for (uint32_t i = 0; i < each; ++i) {
+            const auto state = static_cast<uint32_t>(readState(data, node * each + i, Format::FourState));
             opaque += state & 1;
             unknown |= state >= kStateUnknownTransparent;
         }
         const bool known = !unknown && (opaque == 0 || opaque == each);
-        const std::uint32_t guess = 2 * opaque >= each ? 1 : 0;
+        const uint32_t guess = 2 * opaque >= each ? 1 : 0;
         writeState(out.data(), node, Format::FourState, static_cast<State>(known ? guess : 2 | guess));
     }
     return out;
 }
 
-Micromap lossyMicromap(const Micromap &micromap, std::uint32_t priceLog2)
+Micromap lossyMicromap(const Micromap &micromap, uint32_t priceLog2)
 {
     Micromap out;
     out.indices = micromap.indices;
     out.baseTriangle = micromap.baseTriangle;
     for (const MicromapTriangle &t : micromap.triangles) {
-        const std::uint8_t *data = micromap.data.data() + t.dataOffset;
+        const uint8_t *data = micromap.data.data() + t.dataOffset;
         MicromapTriangle lossy = t;
-        lossy.dataOffset = static_cast<std::uint32_t>(out.data.size());
+        lossy.dataOffset = static_cast<uint32_t>(out.data.size());
         if (t.format == Format::FourState) {
-            const std::uint32_t level = lossyLevel(data, t.subdivisionLevel, priceLog2);
-            const std::vector<std::uint8_t> states = coarsenedStates(data, t.subdivisionLevel, level);
-            lossy.subdivisionLevel = static_cast<std::uint16_t>(level);
+            const uint32_t level = lossyLevel(data, t.subdivisionLevel, priceLog2);
+            const std::vector<uint8_t> states = coarsenedStates(data, t.subdivisionLevel, level);
+            lossy.subdivisionLevel = static_cast<uint16_t>(level);
             out.data.insert(out.data.end(), states.begin(), states.end());
         } else {
             out.data.insert(out.data.end(), data, data + packedBytes(t.subdivisionLevel, t.format));

@@ -18,14 +18,13 @@ namespace vellum
 // The level that a 4-state triangle of level 0..12 with these packed states gets: where the states to be stored (none
 // up to level 2), and 2^priceLog2 for each of the triangle's micro-triangles that becomes unknown, are fewest together;
 // of several the lowest. So at most 1 / 2^priceLog2 of the micro-triangles become unknown. priceLog2: 0..7.
-std::uint32_t lossyLevel(const std::uint8_t *data, std::uint32_t level,
-                         std::uint32_t priceLog2 = shared::kLossyPriceLog2);
+uint32_t lossyLevel(const uint8_t *data, uint32_t level, uint32_t priceLog2 = shared::kLossyPriceLog2);
 
 // The packed states of level `to` <= `level`.
-std::vector<std::uint8_t> coarsenedStates(const std::uint8_t *data, std::uint32_t level, std::uint32_t to);
+std::vector<uint8_t> coarsenedStates(const uint8_t *data, uint32_t level, uint32_t to);
 
 // A valid micromap as a lossy build makes it: the triangles in their order, each with data of its own. 2-state
 // triangles stay as they are.
-Micromap lossyMicromap(const Micromap &micromap, std::uint32_t priceLog2 = shared::kLossyPriceLog2);
+Micromap lossyMicromap(const Micromap &micromap, uint32_t priceLog2 = shared::kLossyPriceLog2);
 
 } // namespace vellum

@@ -9,9 +9,9 @@ namespace vellum
 namespace
 {
 
-using UsageKey = std::pair<Format, std::uint32_t>;
+using UsageKey = std::pair<Format, uint32_t>;
 
-std::vector<MicromapUsage> toUsages(const std::map<UsageKey, std::uint32_t> &counts)
+std::vector<MicromapUsage> toUsages(const std::map<UsageKey, uint32_t> &counts)
 {
     std::vector<MicromapUsage> usages;
     for (const auto &[key, count] : counts)
@@ -21,33 +21,33 @@ std::vector<MicromapUsage> toUsages(const std::map<UsageKey, std::uint32_t> &cou
 
 } // namespace
 
-State readState(const std::uint8_t *data, std::uint32_t index, Format format)
+State readState(const uint8_t *data, uint32_t index, Format format)
 {
     if (format == Format::TwoState)
         return static_cast<State>((data[index >> 3] >> (index & 7)) & 1);
     return static_cast<State>((data[index >> 2] >> ((index & 3) * 2)) & 3);
 }
 
-void writeState(std::uint8_t *data, std::uint32_t index, Format format, State state)
+void writeState(uint8_t *data, uint32_t index, Format format, State state)
 {
     const bool two = format == Format::TwoState;
-    const std::uint32_t shift = two ? (index & 7) : (index & 3) * 2;
-    const std::uint32_t mask = (two ? 1u : 3u) << shift;
-    std::uint8_t &byte = data[two ? index >> 3 : index >> 2];
-    byte = static_cast<std::uint8_t>((byte & ~mask) | ((static_cast<std::uint32_t>(state) << shift) & mask));
+    const uint32_t shift = two ? (index & 7) : (index & 3) * 2;
+    const uint32_t mask = (two ? 1u : 3u) << shift;
+    uint8_t &byte = data[two ? index >> 3 : index >> 2];
+    byte = static_cast<uint8_t>((byte & ~mask) | ((static_cast<uint32_t>(state) << shift) & mask));
 }
 
-std::array<Barycentrics, 3> microTriangleCorners(std::uint32_t index, std::uint32_t level)
+std::array<Barycentrics, 3> microTriangleCorners(uint32_t index, uint32_t level)
 {
     // Vertices of the current sub-triangle in the curve's order, in steps of 2^-level.
     struct Point {
-        std::int32_t u, v;
+        int32_t u, v;
     };
-    const std::int32_t size = 1 << level;
+    const int32_t size = 1 << level;
     Point a{0, 0};
     Point b{size, 0};
     Point c{0, size};
-    for (std::uint32_t l = level; l-- > 0;) {
+    for (uint32_t l = level; l-- > 0;) {
         const Point ab{(a.u + b.u) / 2, (a.v + b.v) / 2};
         const Point bc{(b.u + c.u) / 2, (b.v + c.v) / 2};
         const Point ca{(c.u + a.u) / 2, (c.v + a.v) / 2};
@@ -82,7 +82,7 @@ std::array<Barycentrics, 3> microTriangleCorners(std::uint32_t index, std::uint3
 
 std::vector<MicromapUsage> Micromap::buildUsage() const
 {
-    std::map<UsageKey, std::uint32_t> counts;
+    std::map<UsageKey, uint32_t> counts;
     for (const MicromapTriangle &t : triangles)
         ++counts[{t.format, t.subdivisionLevel}];
     return toUsages(counts);
@@ -90,28 +90,28 @@ std::vector<MicromapUsage> Micromap::buildUsage() const
 
 std::vector<MicromapUsage> Micromap::geometryUsage() const
 {
-    std::map<UsageKey, std::uint32_t> counts;
-    for (const std::int32_t index : indices) {
+    std::map<UsageKey, uint32_t> counts;
+    for (const int32_t index : indices) {
         if (index < 0)
             continue;
-        const MicromapTriangle &t = triangles[static_cast<std::uint32_t>(index) + baseTriangle];
+        const MicromapTriangle &t = triangles[static_cast<uint32_t>(index) + baseTriangle];
         ++counts[{t.format, t.subdivisionLevel}];
     }
     return toUsages(counts);
 }
 
-State Micromap::stateAt(std::uint32_t triangle, float u, float v) const
+State Micromap::stateAt(uint32_t triangle, float u, float v) const
 {
-    const std::int32_t index = indices[triangle];
+    const int32_t index = indices[triangle];
     if (const auto special = specialState(index))
         return *special;
-    const MicromapTriangle &t = triangles[static_cast<std::uint32_t>(index) + baseTriangle];
+    const MicromapTriangle &t = triangles[static_cast<uint32_t>(index) + baseTriangle];
     return readState(data.data() + t.dataOffset, shared::curveIndex(u, v, t.subdivisionLevel), t.format);
 }
 
 std::optional<std::string> Micromap::validate() const
 {
-    for (std::size_t i = 0; i < triangles.size(); ++i) {
+    for (size_t i = 0; i < triangles.size(); ++i) {
         const MicromapTriangle &t = triangles[i];
         const std::string where = "micromap triangle " + std::to_string(i) + ": ";
         if (t.format != Format::TwoState && t.format != Format::FourState)
@@ -119,16 +119,16 @@ std::optional<std::string> Micromap::validate() const
                    " is neither 2-state nor 4-state";
         if (t.subdivisionLevel > shared::kMaxSubdivisionLevel)
             return where + "subdivision level " + std::to_string(t.subdivisionLevel) + " is above 12";
-        const std::uint64_t end = std::uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
+        const uint64_t end = uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
         if (end > data.size())
             return where + "its data ends at byte " + std::to_string(end) + " of " + std::to_string(data.size());
     }
-    for (std::size_t i = 0; i < indices.size(); ++i) {
-        const std::int64_t index = indices[i];
+    for (size_t i = 0; i < indices.size(); ++i) {
+        const int64_t index = indices[i];
         if (specialState(indices[i]))
             continue;
-        const std::int64_t target = index + baseTriangle;
-        if (index < 0 || target >= static_cast<std::int64_t>(triangles.size()))
+        const int64_t target = index + baseTriangle;
+        if (index < 0 || target >= static_cast<int64_t>(triangles.size()))
             return "geometry triangle " + std::to_string(i) + ": index " + std::to_string(index) + " + base triangle " +
                    std::to_string(baseTriangle) + " is outside the micromap's " + std::to_string(triangles.size()) +
                    " triangles";

@@ -13,10 +13,10 @@ namespace vellum
 {
 
 // VkOpacityMicromapFormatEXT
-enum class Format : std::uint16_t { TwoState = 1, FourState = 2 };
+enum class Format : uint16_t { TwoState = 1, FourState = 2 };
 
 // Micromap states; the numbers are those of 4-state data.
-enum class State : std::uint8_t {
+enum class State : uint8_t {
     Transparent = shared::kStateTransparent,
     Opaque = shared::kStateOpaque,
     UnknownTransparent = shared::kStateUnknownTransparent,
@@ -24,13 +24,13 @@ enum class State : std::uint8_t {
 };
 
 // VkOpacityMicromapSpecialIndexEXT for a triangle that is one state all over.
-constexpr std::int32_t specialIndex(State state)
+constexpr int32_t specialIndex(State state)
 {
-    return ~static_cast<std::int32_t>(state);
+    return ~static_cast<int32_t>(state);
 }
 
 // The state a special index stands for; nothing for an ordinary index or a value below -4.
-constexpr std::optional<State> specialState(std::int32_t index)
+constexpr std::optional<State> specialState(int32_t index)
 {
     if (index >= 0 || index < -4)
         return std::nullopt;
@@ -38,22 +38,22 @@ constexpr std::optional<State> specialState(std::int32_t index)
 }
 
 // Number of micro-triangles at a subdivision level (0..12): 4^level.
-constexpr std::uint32_t microTriangleCount(std::uint32_t level)
+constexpr uint32_t microTriangleCount(uint32_t level)
 {
     return 1u << (2 * level);
 }
 
 // Bytes of packed states of one triangle: one or two bits each, least significant bit first, rounded up to bytes.
-constexpr std::uint32_t packedBytes(std::uint32_t level, Format format)
+constexpr uint32_t packedBytes(uint32_t level, Format format)
 {
-    const std::uint32_t bits = microTriangleCount(level) * (format == Format::TwoState ? 1u : 2u);
+    const uint32_t bits = microTriangleCount(level) * (format == Format::TwoState ? 1u : 2u);
     return (bits + 7) / 8;
 }
 
 // Reads state `index` (0..4^level - 1) of packed data. A 2-state bit reads as Transparent or Opaque.
-State readState(const std::uint8_t *data, std::uint32_t index, Format format);
+State readState(const uint8_t *data, uint32_t index, Format format);
 // Writes it. A 2-state micromap keeps the low bit: the "better guess" of an unknown state.
-void writeState(std::uint8_t *data, std::uint32_t index, Format format, State state);
+void writeState(uint8_t *data, uint32_t index, Format format, State state);
 
 // A point in barycentrics: the weights of vertex 1 (u) and vertex 2 (v).
 struct Barycentrics {
@@ -63,29 +63,29 @@ struct Barycentrics {
 
 // The three corners of micro-triangle `index` (0..4^level - 1), in the order of the curve's own vertices 0, 1, 2 where
 // the orientation is kept. Coordinates are multiples of 2^-level and exact.
-std::array<Barycentrics, 3> microTriangleCorners(std::uint32_t index, std::uint32_t level);
+std::array<Barycentrics, 3> microTriangleCorners(uint32_t index, uint32_t level);
 
 // VkMicromapTriangleEXT
 struct MicromapTriangle {
-    std::uint32_t dataOffset = 0;
-    std::uint16_t subdivisionLevel = 0;
+    uint32_t dataOffset = 0;
+    uint16_t subdivisionLevel = 0;
     Format format = Format::FourState;
 };
 static_assert(sizeof(MicromapTriangle) == 8);
 
 // VkMicromapUsageEXT
 struct MicromapUsage {
-    std::uint32_t count = 0;
-    std::uint32_t subdivisionLevel = 0;
+    uint32_t count = 0;
+    uint32_t subdivisionLevel = 0;
     Format format = Format::FourState;
     bool operator==(const MicromapUsage &) const = default;
 };
 
 struct Micromap {
     std::vector<MicromapTriangle> triangles;
-    std::vector<std::uint8_t> data;
-    std::vector<std::int32_t> indices; // one per geometry triangle: a micromap triangle or a special index
-    std::uint32_t baseTriangle = 0;    // added to every index >= 0
+    std::vector<uint8_t> data;
+    std::vector<int32_t> indices; // one per geometry triangle: a micromap triangle or a special index
+    uint32_t baseTriangle = 0;    // added to every index >= 0
 
     // How many triangles there are of each level and format: what a micromap build needs (pUsageCounts of
     // VkMicromapBuildInfoEXT), sorted by format, then level.
@@ -94,7 +94,7 @@ struct Micromap {
     // (VkAccelerationStructureTrianglesOpacityMicromapEXT).
     [[nodiscard]] std::vector<MicromapUsage> geometryUsage() const;
     // State at barycentrics (u, v) of geometry triangle `triangle`. The micromap must be valid.
-    [[nodiscard]] State stateAt(std::uint32_t triangle, float u, float v) const;
+    [[nodiscard]] State stateAt(uint32_t triangle, float u, float v) const;
     // The first offence against the rules of the specification (levels, formats, data bounds, index bounds), naming the
     // triangle; nothing where the micromap is valid.
     [[nodiscard]] std::optional<std::string> validate() const;

@@ -18,69 +18,69 @@ namespace
 
 using namespace shared;
 
-constexpr std::uint32_t kUnknown = 0xffffffffu;
+constexpr uint32_t kUnknown = 0xffffffffu;
 
 struct Record {
-    std::uint32_t word0 = kKindInline;
-    std::uint32_t word1 = 0;
+    uint32_t word0 = kKindInline;
+    uint32_t word1 = 0;
 };
 
 struct Triangle {
-    std::uint32_t problem = 0; // kComplaint*
-    std::uint32_t dataOffset = 0;
-    std::uint32_t level = 0;
-    std::uint32_t bits = 1; // per state
-    std::uint32_t mask = 0; // sub-triangles of level 2; their states up to that level
-    std::uint32_t owner = 0;
+    uint32_t problem = 0; // kComplaint*
+    uint32_t dataOffset = 0;
+    uint32_t level = 0;
+    uint32_t bits = 1; // per state
+    uint32_t mask = 0; // sub-triangles of level 2; their states up to that level
+    uint32_t owner = 0;
 
     [[nodiscard]] Format format() const { return static_cast<Format>(bits); }
-    [[nodiscard]] std::uint32_t bytes() const { return packedBytes(level, format()); }
-    [[nodiscard]] std::uint32_t units() const
+    [[nodiscard]] uint32_t bytes() const { return packedBytes(level, format()); }
+    [[nodiscard]] uint32_t units() const
     {
         return problem != 0 || level <= kCoarseLevel ? 0 : (bytes() + kDataUnitBytes - 1) / kDataUnitBytes;
     }
-    [[nodiscard]] std::uint32_t kind() const { return (level - kCoarseLevel - 1) * 2 + (bits - 1); }
+    [[nodiscard]] uint32_t kind() const { return (level - kCoarseLevel - 1) * 2 + (bits - 1); }
 };
 
-bool describesAll(std::uint32_t mask)
+bool describesAll(uint32_t mask)
 {
     return (mask & 0xaaaaaaaau) == 0;
 }
 
 // The states of level 2, or for each of its sub-triangles 0 transparent, 1 opaque, 2 both.
-std::uint32_t maskOf(const Triangle &t, const std::uint8_t *data)
+uint32_t maskOf(const Triangle &t, const uint8_t *data)
 {
-    const std::uint32_t states = microTriangleCount(t.level);
-    std::uint32_t mask = 0;
-    for (std::uint32_t sub = 0; sub < 16; ++sub) {
+    const uint32_t states = microTriangleCount(t.level);
+    uint32_t mask = 0;
+    for (uint32_t sub = 0; sub < 16; ++sub) {
         if (t.level <= kCoarseLevel) {
-            mask |= static_cast<std::uint32_t>(readState(data, sub * states / 16, t.format())) << (2 * sub);
+            mask |= static_cast<uint32_t>(readState(data, sub * states / 16, t.format())) << (2 * sub);
             continue;
         }
-        const std::uint32_t each = states / 16;
+        const uint32_t each = states / 16;
         bool transparent = true;
         bool opaque = true;
-        const auto look = [&](std::uint32_t state) {
+        const auto look = [&](uint32_t state) {
             transparent &= state == kStateTransparent;
             opaque &= state == kStateOpaque;
         };
         if (each * t.bits >= 8) {
-            const std::uint8_t solid = t.bits == 1 ? 0xff : 0x55;
-            const std::uint32_t bytes = each * t.bits / 8;
-            for (std::uint32_t i = sub * bytes; i < (sub + 1) * bytes; ++i) {
+            const uint8_t solid = t.bits == 1 ? 0xff : 0x55;
+            const uint32_t bytes = each * t.bits / 8;
+            for (uint32_t i = sub * bytes; i < (sub + 1) * bytes; ++i) {
                 transparent &= data[i] == 0;
                 opaque &= data[i] == solid;
             }
         } else {
-            for (std::uint32_t i = 0; i < each; ++i)
-                look(static_cast<std::uint32_t>(readState(data, sub * each + i, t.format())));
+            for (uint32_t i = 0; i < each; ++i)
+                look(static_cast<uint32_t>(readState(data, sub * each + i, t.format())));
         }
         mask |= (transparent ? 0u : opaque ? 1u : kCoarseLook) << (2 * sub);
     }
     return mask;
 }
 
-Triangle readTriangle(const MicromapBuildInput &input, std::uint32_t i)
+Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
 {
     Triangle t;
     t.owner = i;
@@ -90,7 +90,7 @@ Triangle readTriangle(const MicromapBuildInput &input, std::uint32_t i)
     }
     MicromapTriangle source;
     std::memcpy(&source, input.triangles + i * input.stride, sizeof source);
-    const auto format = static_cast<std::uint32_t>(source.format);
+    const auto format = static_cast<uint32_t>(source.format);
     t.dataOffset = source.dataOffset;
     t.level = source.subdivisionLevel;
     t.bits = format;
@@ -100,7 +100,7 @@ Triangle readTriangle(const MicromapBuildInput &input, std::uint32_t i)
         t.problem = kComplaintLevel;
     else if (t.level > input.maxLevel)
         t.problem = kComplaintUndeclared;
-    else if (std::uint64_t{t.dataOffset} + t.bytes() > std::min<std::uint64_t>(input.dataBytes, kUnknown))
+    else if (uint64_t{t.dataOffset} + t.bytes() > std::min<uint64_t>(input.dataBytes, kUnknown))
         t.problem = kComplaintData;
     if (t.problem == 0)
         t.mask = maskOf(t, input.data + t.dataOffset);
@@ -112,29 +112,29 @@ class Owners
 {
 public:
     explicit Owners(const MicromapBuildInput &input) : input_(input) {}
-    std::uint32_t of(const Triangle &t, std::uint32_t self)
+    uint32_t of(const Triangle &t, uint32_t self)
     {
         const auto *begin = reinterpret_cast<const char *>(input_.data) + t.dataOffset;
         // Beyond the limit, only the same place counts as the same data (kMaxComparedUnits).
         if (t.units() > kMaxComparedUnits)
-            return places_.try_emplace(std::uint64_t{t.kind()} << 32 | t.dataOffset, self).first->second;
+            return places_.try_emplace(uint64_t{t.kind()} << 32 | t.dataOffset, self).first->second;
         return owners_[t.kind()].try_emplace(std::string_view(begin, t.bytes()), self).first->second;
     }
 
 private:
     const MicromapBuildInput &input_;
-    std::unordered_map<std::uint32_t, std::unordered_map<std::string_view, std::uint32_t>> owners_;
-    std::unordered_map<std::uint64_t, std::uint32_t> places_;
+    std::unordered_map<uint32_t, std::unordered_map<std::string_view, uint32_t>> owners_;
+    std::unordered_map<uint64_t, uint32_t> places_;
 };
 
 // Whether every triangle can use its data where it lies; `last`: the unit behind the last one that does.
-bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &triangles, std::uint64_t &last)
+bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &triangles, uint64_t &last)
 {
     last = 0;
     for (const Triangle &t : triangles) {
         if (t.units() == 0)
             continue;
-        const std::uint64_t end = t.dataOffset / kDataUnitBytes + t.units();
+        const uint64_t end = t.dataOffset / kDataUnitBytes + t.units();
         // The smallest data can be either half of a unit.
         if (t.dataOffset % std::min(t.bytes(), kDataUnitBytes) != 0 || end > input.capacityUnits)
             return false;
@@ -143,36 +143,36 @@ bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &
     return true;
 }
 
-Record readRecord(const std::uint8_t *memory, std::uint64_t i)
+Record readRecord(const uint8_t *memory, uint64_t i)
 {
     Record record;
     std::memcpy(&record, memory + kMicromapHeaderWords * 4 + i * sizeof record, sizeof record);
     return record;
 }
 
-void writeRecord(std::uint8_t *memory, std::uint64_t i, Record record)
+void writeRecord(uint8_t *memory, uint64_t i, Record record)
 {
     std::memcpy(memory + kMicromapHeaderWords * 4 + i * sizeof record, &record, sizeof record);
 }
 
 } // namespace
 
-void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, const MicromapComplaint &complain)
+void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const MicromapComplaint &complain)
 {
-    const std::uint32_t count = input.triangleCount;
-    std::uint8_t *units = out + micromapMemoryBytes(count, 0);
+    const uint32_t count = input.triangleCount;
+    uint8_t *units = out + micromapMemoryBytes(count, 0);
     Owners owners(input);
     std::vector<Triangle> triangles;
     triangles.reserve(count);
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         triangles.push_back(readTriangle(input, i));
-    std::uint64_t last = 0;
+    uint64_t last = 0;
     const bool stays = !input.share && staysInPlace(input, triangles, last);
     if (input.copiedAhead > 0)
         std::memcpy(units, input.data,
-                    std::min<std::uint64_t>(input.copiedAhead, std::uint64_t{input.capacityUnits} * kDataUnitBytes));
-    std::uint64_t next = 0;
-    for (std::uint32_t i = 0; i < count; ++i) {
+                    std::min<uint64_t>(input.copiedAhead, uint64_t{input.capacityUnits} * kDataUnitBytes));
+    uint64_t next = 0;
+    for (uint32_t i = 0; i < count; ++i) {
         Triangle &t = triangles[i];
         if (stays)
             next = t.dataOffset / kDataUnitBytes;
@@ -183,8 +183,8 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
         if (input.share && t.units() > 0 && !fold)
             t.owner = owners.of(t, i);
         // Without sharing a folded triangle's units stay, since their places are fixed before the data is looked at.
-        const std::uint64_t own = t.owner != i || (input.share && fold) ? 0 : t.units();
-        if (own > 0 && !stays && own > input.capacityUnits - std::min<std::uint64_t>(next, input.capacityUnits))
+        const uint64_t own = t.owner != i || (input.share && fold) ? 0 : t.units();
+        if (own > 0 && !stays && own > input.capacityUnits - std::min<uint64_t>(next, input.capacityUnits))
             t.problem = kComplaintNoRoom;
         if (t.problem != 0) {
             if (complain)
@@ -198,8 +198,8 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
             writeRecord(out, i, readRecord(out, t.owner));
             continue;
         }
-        const std::uint32_t half = stays ? t.dataOffset % kDataUnitBytes : 0;
-        const std::uint32_t kind = t.kind() + (half != 0 ? kKindUpperHalf : 0);
+        const uint32_t half = stays ? t.dataOffset % kDataUnitBytes : 0;
+        const uint32_t kind = t.kind() + (half != 0 ? kKindUpperHalf : 0);
         if (own > 0) {
             if (!stays)
                 std::memset(units + next * kDataUnitBytes, 0, own * kDataUnitBytes);
@@ -210,48 +210,48 @@ void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, con
         if (t.units() == 0 || (fold && (near || input.share || !parts)))
             writeRecord(out, i, {kKindInline, t.mask});
         else if (near)
-            writeRecord(out, i, {(kKindData + kind) | static_cast<std::uint32_t>(next) << kUnitShift, t.mask});
+            writeRecord(out, i, {(kKindData + kind) | static_cast<uint32_t>(next) << kUnitShift, t.mask});
         else
-            writeRecord(out, i, {kKindFar | kind << kUnitShift, static_cast<std::uint32_t>(next)});
+            writeRecord(out, i, {kKindFar | kind << kUnitShift, static_cast<uint32_t>(next)});
         next += own;
     }
     if (stays)
         next = last;
     if (count % 2 != 0)
         writeRecord(out, count, {0, 0});
-    std::uint32_t header[kMicromapHeaderWords] = {};
+    uint32_t header[kMicromapHeaderWords] = {};
     header[kMicromapHeaderMagic] = kMicromapMagic;
     header[kMicromapHeaderTriangles] = count;
-    header[kMicromapHeaderUnits] = static_cast<std::uint32_t>(std::min<std::uint64_t>(next, input.capacityUnits));
+    header[kMicromapHeaderUnits] = static_cast<uint32_t>(std::min<uint64_t>(next, input.capacityUnits));
     header[kMicromapHeaderFlags] = input.buildFlags & kBuildFlagsMask;
     std::memcpy(out, header, sizeof header);
 }
 
-std::uint64_t micromapMemoryInUse(const std::uint8_t *memory)
+uint64_t micromapMemoryInUse(const uint8_t *memory)
 {
-    std::uint32_t header[kMicromapHeaderWords];
+    uint32_t header[kMicromapHeaderWords];
     std::memcpy(header, memory, sizeof header);
     return header[kMicromapHeaderMagic] == kMicromapMagic
                ? micromapMemoryBytes(header[kMicromapHeaderTriangles], header[kMicromapHeaderUnits])
                : 0;
 }
 
-void distrustMicromapRecords(std::uint8_t *memory)
+void distrustMicromapRecords(uint8_t *memory)
 {
-    std::uint32_t header[kMicromapHeaderWords];
+    uint32_t header[kMicromapHeaderWords];
     std::memcpy(header, memory, sizeof header);
-    const std::uint64_t records = (std::uint64_t{header[kMicromapHeaderTriangles]} + 1) / 2 * 2;
-    for (std::uint64_t i = 0; i < records; ++i) {
+    const uint64_t records = (uint64_t{header[kMicromapHeaderTriangles]} + 1) / 2 * 2;
+    for (uint64_t i = 0; i < records; ++i) {
         const Record record = readRecord(memory, i);
-        const std::uint32_t kind = record.word0 & kKindMask;
+        const uint32_t kind = record.word0 & kKindMask;
         if (kind == kKindInline)
             continue;
         const bool far = kind == kKindFar;
-        const std::uint32_t n = far ? record.word0 >> kUnitShift : kind - kKindData;
-        const std::uint32_t unit = far ? record.word1 : record.word0 >> kUnitShift;
+        const uint32_t n = far ? record.word0 >> kUnitShift : kind - kKindData;
+        const uint32_t unit = far ? record.word1 : record.word0 >> kUnitShift;
         if (n <= 2 * (kMaxSubdivisionLevel - kCoarseLevel)) {
-            const std::uint32_t level = kCoarseLevel + 1 + (n == kKindUpperHalf ? 0 : n / 2);
-            const std::uint64_t bits = std::uint64_t{1 + (n & 1)} << (2 * level);
+            const uint32_t level = kCoarseLevel + 1 + (n == kKindUpperHalf ? 0 : n / 2);
+            const uint64_t bits = uint64_t{1 + (n & 1)} << (2 * level);
             if (unit + (bits + 127) / 128 <= header[kMicromapHeaderUnits])
                 continue;
         }

@@ -12,40 +12,39 @@ namespace vellum
 
 // What a build reads, as VkMicromapBuildInfoEXT gives it.
 struct MicromapBuildInput {
-    const std::uint8_t *triangles = nullptr; // VkMicromapTriangleEXT, each `stride` bytes
-    std::uint64_t stride = 8;
-    std::uint32_t triangleCount = 0;
-    std::uint32_t readable = 0xffffffffu; // triangles that may be read
-    const std::uint8_t *data = nullptr;
-    std::uint64_t dataBytes = 0xffffffffu; // bytes of data that may be read, at most 2^32 - 1 of which are used
-    std::uint32_t capacityUnits = 0;       // data units by the usage counts
-    std::uint32_t maxLevel = 0;            // highest level of the usage counts
-    std::uint32_t buildFlags = 0;          // VkBuildMicromapFlagsEXT, kept in the header
+    const uint8_t *triangles = nullptr; // VkMicromapTriangleEXT, each `stride` bytes
+    uint64_t stride = 8;
+    uint32_t triangleCount = 0;
+    uint32_t readable = 0xffffffffu; // triangles that may be read
+    const uint8_t *data = nullptr;
+    uint64_t dataBytes = 0xffffffffu; // bytes of data that may be read, at most 2^32 - 1 of which are used
+    uint32_t capacityUnits = 0;       // data units by the usage counts
+    uint32_t maxLevel = 0;            // highest level of the usage counts
+    uint32_t buildFlags = 0;          // VkBuildMicromapFlagsEXT, kept in the header
     // Bytes of data that the device copies to where data goes, before it knows whether they can stay there. Without
     // sharing only, and only to write what the device does where no triangle has its data, too.
-    std::uint64_t copiedAhead = 0;
+    uint64_t copiedAhead = 0;
     bool share = false; // identical data is kept once, uniform triangles take none
 };
 
 // Told of each triangle whose input is wrong, which becomes unknown: kComplaint*, the triangle's number, and the values
 // that go with it (records.h).
-using MicromapComplaint =
-    std::function<void(std::uint32_t what, std::uint32_t triangle, std::uint32_t value0, std::uint32_t value1)>;
+using MicromapComplaint = std::function<void(uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1)>;
 
 // Bytes in use of a micromap of that many triangles and data units.
-constexpr std::uint64_t micromapMemoryBytes(std::uint64_t triangles, std::uint64_t units)
+constexpr uint64_t micromapMemoryBytes(uint64_t triangles, uint64_t units)
 {
     return shared::kMicromapHeaderWords * 4ull + (triangles + 1) / 2 * 16 + units * shared::kDataUnitBytes;
 }
 
 // Writes a micromap to `out`, which has room for micromapMemoryBytes(triangleCount, capacityUnits) bytes. What lies
 // behind the units in use, and between data that stay where they lie, stays as it is.
-void writeMicromapMemory(const MicromapBuildInput &input, std::uint8_t *out, const MicromapComplaint &complain = {});
+void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const MicromapComplaint &complain = {});
 
 // Bytes in use of the micromap that lies at `memory`; 0 where there is none.
-std::uint64_t micromapMemoryInUse(const std::uint8_t *memory);
+uint64_t micromapMemoryInUse(const uint8_t *memory);
 
 // Makes every record of a micromap that points outside the micromap's own units unknown.
-void distrustMicromapRecords(std::uint8_t *memory);
+void distrustMicromapRecords(uint8_t *memory);
 
 } // namespace vellum

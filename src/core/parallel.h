@@ -14,15 +14,15 @@ namespace vellum
 // Calls function(i, state) for each i below `count`, in any order, on `threads` threads with a State of their own. The
 // first exception ends the work and is thrown on.
 template <typename State, typename Function>
-void inParallel(unsigned threads, std::size_t count, Function &&function)
+void inParallel(unsigned threads, size_t count, Function &&function)
 {
-    std::atomic<std::size_t> next{0};
+    std::atomic<size_t> next{0};
     std::mutex failing;
     std::exception_ptr failure;
     const auto work = [&] {
         try {
             State state;
-            for (std::size_t i = next++; i < count; i = next++)
+            for (size_t i = next++; i < count; i = next++)
                 function(i, state);
         } catch (...) {
             const std::lock_guard lock(failing);
@@ -34,7 +34,7 @@ void inParallel(unsigned threads, std::size_t count, Function &&function)
     {
         std::vector<std::jthread> others;
         try {
-            for (std::size_t i = 1; i < threads && i < count; ++i)
+            for (size_t i = 1; i < threads && i < count; ++i)
                 others.emplace_back(work);
         } catch (const std::exception &) {
             // Without memory or permission for another thread, those that there are do the work.

@@ -12,29 +12,26 @@ namespace vellum
 class Progress
 {
 public:
-    Progress(const std::function<void(std::size_t, std::size_t)> &callback, std::size_t total)
-        : m_callback(callback), m_total(total)
-    {
-    }
+    Progress(const std::function<void(size_t, size_t)> &callback, size_t total) : callback_(callback), total_(total) {}
     // From any thread.
-    void done(std::size_t count)
+    void done(size_t count)
     {
-        if (!m_callback)
+        if (!callback_)
             return;
-        const std::lock_guard lock(m_mutex);
-        m_done += count;
-        if (m_done < m_next && m_done < m_total)
+        const std::lock_guard lock(mutex_);
+        done_ += count;
+        if (done_ < next_ && done_ < total_)
             return;
-        m_next = m_done + m_total / 256;
-        m_callback(m_done, m_total);
+        next_ = done_ + total_ / 256;
+        callback_(done_, total_);
     }
 
 private:
-    const std::function<void(std::size_t, std::size_t)> &m_callback;
-    std::mutex m_mutex;
-    std::size_t m_total;
-    std::size_t m_done = 0;
-    std::size_t m_next = 0;
+    const std::function<void(size_t, size_t)> &callback_;
+    std::mutex mutex_;
+    size_t total_;
+    size_t done_ = 0;
+    size_t next_ = 0;
 };
 
 } // namespace vellum

@@ -6,7 +6,7 @@
 
 #ifdef __cplusplus
 #include "core/shared.h"
-#define VELLUM_ADDRESS std::uint64_t
+#define VELLUM_ADDRESS uint64_t
 #define VELLUM_UVEC4(name) uint name[4]
 #else
 #include "shared.h"

@@ -15,11 +15,11 @@
 #define VELLUM_SHARED_END }
 namespace vellum::shared
 {
-using uint = std::uint32_t;
+using uint = uint32_t;
 // Towards zero. What is below zero by less than 1 is 0; what does not fit is any number.
 constexpr uint toUint(float x)
 {
-    return x > -2147483648.0f && x < 2147483648.0f ? static_cast<uint>(static_cast<std::int32_t>(x)) : 0;
+    return x > -2147483648.0f && x < 2147483648.0f ? static_cast<uint>(static_cast<int32_t>(x)) : 0;
 }
 constexpr float toFloat(uint x)
 {

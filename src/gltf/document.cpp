@@ -5,33 +5,33 @@
 namespace vellum
 {
 
-Document::Document(const std::filesystem::path &path) : m_path(path)
+Document::Document(const std::filesystem::path &path) : path_(path)
 {
     named([&] {
-        m_container = std::make_unique<Container>(readContainer(path));
-        m_tree = std::make_unique<JsonTree>(m_container->json());
-        m_model = std::make_unique<gltf_json::Model>(gltf_json::readModel(*m_container, *m_tree, path.parent_path()));
-        m_bufferViews = std::make_unique<BufferViews>(*m_model);
+        container_ = std::make_unique<Container>(readContainer(path));
+        tree_ = std::make_unique<JsonTree>(container_->json());
+        model_ = std::make_unique<gltf_json::Model>(gltf_json::readModel(*container_, *tree_, path.parent_path()));
+        bufferViews_ = std::make_unique<BufferViews>(*model_);
     });
 }
 
-std::span<const std::uint8_t> Document::otherChunks() const
+std::span<const uint8_t> Document::otherChunks() const
 {
-    return bytes().subspan(m_container->jsonOffset + m_container->jsonSize);
+    return bytes().subspan(container_->jsonOffset + container_->jsonSize);
 }
 
 std::string Document::nameOf(PrimitivePlace place) const
 {
     std::string name = "mesh " + std::to_string(place.mesh);
-    if (place.mesh < m_model->meshes.size() && !m_model->meshes[place.mesh].name.empty())
-        name += " \"" + printable(m_model->meshes[place.mesh].name) + "\"";
+    if (place.mesh < model_->meshes.size() && !model_->meshes[place.mesh].name.empty())
+        name += " \"" + printable(model_->meshes[place.mesh].name) + "\"";
     return name + " primitive " + std::to_string(place.primitive);
 }
 
 std::string Document::reasonOf(const GltfError &error) const
 {
     const std::string text = error.what();
-    const std::string prefix = m_path.string() + ": ";
+    const std::string prefix = path_.string() + ": ";
     return text.starts_with(prefix) ? text.substr(prefix.size()) : text;
 }
 
@@ -52,8 +52,8 @@ std::string Document::reasonOf(PrimitivePlace place, const GltfError &error) con
 // are that the file has.
 std::string Document::withPath(std::string message) const
 {
-    constexpr std::size_t kMostBytes = 400;
-    const std::string prefix = m_path.string() + ": ";
+    constexpr size_t kMostBytes = 400;
+    const std::string prefix = path_.string() + ": ";
     if (message.starts_with(prefix))
         return message;
     if (message.size() > kMostBytes)

@@ -20,8 +20,8 @@ namespace vellum
 
 // A primitive in the meshes of a file: meshes[mesh].primitives[primitive].
 struct PrimitivePlace {
-    std::uint32_t mesh = 0;
-    std::uint32_t primitive = 0;
+    uint32_t mesh = 0;
+    uint32_t primitive = 0;
     auto operator<=>(const PrimitivePlace &) const = default;
 };
 
@@ -32,20 +32,20 @@ public:
     // or is not glTF 2. What the file says of accessors, nodes and so on is checked where it is read.
     explicit Document(const std::filesystem::path &path);
 
-    [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
+    [[nodiscard]] const std::filesystem::path &path() const { return path_; }
     // Images are left encoded: in the file that Image::uri names, else in Image::data, else in their buffer view.
-    [[nodiscard]] const gltf_json::Model &model() const { return *m_model; }
+    [[nodiscard]] const gltf_json::Model &model() const { return *model_; }
     // No object of it has two members of one name.
-    [[nodiscard]] JsonValue root() const { return m_tree->root(); }
-    [[nodiscard]] const JsonTree &tree() const { return *m_tree; }
+    [[nodiscard]] JsonValue root() const { return tree_->root(); }
+    [[nodiscard]] const JsonTree &tree() const { return *tree_; }
     // What is in the model's buffer views.
-    [[nodiscard]] const BufferViews &bufferViews() const { return *m_bufferViews; }
+    [[nodiscard]] const BufferViews &bufferViews() const { return *bufferViews_; }
 
     // Whether it is a GLB.
-    [[nodiscard]] bool binary() const { return m_container->binary; }
-    [[nodiscard]] std::span<const std::uint8_t> bytes() const { return m_container->bytes; }
+    [[nodiscard]] bool binary() const { return container_->binary; }
+    [[nodiscard]] std::span<const uint8_t> bytes() const { return container_->bytes; }
     // What follows the JSON chunk in a GLB, from the header of the second chunk on; empty where nothing does.
-    [[nodiscard]] std::span<const std::uint8_t> otherChunks() const;
+    [[nodiscard]] std::span<const uint8_t> otherChunks() const;
 
     // `mesh 2 "leaves" primitive 0`; without the name where there is none.
     [[nodiscard]] std::string nameOf(PrimitivePlace place) const;
@@ -73,12 +73,12 @@ public:
 private:
     [[nodiscard]] std::string withPath(std::string message) const;
 
-    std::filesystem::path m_path;
+    std::filesystem::path path_;
     // Each refers to those before it.
-    std::unique_ptr<Container> m_container;
-    std::unique_ptr<JsonTree> m_tree;
-    std::unique_ptr<gltf_json::Model> m_model;
-    std::unique_ptr<BufferViews> m_bufferViews;
+    std::unique_ptr<Container> container_;
+    std::unique_ptr<JsonTree> tree_;
+    std::unique_ptr<gltf_json::Model> model_;
+    std::unique_ptr<BufferViews> bufferViews_;
 };
 
 } // namespace vellum

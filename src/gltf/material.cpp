@@ -22,7 +22,7 @@ void readTransform(const gltf_json::Material &source, Material &material)
     const auto pair = [&](const char *name, double other) {
         std::array<double, 2> values{other, other};
         const std::vector<JsonValue> elements = extension[name].children();
-        for (std::size_t i = 0; i < 2 && elements.size() == 2; ++i)
+        for (size_t i = 0; i < 2 && elements.size() == 2; ++i)
             values[i] = elements[i].number().value_or(other);
         return values;
     };
@@ -75,18 +75,18 @@ int imageOf(const gltf_json::Texture &texture, int index, Material &material)
 void readTexture(const gltf_json::Model &model, const gltf_json::Material &source, Material &material)
 {
     const int index = source.baseColorTexture;
-    if (static_cast<std::size_t>(index) >= model.textures.size())
+    if (static_cast<size_t>(index) >= model.textures.size())
         throw GltfError("texture " + std::to_string(index) + " does not exist");
-    const gltf_json::Texture &texture = model.textures[static_cast<std::size_t>(index)];
+    const gltf_json::Texture &texture = model.textures[static_cast<size_t>(index)];
     material.image = imageOf(texture, index, material);
-    if (static_cast<std::size_t>(material.image) >= model.images.size())
+    if (static_cast<size_t>(material.image) >= model.images.size())
         throw GltfError("image " + std::to_string(material.image) + " does not exist");
     readTransform(source, material);
     if (texture.sampler < 0)
         return;
-    if (static_cast<std::size_t>(texture.sampler) >= model.samplers.size())
+    if (static_cast<size_t>(texture.sampler) >= model.samplers.size())
         throw GltfError("sampler " + std::to_string(texture.sampler) + " does not exist");
-    const gltf_json::Sampler &sampler = model.samplers[static_cast<std::size_t>(texture.sampler)];
+    const gltf_json::Sampler &sampler = model.samplers[static_cast<size_t>(texture.sampler)];
     material.wrapU = wrapOf(sampler.wrapS);
     material.wrapV = wrapOf(sampler.wrapT);
     material.filter = sampler.magFilter == gltf_json::kNearest ? Filter::Nearest : Filter::Bilinear;
@@ -108,9 +108,9 @@ std::string nameOfImage(const Document &document, int index)
 {
     const auto &images = document.model().images;
     const std::string what = "image " + std::to_string(index);
-    if (index < 0 || static_cast<std::size_t>(index) >= images.size())
+    if (index < 0 || static_cast<size_t>(index) >= images.size())
         throw GltfError(what + " does not exist");
-    const std::string &uri = images[static_cast<std::size_t>(index)].uri;
+    const std::string &uri = images[static_cast<size_t>(index)].uri;
     return uri.empty() ? what : what + " (" + uri + ")";
 }
 
@@ -123,9 +123,9 @@ Material readMaterial(const Document &document, int index)
         return material;
     return document.named([&] {
         const gltf_json::Model &model = document.model();
-        if (static_cast<std::size_t>(index) >= model.materials.size())
+        if (static_cast<size_t>(index) >= model.materials.size())
             throw GltfError("material " + std::to_string(index) + " does not exist");
-        const gltf_json::Material &source = model.materials[static_cast<std::size_t>(index)];
+        const gltf_json::Material &source = model.materials[static_cast<size_t>(index)];
         material.name = source.name.empty() ? std::to_string(index) : printable(source.name);
         if (source.alphaMode == "MASK") {
             material.alphaMode = AlphaMode::Mask;
@@ -133,7 +133,7 @@ Material readMaterial(const Document &document, int index)
         } else if (source.alphaMode == "BLEND") {
             material.alphaMode = AlphaMode::Blend;
         }
-        for (std::size_t i = 0; i < 4 && i < source.baseColorFactor.size(); ++i)
+        for (size_t i = 0; i < 4 && i < source.baseColorFactor.size(); ++i)
             material.baseColor[i] = static_cast<float>(source.baseColorFactor[i]);
         if (source.baseColorTexture >= 0)
             readTexture(model, source, material);
@@ -145,7 +145,7 @@ EncodedImage readEncodedImage(const Document &document, int index)
 {
     return document.named([&]() -> EncodedImage {
         const std::string what = nameOfImage(document, index);
-        const gltf_json::Image &image = document.model().images[static_cast<std::size_t>(index)];
+        const gltf_json::Image &image = document.model().images[static_cast<size_t>(index)];
         if (!image.uri.empty())
             return readEncodedFile(document, image.uri, what);
         return {{}, image.bufferView >= 0 ? document.bufferViews().bytes(image.bufferView, what) : image.data};
@@ -160,7 +160,7 @@ Image readImage(const Document &document, int index)
 
 AlphaTexture alphaTexture(const Material &material, const Image &image)
 {
-    const std::uint8_t full = 255;
+    const uint8_t full = 255;
     const float factor = material.baseColor[3];
     AlphaTexture texture = material.image < 0 ? AlphaTexture::fromUnorm8(1, 1, &full, 1, factor)
                            : image.alpha16.empty()

@@ -8,9 +8,9 @@ namespace vellum
 Matrix multiply(const Matrix &a, const Matrix &b)
 {
     Matrix m{};
-    for (std::size_t column = 0; column < 4; ++column)
-        for (std::size_t row = 0; row < 4; ++row)
-            for (std::size_t k = 0; k < 4; ++k)
+    for (size_t column = 0; column < 4; ++column)
+        for (size_t row = 0; row < 4; ++row)
+            for (size_t k = 0; k < 4; ++k)
                 m[column * 4 + row] += a[k * 4 + row] * b[column * 4 + k];
     return m;
 }
@@ -23,8 +23,8 @@ Matrix compose(const std::array<double, 3> &translation, const std::array<double
     const double turn[9] = {1 - 2 * (y * y + z * z), 2 * (x * y + z * w),     2 * (x * z - y * w),
                             2 * (x * y - z * w),     1 - 2 * (x * x + z * z), 2 * (y * z + x * w),
                             2 * (x * z + y * w),     2 * (y * z - x * w),     1 - 2 * (x * x + y * y)};
-    for (std::size_t column = 0; column < 3; ++column)
-        for (std::size_t row = 0; row < 3; ++row)
+    for (size_t column = 0; column < 3; ++column)
+        for (size_t row = 0; row < 3; ++row)
             m[column * 4 + row] = turn[column * 3 + row] * scale[column];
     std::copy(translation.begin(), translation.end(), m.begin() + 12);
     return m;
@@ -52,7 +52,7 @@ Matrix localMatrix(const gltf_json::Node &node)
 std::array<double, 3> transformed(const Matrix &matrix, const std::array<double, 3> &point)
 {
     std::array<double, 3> result{};
-    for (std::size_t row = 0; row < 3; ++row)
+    for (size_t row = 0; row < 3; ++row)
         result[row] =
             matrix[row] * point[0] + matrix[4 + row] * point[1] + matrix[8 + row] * point[2] + matrix[12 + row];
     return result;

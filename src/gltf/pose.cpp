@@ -15,7 +15,7 @@ const gltf_json::Primitive &primitiveAt(const Document &document, PrimitivePlace
 }
 
 // `components` values for each vertex.
-std::vector<float> readAttribute(const Document &document, int accessor, std::uint32_t components, std::size_t vertices,
+std::vector<float> readAttribute(const Document &document, int accessor, uint32_t components, size_t vertices,
                                  const std::string &what)
 {
     if (accessorCount(document.model(), accessor, what) != vertices)
@@ -25,7 +25,7 @@ std::vector<float> readAttribute(const Document &document, int accessor, std::ui
 
 } // namespace
 
-std::vector<double> morphWeights(const Document &document, std::uint32_t mesh, const std::vector<double> &ofNode)
+std::vector<double> morphWeights(const Document &document, uint32_t mesh, const std::vector<double> &ofNode)
 {
     const std::vector<double> &weights = ofNode.empty() ? document.model().meshes.at(mesh).weights : ofNode;
     if (std::all_of(weights.begin(), weights.end(), [](double weight) { return weight == 0; }))
@@ -37,14 +37,14 @@ void morph(const Document &document, PrimitivePlace place, const std::vector<dou
            std::vector<Vec3> &positions)
 {
     const gltf_json::Primitive &primitive = primitiveAt(document, place);
-    for (std::size_t target = 0; target < std::min(weights.size(), primitive.targets.size()); ++target) {
+    for (size_t target = 0; target < std::min(weights.size(), primitive.targets.size()); ++target) {
         const auto found = primitive.targets[target].find("POSITION");
         if (weights[target] == 0 || found == primitive.targets[target].end())
             continue;
         const std::string what = document.nameOf(place) + " morph target " + std::to_string(target) + " POSITION";
         const std::vector<float> moves = readAttribute(document, found->second, 3, positions.size(), what);
-        for (std::size_t i = 0; i < positions.size(); ++i)
-            for (std::size_t k = 0; k < 3; ++k)
+        for (size_t i = 0; i < positions.size(); ++i)
+            for (size_t k = 0; k < 3; ++k)
                 positions[i][k] += static_cast<float>(weights[target] * static_cast<double>(moves[3 * i + k]));
     }
 }
@@ -53,9 +53,9 @@ std::vector<Matrix> jointMatrices(const Document &document, int index, const std
 {
     const gltf_json::Model &model = document.model();
     const std::string what = "skin " + std::to_string(index);
-    if (index < 0 || static_cast<std::size_t>(index) >= model.skins.size())
+    if (index < 0 || static_cast<size_t>(index) >= model.skins.size())
         throw GltfError(what + " does not exist");
-    const gltf_json::Skin &skin = model.skins[static_cast<std::size_t>(index)];
+    const gltf_json::Skin &skin = model.skins[static_cast<size_t>(index)];
     std::vector<float> inverse;
     if (skin.inverseBindMatrices >= 0)
         inverse = readFloats(document.bufferViews(), skin.inverseBindMatrices, 16, what + " inverseBindMatrices");
@@ -63,13 +63,13 @@ std::vector<Matrix> jointMatrices(const Document &document, int index, const std
         throw GltfError(what + " has " + std::to_string(inverse.size() / 16) + " inverse bind matrices for " +
                         std::to_string(skin.joints.size()) + " joints");
     std::vector<Matrix> matrices;
-    for (std::size_t i = 0; i < skin.joints.size(); ++i) {
-        const auto joint = static_cast<std::size_t>(skin.joints[i]);
+    for (size_t i = 0; i < skin.joints.size(); ++i) {
+        const auto joint = static_cast<size_t>(skin.joints[i]);
         if (joint >= world.size())
             throw GltfError(what + ": node " + std::to_string(skin.joints[i]) + " does not exist");
         Matrix bind = kIdentity;
         if (!inverse.empty())
-            std::copy_n(inverse.begin() + static_cast<std::ptrdiff_t>(16 * i), 16, bind.begin());
+            std::copy_n(inverse.begin() + static_cast<ptrdiff_t>(16 * i), 16, bind.begin());
         matrices.push_back(multiply(world[joint], bind));
     }
     return matrices;
@@ -90,23 +90,23 @@ void moveBySkin(const Document &document, PrimitivePlace place, const std::vecto
     }
     if (sets.empty())
         return;
-    for (std::size_t vertex = 0; vertex < positions.size(); ++vertex) {
+    for (size_t vertex = 0; vertex < positions.size(); ++vertex) {
         Matrix sum{};
         for (const Set &set : sets) {
-            for (std::size_t i = 4 * vertex; i < 4 * vertex + 4; ++i) {
+            for (size_t i = 4 * vertex; i < 4 * vertex + 4; ++i) {
                 if (set.weights[i] == 0)
                     continue;
                 if (!(set.joints[i] >= 0 && set.joints[i] < static_cast<float>(joints.size())))
                     throw GltfError(document.nameOf(place) + ": vertex " + std::to_string(vertex) +
                                     " is moved by a joint that the skin does not have");
-                const Matrix &joint = joints[static_cast<std::size_t>(set.joints[i])];
-                for (std::size_t k = 0; k < 16; ++k)
+                const Matrix &joint = joints[static_cast<size_t>(set.joints[i])];
+                for (size_t k = 0; k < 16; ++k)
                     sum[k] += static_cast<double>(set.weights[i]) * joint[k];
             }
         }
         Vec3 &p = positions[vertex];
         const auto moved = transformed(sum, {p[0], p[1], p[2]});
-        for (std::size_t k = 0; k < 3; ++k)
+        for (size_t k = 0; k < 3; ++k)
             p[k] = static_cast<float>(moved[k]);
     }
 }

@@ -11,7 +11,7 @@ namespace vellum
 
 // The default weights of a mesh's morph targets: those of the node that shows it, or else its own; empty where all are
 // zero.
-std::vector<double> morphWeights(const Document &document, std::uint32_t mesh, const std::vector<double> &ofNode);
+std::vector<double> morphWeights(const Document &document, uint32_t mesh, const std::vector<double> &ofNode);
 
 // Adds the primitive's morph targets to `positions`, each times its weight. Throws GltfError.
 void morph(const Document &document, PrimitivePlace place, const std::vector<double> &weights,

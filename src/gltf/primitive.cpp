@@ -15,14 +15,14 @@ namespace
 {
 
 // The corners of triangles, three for each, in the order and winding of glTF 2.0, 3.7.2.1 ("Overview" of meshes).
-std::vector<std::uint32_t> unfold(int mode, std::vector<std::uint32_t> corners)
+std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners)
 {
     const bool strip = mode == gltf_json::kTriangleStrip;
     if (!strip && mode != gltf_json::kTriangleFan)
         return corners;
-    std::vector<std::uint32_t> indices;
+    std::vector<uint32_t> indices;
     indices.reserve(corners.size() < 3 ? 0 : 3 * (corners.size() - 2));
-    for (std::size_t i = 0; i + 2 < corners.size(); ++i) {
+    for (size_t i = 0; i + 2 < corners.size(); ++i) {
         if (strip)
             indices.insert(indices.end(), {corners[i], corners[i + 1 + i % 2], corners[i + 2 - i % 2]});
         else
@@ -35,7 +35,7 @@ std::vector<std::uint32_t> unfold(int mode, std::vector<std::uint32_t> corners)
 DracoMesh::As dracoTypeOf(const gltf_json::Model &model, int accessor, const std::string &what)
 {
     static_cast<void>(accessorCount(model, accessor, what)); // that it exists
-    const gltf_json::Accessor &source = model.accessors[static_cast<std::size_t>(accessor)];
+    const gltf_json::Accessor &source = model.accessors[static_cast<size_t>(accessor)];
     if (!source.normalized)
         return DracoMesh::As::IntegersOrFloats;
     switch (source.componentType) {
@@ -51,23 +51,23 @@ class PrimitiveReader
 {
 public:
     PrimitiveReader(const Document &document, PrimitivePlace place)
-        : m_document(document), m_views(document.bufferViews()), m_what(document.nameOf(place)),
-          m_source(document.model().meshes.at(place.mesh).primitives.at(place.primitive))
+        : document_(document), views_(document.bufferViews()), what_(document.nameOf(place)),
+          source_(document.model().meshes.at(place.mesh).primitives.at(place.primitive))
     {
     }
 
     Primitive read(Positions positions);
-    std::vector<float> readOne(const std::string &name, std::uint32_t components);
+    std::vector<float> readOne(const std::string &name, uint32_t components);
 
 private:
-    [[nodiscard]] int attribute(const std::string &name) const { return m_source.attribute(name); }
-    [[nodiscard]] std::string named(const std::string &part) const { return m_what + " " + part; }
+    [[nodiscard]] int attribute(const std::string &name) const { return source_.attribute(name); }
+    [[nodiscard]] std::string named(const std::string &part) const { return what_ + " " + part; }
     void readDraco();
-    [[nodiscard]] std::size_t countVertices() const;
-    [[nodiscard]] std::int64_t dracoAttribute(const std::string &name) const;
-    [[nodiscard]] std::vector<float> floatsOf(const std::string &name, std::uint32_t components) const;
+    [[nodiscard]] size_t countVertices() const;
+    [[nodiscard]] int64_t dracoAttribute(const std::string &name) const;
+    [[nodiscard]] std::vector<float> floatsOf(const std::string &name, uint32_t components) const;
     [[nodiscard]] std::vector<float> alphasOf(const std::string &name) const;
-    [[nodiscard]] std::vector<std::uint32_t> readCorners() const;
+    [[nodiscard]] std::vector<uint32_t> readCorners() const;
     void readPositions();
     void readIndices();
     void readUvs(const Material &material);
@@ -75,119 +75,119 @@ private:
     [[nodiscard]] bool differsFromFallback(const Material &material) const;
     [[nodiscard]] bool morphs(const std::string &name) const;
 
-    const Document &m_document;
-    const BufferViews &m_views;
-    std::string m_what;
-    const gltf_json::Primitive &m_source;
-    JsonValue m_dracoAttributes; // where it is compressed
-    std::optional<DracoMesh> m_draco;
-    std::size_t m_vertices = 0;
-    Primitive m_primitive;
+    const Document &document_;
+    const BufferViews &views_;
+    std::string what_;
+    const gltf_json::Primitive &source_;
+    JsonValue dracoAttributes_; // where it is compressed
+    std::optional<DracoMesh> draco_;
+    size_t vertices_ = 0;
+    Primitive primitive_;
 };
 
 // KHR_draco_mesh_compression: the indices and those attributes that the extension lists are in a buffer view of its
 // own.
 void PrimitiveReader::readDraco()
 {
-    const JsonValue extension = m_source.extensions["KHR_draco_mesh_compression"];
+    const JsonValue extension = source_.extensions["KHR_draco_mesh_compression"];
     if (!extension.exists())
         return;
-    const auto view = gltf_json::indexIn(extension, "bufferView", m_what + ": KHR_draco_mesh_compression");
-    m_dracoAttributes = extension["attributes"];
-    if (!view || !m_dracoAttributes.isObject())
-        throw GltfError(m_what + ": KHR_draco_mesh_compression has no buffer view, or no attributes");
-    if (m_source.mode != gltf_json::kTriangles)
-        throw GltfUnsupported(m_what + " is a strip or fan compressed by Draco");
-    m_draco.emplace(m_views.bytes(*view, m_what), m_what);
+    const auto view = gltf_json::indexIn(extension, "bufferView", what_ + ": KHR_draco_mesh_compression");
+    dracoAttributes_ = extension["attributes"];
+    if (!view || !dracoAttributes_.isObject())
+        throw GltfError(what_ + ": KHR_draco_mesh_compression has no buffer view, or no attributes");
+    if (source_.mode != gltf_json::kTriangles)
+        throw GltfUnsupported(what_ + " is a strip or fan compressed by Draco");
+    draco_.emplace(views_.bytes(*view, what_), what_);
 }
 
 // -1 where the attribute is not compressed.
-std::int64_t PrimitiveReader::dracoAttribute(const std::string &name) const
+int64_t PrimitiveReader::dracoAttribute(const std::string &name) const
 {
-    if (!m_draco || !m_dracoAttributes[name].exists())
+    if (!draco_ || !dracoAttributes_[name].exists())
         return -1;
-    const auto id = m_dracoAttributes[name].integer();
+    const auto id = dracoAttributes_[name].integer();
     if (!id || *id < 0)
         throw GltfError(named(name) + ": KHR_draco_mesh_compression has no integer for it");
     return *id;
 }
 
-std::vector<float> PrimitiveReader::floatsOf(const std::string &name, std::uint32_t components) const
+std::vector<float> PrimitiveReader::floatsOf(const std::string &name, uint32_t components) const
 {
     const int accessor = attribute(name);
-    const std::int64_t id = dracoAttribute(name);
+    const int64_t id = dracoAttribute(name);
     if (id < 0)
-        return readFloats(m_views, accessor, components, named(name));
-    return m_draco->floats(id, components, dracoTypeOf(m_document.model(), accessor, named(name)), named(name));
+        return readFloats(views_, accessor, components, named(name));
+    return draco_->floats(id, components, dracoTypeOf(document_.model(), accessor, named(name)), named(name));
 }
 
 std::vector<float> PrimitiveReader::alphasOf(const std::string &name) const
 {
-    const std::int64_t id = dracoAttribute(name);
+    const int64_t id = dracoAttribute(name);
     if (id < 0)
-        return readAlphas(m_views, attribute(name), named(name));
-    if (m_draco->components(id, named(name)) == 3)
+        return readAlphas(views_, attribute(name), named(name));
+    if (draco_->components(id, named(name)) == 3)
         return {};
     const std::vector<float> colors = floatsOf(name, 4);
     std::vector<float> alphas;
-    for (std::size_t i = 3; i < colors.size(); i += 4)
+    for (size_t i = 3; i < colors.size(); i += 4)
         alphas.push_back(colors[i]);
     return alphas;
 }
 
-std::vector<std::uint32_t> PrimitiveReader::readCorners() const
+std::vector<uint32_t> PrimitiveReader::readCorners() const
 {
-    if (m_draco)
-        return m_draco->indices();
-    if (m_source.indices != -1)
-        return vellum::readIndices(m_views, m_source.indices, named("indices"));
-    std::vector<std::uint32_t> corners(m_vertices);
+    if (draco_)
+        return draco_->indices();
+    if (source_.indices != -1)
+        return vellum::readIndices(views_, source_.indices, named("indices"));
+    std::vector<uint32_t> corners(vertices_);
     std::iota(corners.begin(), corners.end(), 0u);
     return corners;
 }
 
 bool PrimitiveReader::morphs(const std::string &name) const
 {
-    return std::any_of(m_source.targets.begin(), m_source.targets.end(),
+    return std::any_of(source_.targets.begin(), source_.targets.end(),
                        [&](const auto &target) { return target.count(name) > 0; });
 }
 
 // All attributes have as many elements (glTF 2.0, 3.7.2.1).
-std::size_t PrimitiveReader::countVertices() const
+size_t PrimitiveReader::countVertices() const
 {
-    if (m_source.attributes.empty())
-        throw GltfError(m_what + " has no attributes");
-    if (m_draco)
-        return m_draco->vertexCount();
-    auto teller = m_source.attributes.find("POSITION");
-    if (teller == m_source.attributes.end())
-        teller = m_source.attributes.begin();
-    const std::size_t count = countElements(m_views, teller->second, named(teller->first));
-    if (count > std::numeric_limits<std::uint32_t>::max())
-        throw GltfError(m_what + " has " + std::to_string(count) + " vertices");
+    if (source_.attributes.empty())
+        throw GltfError(what_ + " has no attributes");
+    if (draco_)
+        return draco_->vertexCount();
+    auto teller = source_.attributes.find("POSITION");
+    if (teller == source_.attributes.end())
+        teller = source_.attributes.begin();
+    const size_t count = countElements(views_, teller->second, named(teller->first));
+    if (count > std::numeric_limits<uint32_t>::max())
+        throw GltfError(what_ + " has " + std::to_string(count) + " vertices");
     return count;
 }
 
 void PrimitiveReader::readPositions()
 {
     if (attribute("POSITION") < 0)
-        throw GltfUnsupported(m_what + " has no positions");
+        throw GltfUnsupported(what_ + " has no positions");
     const std::vector<float> values = floatsOf("POSITION", 3);
-    m_primitive.positions.reserve(m_vertices);
-    for (std::size_t i = 0; i + 2 < values.size(); i += 3)
-        m_primitive.positions.push_back({values[i], values[i + 1], values[i + 2]});
+    primitive_.positions.reserve(vertices_);
+    for (size_t i = 0; i + 2 < values.size(); i += 3)
+        primitive_.positions.push_back({values[i], values[i + 1], values[i + 2]});
 }
 
 void PrimitiveReader::readIndices()
 {
-    std::vector<std::uint32_t> corners = readCorners();
-    for (const std::uint32_t index : corners)
-        if (index >= m_vertices)
-            throw GltfError(m_what + ": index " + std::to_string(index) + " of " + std::to_string(m_vertices) +
+    std::vector<uint32_t> corners = readCorners();
+    for (const uint32_t index : corners)
+        if (index >= vertices_)
+            throw GltfError(what_ + ": index " + std::to_string(index) + " of " + std::to_string(vertices_) +
                             " vertices");
-    m_primitive.indices = unfold(m_source.mode, std::move(corners));
-    if (m_primitive.indices.size() % 3 != 0)
-        throw GltfError(m_what + " has " + std::to_string(m_primitive.indices.size()) + " indices, no multiple of 3");
+    primitive_.indices = unfold(source_.mode, std::move(corners));
+    if (primitive_.indices.size() % 3 != 0)
+        throw GltfError(what_ + " has " + std::to_string(primitive_.indices.size()) + " indices, no multiple of 3");
 }
 
 void PrimitiveReader::readUvs(const Material &material)
@@ -196,42 +196,42 @@ void PrimitiveReader::readUvs(const Material &material)
     if (material.image < 0 || attribute(name) < 0)
         return;
     const std::vector<float> uvs = floatsOf(name, 2);
-    if (uvs.size() != 2 * m_vertices)
-        throw GltfError(m_what + " has " + std::to_string(uvs.size() / 2) + " texture coordinates for " +
-                        std::to_string(m_vertices) + " vertices");
+    if (uvs.size() != 2 * vertices_)
+        throw GltfError(what_ + " has " + std::to_string(uvs.size() / 2) + " texture coordinates for " +
+                        std::to_string(vertices_) + " vertices");
     const std::array<double, 6> &m = material.uvTransform;
     const bool identity = m == std::array<double, 6>{1, 0, 0, 0, 1, 0};
-    m_primitive.uvs.reserve(m_vertices);
+    primitive_.uvs.reserve(vertices_);
     double terms = 0;
-    for (std::size_t i = 0; i < m_vertices; ++i) {
+    for (size_t i = 0; i < vertices_; ++i) {
         const float u = uvs[2 * i];
         const float v = uvs[2 * i + 1];
         if (identity)
-            m_primitive.uvs.push_back({u, v});
+            primitive_.uvs.push_back({u, v});
         else
-            m_primitive.uvs.push_back(
+            primitive_.uvs.push_back(
                 {static_cast<float>(m[0] * u + m[1] * v + m[2]), static_cast<float>(m[3] * u + m[4] * v + m[5])});
-        for (const std::size_t row : {0u, 3u}) {
+        for (const size_t row : {0u, 3u}) {
             const double sum = std::abs(m[row] * u) + std::abs(m[row + 1] * v) + std::abs(m[row + 2]);
             if (!identity && std::isfinite(sum))
                 terms = std::max(terms, sum);
         }
     }
     if (terms > 0)
-        m_primitive.uvTerms = static_cast<float>(std::exp2(std::clamp(std::ceil(std::log2(terms)), -100.0, 100.0)));
-    m_primitive.morphed |= morphs(name);
+        primitive_.uvTerms = static_cast<float>(std::exp2(std::clamp(std::ceil(std::log2(terms)), -100.0, 100.0)));
+    primitive_.morphed |= morphs(name);
 }
 
 void PrimitiveReader::readColors()
 {
     if (attribute("COLOR_0") < 0)
         return;
-    std::vector<float> &alphas = m_primitive.alphas;
+    std::vector<float> &alphas = primitive_.alphas;
     alphas = alphasOf("COLOR_0");
-    if (!alphas.empty() && alphas.size() != m_vertices)
-        throw GltfError(m_what + " has " + std::to_string(alphas.size()) + " colours for " +
-                        std::to_string(m_vertices) + " vertices");
-    m_primitive.morphed |= !alphas.empty() && morphs("COLOR_0");
+    if (!alphas.empty() && alphas.size() != vertices_)
+        throw GltfError(what_ + " has " + std::to_string(alphas.size()) + " colours for " + std::to_string(vertices_) +
+                        " vertices");
+    primitive_.morphed |= !alphas.empty() && morphs("COLOR_0");
     if (std::all_of(alphas.begin(), alphas.end(), [](float a) { return a == 1.0f; }))
         alphas.clear();
 }
@@ -239,29 +239,29 @@ void PrimitiveReader::readColors()
 // Of what decides a micromap: the triangles, their order and corners, and where the texture is read.
 bool PrimitiveReader::differsFromFallback(const Material &material) const
 {
-    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Model &model = document_.model();
     const std::string uvName = "TEXCOORD_" + std::to_string(material.uvSet);
     const int uvAccessor = attribute(uvName);
-    std::vector<int> accessors{m_source.indices, uvAccessor, attribute("COLOR_0")};
-    std::erase_if(accessors, [&](int a) { return a < 0 || static_cast<std::size_t>(a) >= model.accessors.size(); });
-    const auto viewOf = [&](int a) { return model.accessors[static_cast<std::size_t>(a)].bufferView; };
-    if (!m_draco)
+    std::vector<int> accessors{source_.indices, uvAccessor, attribute("COLOR_0")};
+    std::erase_if(accessors, [&](int a) { return a < 0 || static_cast<size_t>(a) >= model.accessors.size(); });
+    const auto viewOf = [&](int a) { return model.accessors[static_cast<size_t>(a)].bufferView; };
+    if (!draco_)
         return std::any_of(accessors.begin(), accessors.end(), [&](int a) {
-            return viewOf(a) >= 0 && m_views.differsFromFallback(viewOf(a), named("fallback"));
+            return viewOf(a) >= 0 && views_.differsFromFallback(viewOf(a), named("fallback"));
         });
-    if (model.isRequired("KHR_draco_mesh_compression") || m_source.indices < 0 || viewOf(m_source.indices) < 0)
+    if (model.isRequired("KHR_draco_mesh_compression") || source_.indices < 0 || viewOf(source_.indices) < 0)
         return false;
-    const std::vector<std::uint32_t> corners = m_draco->indices();
-    const std::vector<std::uint32_t> others = vellum::readIndices(m_views, m_source.indices, named("indices"));
+    const std::vector<uint32_t> corners = draco_->indices();
+    const std::vector<uint32_t> others = vellum::readIndices(views_, source_.indices, named("indices"));
     if (corners.size() != others.size())
         return true;
     if (uvAccessor < 0)
         return corners != others;
     const std::vector<float> uvs = floatsOf(uvName, 2);
-    const std::vector<float> otherUvs = readFloats(m_views, uvAccessor, 2, named(uvName));
-    for (std::size_t i = 0; i < corners.size(); ++i) {
-        const std::size_t here = 2 * std::size_t{corners[i]};
-        const std::size_t there = 2 * std::size_t{others[i]};
+    const std::vector<float> otherUvs = readFloats(views_, uvAccessor, 2, named(uvName));
+    for (size_t i = 0; i < corners.size(); ++i) {
+        const size_t here = 2 * size_t{corners[i]};
+        const size_t there = 2 * size_t{others[i]};
         if (here + 1 >= uvs.size() || there + 1 >= otherUvs.size() || uvs[here] != otherUvs[there] ||
             uvs[here + 1] != otherUvs[there + 1])
             return true;
@@ -271,26 +271,26 @@ bool PrimitiveReader::differsFromFallback(const Material &material) const
 
 Primitive PrimitiveReader::read(Positions positions)
 {
-    m_primitive.material = m_source.material;
+    primitive_.material = source_.material;
     readDraco();
-    m_vertices = countVertices();
+    vertices_ = countVertices();
     if (positions == Positions::Read)
         readPositions();
     readIndices();
-    const Material material = readMaterial(m_document, m_source.material);
+    const Material material = readMaterial(document_, source_.material);
     readUvs(material);
     readColors();
-    m_primitive.twofold = material.masked() && differsFromFallback(material);
-    return std::move(m_primitive);
+    primitive_.twofold = material.masked() && differsFromFallback(material);
+    return std::move(primitive_);
 }
 
-std::vector<float> PrimitiveReader::readOne(const std::string &name, std::uint32_t components)
+std::vector<float> PrimitiveReader::readOne(const std::string &name, uint32_t components)
 {
     readDraco();
-    m_vertices = countVertices();
+    vertices_ = countVertices();
     std::vector<float> values = floatsOf(name, components);
-    if (values.size() != components * m_vertices)
-        throw GltfError(named(name) + " has not one element for each of " + std::to_string(m_vertices) + " vertices");
+    if (values.size() != components * vertices_)
+        throw GltfError(named(name) + " has not one element for each of " + std::to_string(vertices_) + " vertices");
     return values;
 }
 
@@ -306,8 +306,8 @@ std::vector<PrimitivePlace> trianglePrimitives(const Document &document)
 {
     std::vector<PrimitivePlace> places;
     const auto &meshes = document.model().meshes;
-    for (std::uint32_t m = 0; m < meshes.size(); ++m)
-        for (std::uint32_t p = 0; p < meshes[m].primitives.size(); ++p)
+    for (uint32_t m = 0; m < meshes.size(); ++m)
+        for (uint32_t p = 0; p < meshes[m].primitives.size(); ++p)
             if (isMadeOfTriangles(document, {m, p}))
                 places.push_back({m, p});
     return places;
@@ -319,7 +319,7 @@ Primitive readPrimitive(const Document &document, PrimitivePlace place, Position
 }
 
 std::vector<float> readAttribute(const Document &document, PrimitivePlace place, const std::string &name,
-                                 std::uint32_t components)
+                                 uint32_t components)
 {
     return document.named([&] { return PrimitiveReader(document, place).readOne(name, components); });
 }
@@ -329,8 +329,8 @@ std::vector<TriangleUvs> triangleUvs(const Primitive &primitive)
     std::vector<TriangleUvs> triangles(primitive.triangleCount());
     if (primitive.uvs.empty())
         return triangles;
-    for (std::size_t t = 0; t < triangles.size(); ++t)
-        for (std::size_t corner = 0; corner < 3; ++corner)
+    for (size_t t = 0; t < triangles.size(); ++t)
+        for (size_t corner = 0; corner < 3; ++corner)
             triangles[t][corner] = primitive.uvs[primitive.indices[3 * t + corner]];
     return triangles;
 }

@@ -18,7 +18,7 @@ namespace vellum
 
 using Vec3 = std::array<float, 3>;
 
-enum class AlphaMode : std::uint8_t { Opaque, Mask, Blend };
+enum class AlphaMode : uint8_t { Opaque, Mask, Blend };
 
 struct Material {
     std::string name; // its number where the file has none
@@ -65,7 +65,7 @@ struct Primitive {
     std::vector<float> alphas;
     // Three for each triangle, all below the number of vertices; strips and fans are unfolded into triangles in the
     // order and with the winding that glTF gives them.
-    std::vector<std::uint32_t> indices;
+    std::vector<uint32_t> indices;
     // A morph target changes `uvs` or `alphas`, which are those of no morphing at all: a micromap of them would be
     // wrong as soon as it is animated.
     bool morphed = false;
@@ -73,7 +73,7 @@ struct Primitive {
     // or their corners, or other values: one micromap cannot be right for both.
     bool twofold = false;
 
-    [[nodiscard]] std::size_t triangleCount() const { return indices.size() / 3; }
+    [[nodiscard]] size_t triangleCount() const { return indices.size() / 3; }
 };
 
 // Every primitive made of triangles (lists, strips, fans), in the file's order, used by a node or not.
@@ -88,18 +88,18 @@ Material readMaterial(const Document &document, int material);
 
 // glTF leaves it open what a primitive without positions is: it is read for its texture coordinates with Leave, and is
 // GltfUnsupported with Read.
-enum class Positions : std::uint8_t { Read, Leave };
+enum class Positions : uint8_t { Read, Leave };
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions);
 
 // `components` floats for each vertex of any attribute, also one that is compressed with the mesh.
 std::vector<float> readAttribute(const Document &document, PrimitivePlace place, const std::string &name,
-                                 std::uint32_t components);
+                                 uint32_t components);
 
 // An image's bytes as they are stored.
 struct EncodedImage {
-    std::vector<std::uint8_t> ofFile;       // read from a file of its own
-    std::span<const std::uint8_t> inMemory; // else: of the document
-    [[nodiscard]] std::span<const std::uint8_t> bytes() const { return ofFile.empty() ? inMemory : ofFile; }
+    std::vector<uint8_t> ofFile;       // read from a file of its own
+    std::span<const uint8_t> inMemory; // else: of the document
+    [[nodiscard]] std::span<const uint8_t> bytes() const { return ofFile.empty() ? inMemory : ofFile; }
 };
 EncodedImage readEncodedImage(const Document &document, int image);
 

@@ -14,15 +14,15 @@ namespace vellum
 namespace
 {
 
-constexpr std::size_t kMostInstances = std::size_t{1} << 20;
-constexpr std::size_t kMostVertices = std::size_t{1} << 26; // and triangles
+constexpr size_t kMostInstances = size_t{1} << 20;
+constexpr size_t kMostVertices = size_t{1} << 26; // and triangles
 constexpr int kDeepest = 512;
 
 Transform toTransform(const Matrix &matrix, const std::string &what)
 {
     Transform transform{};
-    for (std::size_t row = 0; row < 3; ++row) {
-        for (std::size_t column = 0; column < 4; ++column) {
+    for (size_t row = 0; row < 3; ++row) {
+        for (size_t column = 0; column < 4; ++column) {
             transform[row][column] = static_cast<float>(matrix[4 * column + row]);
             if (!std::isfinite(transform[row][column]))
                 throw GltfError(what + " stands at a place that is not finite");
@@ -35,7 +35,7 @@ Transform toTransform(const Matrix &matrix, const std::string &what)
 class Reader
 {
 public:
-    Reader(const Document &document, SceneUse use) : m_document(document), m_model(document.model()), m_use(use) {}
+    Reader(const Document &document, SceneUse use) : document_(document), model_(document.model()), use_(use) {}
 
     Scene read();
 
@@ -46,83 +46,83 @@ private:
     [[nodiscard]] std::vector<int> roots() const;
     void findNodes(int index, const Matrix &parent, int depth);
     void addNode(int index);
-    void addInstance(std::uint32_t mesh, const Matrix &matrix, const std::string &what);
+    void addInstance(uint32_t mesh, const Matrix &matrix, const std::string &what);
     [[nodiscard]] std::vector<Matrix> gpuInstances(const gltf_json::Node &node, const std::string &what) const;
     // Nothing for a mesh without triangles.
-    std::optional<std::uint32_t> useMesh(const MeshKey &key);
+    std::optional<uint32_t> useMesh(const MeshKey &key);
     void addPrimitive(PrimitivePlace place, const MeshKey &key, const std::vector<Matrix> &joints);
-    std::uint32_t useMaterial(int index);
+    uint32_t useMaterial(int index);
     int useImage(const Material &material);
 
-    const Document &m_document;
-    const gltf_json::Model &m_model;
-    SceneUse m_use;
-    Scene m_scene;
-    std::vector<Matrix> m_world; // by node
-    std::vector<bool> m_seen;    // by node
-    std::vector<int> m_nodes;    // with a mesh, in the order in which they are met
-    std::map<MeshKey, std::optional<std::uint32_t>> m_meshes;
-    std::vector<double> m_reach; // by mesh of the scene: the largest coordinate
-    std::map<int, std::uint32_t> m_materials;
-    std::map<int, int> m_images;
-    std::size_t m_vertices = 0;
-    std::size_t m_corners = 0;
+    const Document &document_;
+    const gltf_json::Model &model_;
+    SceneUse use_;
+    Scene scene_;
+    std::vector<Matrix> world_; // by node
+    std::vector<bool> seen_;    // by node
+    std::vector<int> nodes_;    // with a mesh, in the order in which they are met
+    std::map<MeshKey, std::optional<uint32_t>> meshes_;
+    std::vector<double> reach_; // by mesh of the scene: the largest coordinate
+    std::map<int, uint32_t> materials_;
+    std::map<int, int> images_;
+    size_t vertices_ = 0;
+    size_t corners_ = 0;
 };
 
 int Reader::useImage(const Material &material)
 {
-    if (const auto known = m_images.find(material.image); known != m_images.end())
+    if (const auto known = images_.find(material.image); known != images_.end())
         return known->second;
-    int &place = m_images[material.image] = -1;
+    int &place = images_[material.image] = -1;
     try {
-        m_scene.images.push_back(material.image < 0 ? Image{1, 1, {255, 255, 255, 255}}
-                                                    : readImage(m_document, material.image));
+        scene_.images.push_back(material.image < 0 ? Image{1, 1, {255, 255, 255, 255}}
+                                                   : readImage(document_, material.image));
     } catch (const GltfUnsupported &) {
         // Only its colour is missing then.
         if (material.masked())
             throw;
-        m_images.erase(material.image);
+        images_.erase(material.image);
         return -1;
     }
-    return place = static_cast<int>(m_scene.images.size() - 1);
+    return place = static_cast<int>(scene_.images.size() - 1);
 }
 
-std::uint32_t Reader::useMaterial(int index)
+uint32_t Reader::useMaterial(int index)
 {
-    if (const auto known = m_materials.find(index); known != m_materials.end())
+    if (const auto known = materials_.find(index); known != materials_.end())
         return known->second;
-    Material material = readMaterial(m_document, index);
-    if (m_use == SceneUse::Drawing && (material.image >= 0 || material.masked()))
+    Material material = readMaterial(document_, index);
+    if (use_ == SceneUse::Drawing && (material.image >= 0 || material.masked()))
         material.image = useImage(material);
-    const auto place = static_cast<std::uint32_t>(m_scene.materials.size());
-    m_scene.materials.push_back(std::move(material));
-    return m_materials[index] = place;
+    const auto place = static_cast<uint32_t>(scene_.materials.size());
+    scene_.materials.push_back(std::move(material));
+    return materials_[index] = place;
 }
 
 void Reader::addPrimitive(PrimitivePlace place, const MeshKey &key, const std::vector<Matrix> &joints)
 {
-    const std::string what = m_document.nameOf(place);
-    Primitive primitive = readPrimitive(m_document, place, Positions::Read);
+    const std::string what = document_.nameOf(place);
+    Primitive primitive = readPrimitive(document_, place, Positions::Read);
     if (primitive.indices.empty())
         return;
-    const std::uint32_t use = useMaterial(primitive.material);
-    const Material &material = m_scene.materials[use];
-    if (m_use == SceneUse::Drawing && primitive.uvs.empty() && material.masked() &&
-        readMaterial(m_document, primitive.material).image >= 0)
+    const uint32_t use = useMaterial(primitive.material);
+    const Material &material = scene_.materials[use];
+    if (use_ == SceneUse::Drawing && primitive.uvs.empty() && material.masked() &&
+        readMaterial(document_, primitive.material).image >= 0)
         throw GltfError(what + " has the masked material \"" + material.name + "\" but no texture coordinates (" +
                         "TEXCOORD_" + std::to_string(material.uvSet) + ")");
-    m_vertices += primitive.positions.size();
-    m_corners += primitive.indices.size();
-    if (m_vertices > kMostVertices || m_corners > 3 * kMostVertices)
+    vertices_ += primitive.positions.size();
+    corners_ += primitive.indices.size();
+    if (vertices_ > kMostVertices || corners_ > 3 * kMostVertices)
         throw GltfError("the scene is too large");
-    morph(m_document, place, std::get<2>(key), primitive.positions);
+    morph(document_, place, std::get<2>(key), primitive.positions);
     if (!joints.empty())
-        moveBySkin(m_document, place, joints, primitive.positions);
-    for (std::size_t i = 0; i < primitive.positions.size(); ++i)
+        moveBySkin(document_, place, joints, primitive.positions);
+    for (size_t i = 0; i < primitive.positions.size(); ++i)
         for (const float coordinate : primitive.positions[i])
             if (!std::isfinite(coordinate))
                 throw GltfError(what + ": the position of vertex " + std::to_string(i) + " is not finite");
-    Geometry &geometry = m_scene.geometries.emplace_back();
+    Geometry &geometry = scene_.geometries.emplace_back();
     geometry.material = use;
     geometry.positions = std::move(primitive.positions);
     geometry.uvs = std::move(primitive.uvs);
@@ -133,61 +133,61 @@ void Reader::addPrimitive(PrimitivePlace place, const MeshKey &key, const std::v
     geometry.place = place;
 }
 
-std::optional<std::uint32_t> Reader::useMesh(const MeshKey &key)
+std::optional<uint32_t> Reader::useMesh(const MeshKey &key)
 {
-    const auto known = m_meshes.find(key);
-    if (known != m_meshes.end())
+    const auto known = meshes_.find(key);
+    if (known != meshes_.end())
         return known->second;
     const auto &[index, node, weights] = key;
-    if (index < 0 || static_cast<std::size_t>(index) >= m_model.meshes.size())
+    if (index < 0 || static_cast<size_t>(index) >= model_.meshes.size())
         throw GltfError("mesh " + std::to_string(index) + " does not exist");
     std::vector<Matrix> joints;
     if (node >= 0)
-        joints = jointMatrices(m_document, m_model.nodes[static_cast<std::size_t>(node)].skin, m_world);
-    Mesh mesh{static_cast<std::uint32_t>(m_scene.geometries.size()), 0};
-    const std::size_t primitives = m_model.meshes[static_cast<std::size_t>(index)].primitives.size();
-    for (std::uint32_t i = 0; i < primitives; ++i)
-        if (const PrimitivePlace place{static_cast<std::uint32_t>(index), i}; isMadeOfTriangles(m_document, place))
+        joints = jointMatrices(document_, model_.nodes[static_cast<size_t>(node)].skin, world_);
+    Mesh mesh{static_cast<uint32_t>(scene_.geometries.size()), 0};
+    const size_t primitives = model_.meshes[static_cast<size_t>(index)].primitives.size();
+    for (uint32_t i = 0; i < primitives; ++i)
+        if (const PrimitivePlace place{static_cast<uint32_t>(index), i}; isMadeOfTriangles(document_, place))
             addPrimitive(place, key, joints);
-    mesh.geometryCount = static_cast<std::uint32_t>(m_scene.geometries.size()) - mesh.firstGeometry;
+    mesh.geometryCount = static_cast<uint32_t>(scene_.geometries.size()) - mesh.firstGeometry;
     if (mesh.geometryCount == 0)
-        return m_meshes[key] = std::nullopt;
+        return meshes_[key] = std::nullopt;
     double reach = 0;
-    for (std::uint32_t i = 0; i < mesh.geometryCount; ++i)
-        for (const Vec3 &position : m_scene.geometries[mesh.firstGeometry + i].positions)
+    for (uint32_t i = 0; i < mesh.geometryCount; ++i)
+        for (const Vec3 &position : scene_.geometries[mesh.firstGeometry + i].positions)
             for (const float coordinate : position)
                 reach = std::max(reach, std::abs(static_cast<double>(coordinate)));
-    m_reach.push_back(reach);
-    m_scene.meshes.push_back(mesh);
-    return m_meshes[key] = static_cast<std::uint32_t>(m_scene.meshes.size() - 1);
+    reach_.push_back(reach);
+    scene_.meshes.push_back(mesh);
+    return meshes_[key] = static_cast<uint32_t>(scene_.meshes.size() - 1);
 }
 
-void Reader::addInstance(std::uint32_t mesh, const Matrix &matrix, const std::string &what)
+void Reader::addInstance(uint32_t mesh, const Matrix &matrix, const std::string &what)
 {
-    if (m_scene.instances.size() == kMostInstances)
+    if (scene_.instances.size() == kMostInstances)
         throw GltfError("the scene has more than " + std::to_string(kMostInstances) + " instances of meshes");
     const Transform transform = toTransform(matrix, what);
     for (const auto &row : transform) {
         double sum = std::abs(static_cast<double>(row[3]));
-        for (std::size_t i = 0; i < 3; ++i)
-            sum += std::abs(static_cast<double>(row[i])) * m_reach[mesh];
+        for (size_t i = 0; i < 3; ++i)
+            sum += std::abs(static_cast<double>(row[i])) * reach_[mesh];
         if (!(sum < static_cast<double>(std::numeric_limits<float>::max())))
             throw GltfError(what + " puts its mesh where positions are not finite");
     }
-    m_scene.instances.push_back({mesh, transform});
+    scene_.instances.push_back({mesh, transform});
 }
 
 // EXT_mesh_gpu_instancing: one instance for each element of its accessors, which all have the same number of them.
 std::vector<Matrix> Reader::gpuInstances(const gltf_json::Node &node, const std::string &what) const
 {
     const JsonValue attributes = node.extensions["EXT_mesh_gpu_instancing"]["attributes"];
-    std::optional<std::size_t> count;
-    const auto read = [&](const char *name, std::uint32_t components) {
+    std::optional<size_t> count;
+    const auto read = [&](const char *name, uint32_t components) {
         const std::string where = what + " EXT_mesh_gpu_instancing " + name;
         const auto accessor = gltf_json::indexIn(attributes, name, what + " EXT_mesh_gpu_instancing");
         if (!accessor)
             return std::vector<float>();
-        const std::size_t elements = accessorCount(m_model, *accessor, where);
+        const size_t elements = accessorCount(model_, *accessor, where);
         if (count && elements != *count)
             throw GltfError(where + " has " + std::to_string(elements) + " elements, another attribute has " +
                             std::to_string(*count));
@@ -195,7 +195,7 @@ std::vector<Matrix> Reader::gpuInstances(const gltf_json::Node &node, const std:
             throw GltfError(where + " has " + std::to_string(elements) + " elements, more than " +
                             std::to_string(kMostInstances));
         count = elements;
-        return readFloats(m_document.bufferViews(), *accessor, components, where);
+        return readFloats(document_.bufferViews(), *accessor, components, where);
     };
     const std::vector<float> translations = read("TRANSLATION", 3);
     const std::vector<float> rotations = read("ROTATION", 4);
@@ -203,13 +203,13 @@ std::vector<Matrix> Reader::gpuInstances(const gltf_json::Node &node, const std:
     if (!count)
         return {kIdentity};
     std::vector<Matrix> matrices;
-    for (std::size_t i = 0; i < *count; ++i) {
+    for (size_t i = 0; i < *count; ++i) {
         std::array<double, 3> translation = {0, 0, 0};
         std::array<double, 4> rotation = {0, 0, 0, 1};
         std::array<double, 3> scale = {1, 1, 1};
         const auto take = [i](const std::vector<float> &from, auto &to) {
             if (!from.empty())
-                std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(i * to.size()), to.size(), to.begin());
+                std::copy_n(from.begin() + static_cast<ptrdiff_t>(i * to.size()), to.size(), to.begin());
         };
         take(translations, translation);
         take(rotations, rotation);
@@ -221,56 +221,56 @@ std::vector<Matrix> Reader::gpuInstances(const gltf_json::Node &node, const std:
 
 void Reader::addNode(int index)
 {
-    const gltf_json::Node &node = m_model.nodes[static_cast<std::size_t>(index)];
+    const gltf_json::Node &node = model_.nodes[static_cast<size_t>(index)];
     const std::string what = "node " + std::to_string(index);
-    const bool exists = static_cast<std::size_t>(node.mesh) < m_model.meshes.size();
+    const bool exists = static_cast<size_t>(node.mesh) < model_.meshes.size();
     const bool skinned = node.skin >= 0;
-    const auto mesh = useMesh(
-        {node.mesh, skinned ? index : -1,
-         exists ? morphWeights(m_document, static_cast<std::uint32_t>(node.mesh), node.weights) : node.weights});
+    const auto mesh =
+        useMesh({node.mesh, skinned ? index : -1,
+                 exists ? morphWeights(document_, static_cast<uint32_t>(node.mesh), node.weights) : node.weights});
     if (!mesh)
         return;
     // glTF 2.0, 3.7.3.3: "Only the joint transforms are applied to the skinned mesh; the transform of the skinned mesh
     // node MUST be ignored."
-    const Matrix base = skinned ? kIdentity : m_world[static_cast<std::size_t>(index)];
+    const Matrix base = skinned ? kIdentity : world_[static_cast<size_t>(index)];
     for (const Matrix &matrix : gpuInstances(node, what))
         addInstance(*mesh, multiply(base, matrix), what);
 }
 
 void Reader::findNodes(int index, const Matrix &parent, int depth)
 {
-    if (index < 0 || static_cast<std::size_t>(index) >= m_model.nodes.size())
+    if (index < 0 || static_cast<size_t>(index) >= model_.nodes.size())
         throw GltfError("node " + std::to_string(index) + " does not exist");
-    const auto place = static_cast<std::size_t>(index);
+    const auto place = static_cast<size_t>(index);
     // A node with several parents, or a cycle: without this, a small file could ask for endless work.
-    if (m_seen[place])
+    if (seen_[place])
         throw GltfError("node " + std::to_string(index) + " is used more than once");
-    m_seen[place] = true;
+    seen_[place] = true;
     if (depth > kDeepest)
         throw GltfError("the nodes are nested too deeply");
-    const gltf_json::Node &node = m_model.nodes[place];
-    m_world[place] = multiply(parent, localMatrix(node));
+    const gltf_json::Node &node = model_.nodes[place];
+    world_[place] = multiply(parent, localMatrix(node));
     if (node.mesh >= 0)
-        m_nodes.push_back(index);
+        nodes_.push_back(index);
     for (const int child : node.children)
-        findNodes(child, m_world[place], depth + 1);
+        findNodes(child, world_[place], depth + 1);
 }
 
 std::vector<int> Reader::roots() const
 {
-    if (!m_model.scenes.empty()) {
-        const int wanted = std::max(m_model.scene, 0);
-        if (static_cast<std::size_t>(wanted) >= m_model.scenes.size())
+    if (!model_.scenes.empty()) {
+        const int wanted = std::max(model_.scene, 0);
+        if (static_cast<size_t>(wanted) >= model_.scenes.size())
             throw GltfError("scene " + std::to_string(wanted) + " does not exist");
-        return m_model.scenes[static_cast<std::size_t>(wanted)];
+        return model_.scenes[static_cast<size_t>(wanted)];
     }
-    std::vector<bool> isChild(m_model.nodes.size());
-    for (const gltf_json::Node &node : m_model.nodes)
+    std::vector<bool> isChild(model_.nodes.size());
+    for (const gltf_json::Node &node : model_.nodes)
         for (const int child : node.children)
-            if (static_cast<std::size_t>(child) < isChild.size())
-                isChild[static_cast<std::size_t>(child)] = true;
+            if (static_cast<size_t>(child) < isChild.size())
+                isChild[static_cast<size_t>(child)] = true;
     std::vector<int> found;
-    for (std::size_t i = 0; i < isChild.size(); ++i)
+    for (size_t i = 0; i < isChild.size(); ++i)
         if (!isChild[i])
             found.push_back(static_cast<int>(i));
     return found;
@@ -278,27 +278,27 @@ std::vector<int> Reader::roots() const
 
 Scene Reader::read()
 {
-    m_world.resize(m_model.nodes.size(), kIdentity);
-    m_seen.resize(m_model.nodes.size());
+    world_.resize(model_.nodes.size(), kIdentity);
+    seen_.resize(model_.nodes.size());
     for (const int root : roots())
         findNodes(root, kIdentity, 0);
     // After all nodes are found: joints may come later than what they move.
-    for (const int node : m_nodes)
+    for (const int node : nodes_)
         addNode(node);
-    if (m_model.scenes.empty() && m_model.nodes.empty())
-        for (std::uint32_t i = 0; i < m_model.meshes.size(); ++i)
-            if (const auto mesh = useMesh({static_cast<int>(i), -1, morphWeights(m_document, i, {})}))
+    if (model_.scenes.empty() && model_.nodes.empty())
+        for (uint32_t i = 0; i < model_.meshes.size(); ++i)
+            if (const auto mesh = useMesh({static_cast<int>(i), -1, morphWeights(document_, i, {})}))
                 addInstance(*mesh, kIdentity, "mesh " + std::to_string(i));
-    if (m_scene.geometries.empty())
+    if (scene_.geometries.empty())
         throw GltfError("there are no triangles in it");
-    return std::move(m_scene);
+    return std::move(scene_);
 }
 
 } // namespace
 
 double determinant(const Transform &m)
 {
-    const auto at = [&](std::size_t row, std::size_t column) { return static_cast<double>(m[row][column]); };
+    const auto at = [&](size_t row, size_t column) { return static_cast<double>(m[row][column]); };
     return at(0, 0) * (at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1)) -
            at(0, 1) * (at(1, 0) * at(2, 2) - at(1, 2) * at(2, 0)) +
            at(0, 2) * (at(1, 0) * at(2, 1) - at(1, 1) * at(2, 0));
@@ -307,9 +307,9 @@ double determinant(const Transform &m)
 Vec3 transformed(const Transform &m, const Vec3 &point)
 {
     Vec3 result{};
-    for (std::size_t row = 0; row < 3; ++row) {
+    for (size_t row = 0; row < 3; ++row) {
         double sum = static_cast<double>(m[row][3]);
-        for (std::size_t k = 0; k < 3; ++k)
+        for (size_t k = 0; k < 3; ++k)
             sum += static_cast<double>(m[row][k]) * static_cast<double>(point[k]);
         result[row] = static_cast<float>(sum);
     }
@@ -318,7 +318,7 @@ Vec3 transformed(const Transform &m, const Vec3 &point)
 
 void Scene::makeOneMesh()
 {
-    meshes = {{0, static_cast<std::uint32_t>(geometries.size())}};
+    meshes = {{0, static_cast<uint32_t>(geometries.size())}};
     instances = {{0, kInPlace}};
 }
 

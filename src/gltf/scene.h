@@ -20,24 +20,24 @@ double determinant(const Transform &transform);
 Vec3 transformed(const Transform &transform, const Vec3 &point);
 
 struct Geometry {
-    std::uint32_t material = 0;         // into Scene::materials
-    std::vector<Vec3> positions;        // in the mesh's space, finite; morph targets and skins are applied
-    std::vector<TexCoord> uvs;          // one per position; KHR_texture_transform is applied
-    std::vector<std::uint32_t> indices; // three per triangle, all below positions.size()
-    float uvTerms = 0;                  // as of Primitive
-    std::vector<float> alphas{};        // COLOR_0's, one per position; none where they are 1 all over
+    uint32_t material = 0;         // into Scene::materials
+    std::vector<Vec3> positions;   // in the mesh's space, finite; morph targets and skins are applied
+    std::vector<TexCoord> uvs;     // one per position; KHR_texture_transform is applied
+    std::vector<uint32_t> indices; // three per triangle, all below positions.size()
+    float uvTerms = 0;             // as of Primitive
+    std::vector<float> alphas{};   // COLOR_0's, one per position; none where they are 1 all over
     // The primitive that it is, triangle for triangle; nothing where it is from no file.
     std::optional<PrimitivePlace> place{};
 };
 
 // Geometries that stand together.
 struct Mesh {
-    std::uint32_t firstGeometry = 0;
-    std::uint32_t geometryCount = 0;
+    uint32_t firstGeometry = 0;
+    uint32_t geometryCount = 0;
 };
 
 struct MeshInstance {
-    std::uint32_t mesh = 0;
+    uint32_t mesh = 0;
     Transform transform = kInPlace; // finite
 };
 
@@ -60,7 +60,7 @@ struct Scene {
 // Throws GltfError for a file that cannot be read, contradicts itself, has no triangles, has masked triangles without
 // texture coordinates for their texture, or asks for more than 2^20 instances or 2^26 vertices.
 // For measuring, there are no images, and masked triangles may lack texture coordinates.
-enum class SceneUse : std::uint8_t { Drawing, Measuring };
+enum class SceneUse : uint8_t { Drawing, Measuring };
 Scene readScene(const Document &document, SceneUse use = SceneUse::Drawing);
 Scene readGltf(const std::filesystem::path &path);
 

@@ -91,12 +91,12 @@ const VellumGltf &existing(const VellumGltf *gltf)
     return *gltf;
 }
 
-std::vector<std::string> patterns(const char *member, const char *const *given, std::size_t count)
+std::vector<std::string> patterns(const char *member, const char *const *given, size_t count)
 {
     if (given == nullptr && count != 0)
         throw invalid(std::string(member) + " is null, but " + std::to_string(count) + " patterns");
     std::vector<std::string> all;
-    for (std::size_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < count; ++i) {
         if (given[i] == nullptr)
             throw invalid(std::string(member) + "[" + std::to_string(i) + "] is null");
         all.emplace_back(given[i]);
@@ -113,9 +113,8 @@ FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfB
                       ", not VELLUM_COMPARE_OP_GREATER_OR_EQUAL, which is glTF's");
     if (bake.flags != 0)
         throw invalid("flags of VellumBakeOptions is " + std::to_string(bake.flags) + ", not 0");
-    constexpr std::uint32_t kFlags = std::uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} |
-                                     std::uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT} |
-                                     std::uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT};
+    constexpr uint32_t kFlags = uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} | uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT} |
+                                uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT};
     if ((given.flags & ~kFlags) != 0)
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
@@ -232,7 +231,7 @@ VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallba
             throw invalid("there is no callback for offences");
         const std::filesystem::path file = pathOf("path", path);
         const std::vector<MicromapOffence> found = ofFile([&] { return findMicromapOffences(Document(file), most); });
-        for (std::size_t i = 0; i < found.size() && i < most; ++i)
+        for (size_t i = 0; i < found.size() && i < most; ++i)
             offence(userData, found[i].place.c_str(), found[i].message.c_str());
     });
 }
@@ -273,7 +272,7 @@ VellumResult vellumBakeGltf(const char *input, const char *output, const VellumB
         if (info != nullptr)
             fill(info, infoOf(made));
         if (gltf.left != nullptr)
-            for (std::size_t i = 0; i < made.leftNames.size(); ++i)
+            for (size_t i = 0; i < made.leftNames.size(); ++i)
                 gltf.left(known.userData, made.leftNames[i].c_str(), made.bake.left[i].reason.c_str());
     });
 }

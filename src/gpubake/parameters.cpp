@@ -11,8 +11,8 @@ namespace
 
 using namespace vellum::shared;
 
-constexpr std::uint32_t kMostTexels = 65536;
-constexpr std::uint32_t kMostTriangles = 1u << 24;
+constexpr uint32_t kMostTexels = 65536;
+constexpr uint32_t kMostTriangles = 1u << 24;
 
 // The least float that is not below `value`.
 float atLeast(double value)
@@ -30,21 +30,21 @@ bool usableTolerance(double tolerance)
     return tolerance >= 0 && std::isfinite(atLeast(tolerance));
 }
 
-std::uint32_t bitsOf(float value)
+uint32_t bitsOf(float value)
 {
-    return std::bit_cast<std::uint32_t>(value);
+    return std::bit_cast<uint32_t>(value);
 }
 
-void setAddress(Parameters &words, std::uint32_t at, VkDeviceAddress address)
+void setAddress(Parameters &words, uint32_t at, VkDeviceAddress address)
 {
-    words[at] = static_cast<std::uint32_t>(address);
-    words[at + 1] = static_cast<std::uint32_t>(address >> 32);
+    words[at] = static_cast<uint32_t>(address);
+    words[at + 1] = static_cast<uint32_t>(address >> 32);
 }
 
 // The size of a UV component, and the number of the format; nothing for one that cannot be read.
 struct UvFormat {
-    std::uint32_t number;
-    std::uint32_t componentBytes;
+    uint32_t number;
+    uint32_t componentBytes;
 };
 std::optional<UvFormat> uvFormatOf(VkFormat format)
 {
@@ -57,7 +57,7 @@ std::optional<UvFormat> uvFormatOf(VkFormat format)
 }
 
 // Bytes of an index, 0 where there are none.
-std::optional<std::uint32_t> indexBytesOf(VkIndexType type)
+std::optional<uint32_t> indexBytesOf(VkIndexType type)
 {
     switch (type) {
     case VK_INDEX_TYPE_NONE_KHR: return 0;
@@ -71,7 +71,7 @@ std::optional<std::uint32_t> indexBytesOf(VkIndexType type)
 bool setInput(Parameters &words, const GpuBakeInput &input)
 {
     const std::optional<UvFormat> format = uvFormatOf(input.uvFormat);
-    const std::optional<std::uint32_t> indexBytes = indexBytesOf(input.indexType);
+    const std::optional<uint32_t> indexBytes = indexBytesOf(input.indexType);
     if (!format || !indexBytes || input.triangles > kMostTriangles)
         return false;
     if (input.uvs % format->componentBytes != 0 || input.uvStride % format->componentBytes != 0)
@@ -99,8 +99,8 @@ bool setOptions(Parameters &words, const GpuBakeOptions &options)
                                    options.interpolationTolerance})
         if (!usableTolerance(tolerance))
             return false;
-    std::uint32_t flags = (options.automatic ? kBakeAutomatic : 0u) | (twoState ? kBakeTwoState : 0u) |
-                          (options.specialIndices ? 0u : kBakeNoSpecial);
+    uint32_t flags = (options.automatic ? kBakeAutomatic : 0u) | (twoState ? kBakeTwoState : 0u) |
+                     (options.specialIndices ? 0u : kBakeNoSpecial);
     if (options.twoStateRule != GpuTwoStateRule::Nearest)
         flags |=
             options.twoStateRule == GpuTwoStateRule::UnknownIsOpaque ? kBakeUnknownIsOpaque : kBakeUnknownIsTransparent;
@@ -135,14 +135,14 @@ bool setRoom(Parameters &words, const GpuBakeRoom &room, VkOpacityMicromapFormat
     setAddress(words, kBakeData, room.data);
     setAddress(words, kBakeRecords, room.records);
     setAddress(words, kBakeSpecialIndices, room.indices);
-    for (std::uint32_t level = 0; level < kBakeLevels; ++level)
+    for (uint32_t level = 0; level < kBakeLevels; ++level)
         words[kBakeCapacity + level] = room.triangles[level];
     return true;
 }
 
 } // namespace
 
-std::optional<std::uint32_t> wrapOf(VkSamplerAddressMode mode)
+std::optional<uint32_t> wrapOf(VkSamplerAddressMode mode)
 {
     switch (mode) {
     case VK_SAMPLER_ADDRESS_MODE_REPEAT: return kBakeRepeat;
@@ -156,7 +156,7 @@ std::optional<std::uint32_t> wrapOf(VkSamplerAddressMode mode)
 
 bool valid(const GpuAlphaInfo &alpha)
 {
-    const auto inRange = [](std::uint32_t value, std::uint32_t most) { return value >= 1 && value <= most; };
+    const auto inRange = [](uint32_t value, uint32_t most) { return value >= 1 && value <= most; };
     return alpha.view != VK_NULL_HANDLE && inRange(alpha.width, kMostTexels) && inRange(alpha.height, kMostTexels) &&
            inRange(alpha.mipLevels, kBakeMostMips) && alpha.component < 4 && wrapOf(alpha.wrapU) &&
            wrapOf(alpha.wrapV) && (alpha.filter == VK_FILTER_NEAREST || alpha.filter == VK_FILTER_LINEAR);

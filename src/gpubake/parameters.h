@@ -11,13 +11,13 @@
 namespace vellum::gpubake
 {
 
-using Parameters = std::array<std::uint32_t, shared::kBakeSetWords>;
+using Parameters = std::array<uint32_t, shared::kBakeSetWords>;
 
 // Whether the description of an image is in range.
 bool valid(const GpuAlphaInfo &alpha);
 
 // The wrap number of an address mode; nothing for one that does not exist.
-std::optional<std::uint32_t> wrapOf(VkSamplerAddressMode mode);
+std::optional<uint32_t> wrapOf(VkSamplerAddressMode mode);
 
 // A part of the room's data that does not fit 32 bits makes all of it invalid. Nothing where an argument is out of
 // range. Without a room: for the sizes.

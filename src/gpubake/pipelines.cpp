@@ -20,7 +20,7 @@ namespace vellum::gpubake
 namespace
 {
 
-using Code = std::span<const std::uint32_t>;
+using Code = std::span<const uint32_t>;
 
 // By Shader.
 constexpr std::array<Code, kShaders> kCode = {
@@ -31,12 +31,12 @@ constexpr std::array<Code, kShaders> kCode = {
 
 Pipelines::~Pipelines()
 {
-    if (!m_loaded)
+    if (!loaded_)
         return;
-    for (VkPipeline pipeline : m_pipelines)
-        m_functions.DestroyPipeline(m_device, pipeline, m_allocator);
-    m_functions.DestroyPipelineLayout(m_device, m_layout, m_allocator);
-    m_functions.DestroyDescriptorSetLayout(m_device, m_setLayout, m_allocator);
+    for (VkPipeline pipeline : pipelines_)
+        functions_.DestroyPipeline(device_, pipeline, allocator_);
+    functions_.DestroyPipelineLayout(device_, layout_, allocator_);
+    functions_.DestroyDescriptorSetLayout(device_, setLayout_, allocator_);
 }
 
 VkResult Pipelines::createLayouts()
@@ -45,30 +45,30 @@ VkResult Pipelines::createLayouts()
                                              nullptr};
     const VkDescriptorSetLayoutCreateInfo set{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, 1,
                                               &image};
-    const VkResult result = m_functions.CreateDescriptorSetLayout(m_device, &set, m_allocator, &m_setLayout);
+    const VkResult result = functions_.CreateDescriptorSetLayout(device_, &set, allocator_, &setLayout_);
     if (result != VK_SUCCESS)
         return result;
     const VkPushConstantRange push{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};
     VkPipelineLayoutCreateInfo layout{};
     layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
     layout.setLayoutCount = 1;
-    layout.pSetLayouts = &m_setLayout;
+    layout.pSetLayouts = &setLayout_;
     layout.pushConstantRangeCount = 1;
     layout.pPushConstantRanges = &push;
-    return m_functions.CreatePipelineLayout(m_device, &layout, m_allocator, &m_layout);
+    return functions_.CreatePipelineLayout(device_, &layout, allocator_, &layout_);
 }
 
 VkResult Pipelines::create(PFN_vkGetDeviceProcAddr getDeviceProcAddr, VkPipelineCache cache)
 {
-    m_loaded = m_functions.load(m_device, getDeviceProcAddr);
-    if (!m_loaded)
+    loaded_ = functions_.load(device_, getDeviceProcAddr);
+    if (!loaded_)
         return VK_ERROR_INITIALIZATION_FAILED;
     VkResult result = createLayouts();
-    for (std::size_t i = 0; i < kShaders && result == VK_SUCCESS; ++i) {
+    for (size_t i = 0; i < kShaders && result == VK_SUCCESS; ++i) {
         const VkShaderModuleCreateInfo code{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0,
                                             kCode[i].size_bytes(), kCode[i].data()};
         VkShaderModule module = VK_NULL_HANDLE;
-        result = m_functions.CreateShaderModule(m_device, &code, m_allocator, &module);
+        result = functions_.CreateShaderModule(device_, &code, allocator_, &module);
         if (result != VK_SUCCESS)
             break;
         VkComputePipelineCreateInfo info{};
@@ -77,9 +77,9 @@ VkResult Pipelines::create(PFN_vkGetDeviceProcAddr getDeviceProcAddr, VkPipeline
         info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
         info.stage.module = module;
         info.stage.pName = "main";
-        info.layout = m_layout;
-        result = m_functions.CreateComputePipelines(m_device, cache, 1, &info, m_allocator, &m_pipelines[i]);
-        m_functions.DestroyShaderModule(m_device, module, m_allocator);
+        info.layout = layout_;
+        result = functions_.CreateComputePipelines(device_, cache, 1, &info, allocator_, &pipelines_[i]);
+        functions_.DestroyShaderModule(device_, module, allocator_);
     }
     return result;
 }

@@ -11,7 +11,7 @@ namespace vellum::gpubake
 {
 
 // In the order in which they run.
-enum class Shader : std::uint8_t {
+enum class Shader : uint8_t {
     Params,
     Begin,
     Cells,
@@ -25,38 +25,38 @@ enum class Shader : std::uint8_t {
     Write,
     Records,
 };
-inline constexpr std::size_t kShaders = 12;
+inline constexpr size_t kShaders = 12;
 
 // Push constants are at most what every device has.
-inline constexpr std::uint32_t kPushBytes = 128;
+inline constexpr uint32_t kPushBytes = 128;
 
 class Pipelines
 {
 public:
-    Pipelines(VkDevice device, const VkAllocationCallbacks *allocator) : m_device(device), m_allocator(allocator) {}
+    Pipelines(VkDevice device, const VkAllocationCallbacks *allocator) : device_(device), allocator_(allocator) {}
     ~Pipelines();
     Pipelines(const Pipelines &) = delete;
     Pipelines &operator=(const Pipelines &) = delete;
 
     VkResult create(PFN_vkGetDeviceProcAddr getDeviceProcAddr, VkPipelineCache cache);
 
-    [[nodiscard]] VkDevice device() const { return m_device; }
-    [[nodiscard]] const VkAllocationCallbacks *allocator() const { return m_allocator; }
-    [[nodiscard]] const Functions &functions() const { return m_functions; }
-    [[nodiscard]] VkDescriptorSetLayout setLayout() const { return m_setLayout; }
-    [[nodiscard]] VkPipelineLayout layout() const { return m_layout; }
-    [[nodiscard]] VkPipeline operator[](Shader shader) const { return m_pipelines[static_cast<std::size_t>(shader)]; }
+    [[nodiscard]] VkDevice device() const { return device_; }
+    [[nodiscard]] const VkAllocationCallbacks *allocator() const { return allocator_; }
+    [[nodiscard]] const Functions &functions() const { return functions_; }
+    [[nodiscard]] VkDescriptorSetLayout setLayout() const { return setLayout_; }
+    [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+    [[nodiscard]] VkPipeline operator[](Shader shader) const { return pipelines_[static_cast<size_t>(shader)]; }
 
 private:
     VkResult createLayouts();
 
-    VkDevice m_device;
-    const VkAllocationCallbacks *m_allocator;
-    bool m_loaded = false;
-    Functions m_functions;
-    VkDescriptorSetLayout m_setLayout = VK_NULL_HANDLE;
-    VkPipelineLayout m_layout = VK_NULL_HANDLE;
-    std::array<VkPipeline, kShaders> m_pipelines{};
+    VkDevice device_;
+    const VkAllocationCallbacks *allocator_;
+    bool loaded_ = false;
+    Functions functions_;
+    VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
+    VkPipelineLayout layout_ = VK_NULL_HANDLE;
+    std::array<VkPipeline, kShaders> pipelines_{};
 };
 
 } // namespace vellum::gpubake

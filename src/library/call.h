@@ -54,27 +54,27 @@ VellumResult guarded(Function &&function) noexcept
 class Callbacks
 {
 public:
-    Callbacks(const VellumBakeOptions &given, BakeOptions &options) : m_given(given)
+    Callbacks(const VellumBakeOptions &given, BakeOptions &options) : given_(given)
     {
         if (given.progress != nullptr)
-            options.progress = [this](std::size_t done, std::size_t total) {
-                if (m_given.progress(m_given.userData, done, total) != 0)
-                    m_stopped = true;
+            options.progress = [this](size_t done, size_t total) {
+                if (given_.progress(given_.userData, done, total) != 0)
+                    stopped_ = true;
             };
         if (given.progress != nullptr || given.cancelled != nullptr)
             options.cancelled = [this] {
-                return m_stopped || (m_given.cancelled != nullptr && m_given.cancelled(m_given.userData) != 0);
+                return stopped_ || (given_.cancelled != nullptr && given_.cancelled(given_.userData) != 0);
             };
     }
     Callbacks(const Callbacks &) = delete;
     Callbacks &operator=(const Callbacks &) = delete;
 
     // Whether `progress` ended the bake, be it at its last triangle.
-    [[nodiscard]] bool stopped() const { return m_stopped; }
+    [[nodiscard]] bool stopped() const { return stopped_; }
 
 private:
-    const VellumBakeOptions &m_given;
-    std::atomic<bool> m_stopped{false};
+    const VellumBakeOptions &given_;
+    std::atomic<bool> stopped_{false};
 };
 
 // What options of any version say: the part that is known here, or the defaults for null. Who to tell of mistakes is

@@ -11,10 +11,10 @@ namespace vellum::library
 namespace
 {
 
-constexpr std::uint32_t kMostTexels = 1u << 24; // along a side
-constexpr std::size_t kMostTriangles = std::size_t{1} << 28;
-constexpr std::uint32_t kMostThreads = 1024;
-constexpr std::uint32_t kMostLevel = 12;
+constexpr uint32_t kMostTexels = 1u << 24; // along a side
+constexpr size_t kMostTriangles = size_t{1} << 28;
+constexpr uint32_t kMostThreads = 1024;
+constexpr uint32_t kMostLevel = 12;
 
 std::string number(double value)
 {
@@ -26,7 +26,7 @@ std::string number(double value)
     throw invalid(std::string(member) + " is " + value + ", not " + range);
 }
 
-AlphaFormat alphaFormat(std::uint32_t format)
+AlphaFormat alphaFormat(uint32_t format)
 {
     switch (format) {
     case VELLUM_FORMAT_R8_UNORM: return AlphaFormat::Unorm8;
@@ -37,12 +37,12 @@ AlphaFormat alphaFormat(std::uint32_t format)
     }
 }
 
-std::size_t sizeOf(AlphaFormat format)
+size_t sizeOf(AlphaFormat format)
 {
     return format == AlphaFormat::Unorm8 ? 1 : format == AlphaFormat::Float32 ? 4 : 2;
 }
 
-UvFormat uvFormat(std::uint32_t format)
+UvFormat uvFormat(uint32_t format)
 {
     switch (format) {
     case VELLUM_FORMAT_R32G32_SFLOAT: return UvFormat::Float32;
@@ -53,7 +53,7 @@ UvFormat uvFormat(std::uint32_t format)
 }
 
 // The format, and the bytes of an index.
-std::pair<IndexFormat, std::size_t> indexFormat(std::uint32_t type)
+std::pair<IndexFormat, size_t> indexFormat(uint32_t type)
 {
     switch (type) {
     case VELLUM_INDEX_TYPE_NONE: return {IndexFormat::None, 0};
@@ -64,7 +64,7 @@ std::pair<IndexFormat, std::size_t> indexFormat(std::uint32_t type)
     }
 }
 
-Wrap wrap(const char *member, std::uint32_t mode)
+Wrap wrap(const char *member, uint32_t mode)
 {
     switch (mode) {
     case VELLUM_ADDRESS_MODE_REPEAT: return Wrap::Repeat;
@@ -76,7 +76,7 @@ Wrap wrap(const char *member, std::uint32_t mode)
     }
 }
 
-Format micromapFormat(const char *member, std::uint32_t format)
+Format micromapFormat(const char *member, uint32_t format)
 {
     switch (format) {
     case VELLUM_MICROMAP_FORMAT_2_STATE: return Format::TwoState;
@@ -85,7 +85,7 @@ Format micromapFormat(const char *member, std::uint32_t format)
     }
 }
 
-std::span<const std::byte> bytesOf(const char *member, const void *first, std::size_t size)
+std::span<const std::byte> bytesOf(const char *member, const void *first, size_t size)
 {
     if (first == nullptr && size != 0)
         throw invalid(std::string(member) + " is null, but " + std::to_string(size) + " bytes");
@@ -106,7 +106,7 @@ AlphaTexture readTexture(const VellumTexture &given)
     pixels.offset = given.offset;
     // Strides of no less than what they step over keep what is read, and so what is allocated, in proportion to what
     // is given.
-    const std::size_t size = sizeOf(pixels.format);
+    const size_t size = sizeOf(pixels.format);
     pixels.pixelStride = given.pixelStride != 0 ? given.pixelStride : size;
     if (pixels.pixelStride < size)
         reject("pixelStride", std::to_string(given.pixelStride), "the size of a value or more");
@@ -133,16 +133,16 @@ std::vector<TriangleUvs> readTriangles(const VellumBakeInput &given)
 {
     UvVertices vertices;
     vertices.format = uvFormat(given.uvFormat);
-    const std::size_t size = vertices.format == UvFormat::Float32 ? 8 : 4;
+    const size_t size = vertices.format == UvFormat::Float32 ? 8 : 4;
     vertices.bytes = bytesOf("uvs", given.uvs, given.uvsSize);
     vertices.stride = given.uvStride != 0 ? given.uvStride : size;
     if (vertices.stride < size)
         reject("uvStride", std::to_string(given.uvStride), "the size of a u and a v or more");
     const auto [format, indexSize] = indexFormat(given.indexType);
     vertices.indexFormat = format;
-    const std::size_t corners = 3 * given.triangleCount;
+    const size_t corners = 3 * given.triangleCount;
     if (format == IndexFormat::None) {
-        const std::size_t there = given.uvsSize < size ? 0 : (given.uvsSize - size) / vertices.stride + 1;
+        const size_t there = given.uvsSize < size ? 0 : (given.uvsSize - size) / vertices.stride + 1;
         if (there < corners)
             throw invalid(std::to_string(given.triangleCount) + " triangles have " + std::to_string(corners) +
                           " vertices, but uvs has " + std::to_string(there));
@@ -192,10 +192,10 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     case VELLUM_TWO_STATE_UNKNOWN_IS_TRANSPARENT: options.twoStateRule = TwoStateRule::UnknownIsTransparent; break;
     default: reject("twoStateRule", std::to_string(given.twoStateRule), "a VellumTwoStateRule");
     }
-    if (given.level < VELLUM_LEVEL_AUTOMATIC || given.level > static_cast<std::int32_t>(kMostLevel))
+    if (given.level < VELLUM_LEVEL_AUTOMATIC || given.level > static_cast<int32_t>(kMostLevel))
         reject("level", std::to_string(given.level), "0 to 12 or VELLUM_LEVEL_AUTOMATIC");
     if (given.level != VELLUM_LEVEL_AUTOMATIC)
-        options.level = static_cast<std::uint32_t>(given.level);
+        options.level = static_cast<uint32_t>(given.level);
     if (given.maxLevel > kMostLevel)
         reject("maxLevel", std::to_string(given.maxLevel), "0 to 12");
     options.maxLevel = given.maxLevel;
@@ -207,7 +207,7 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     case VELLUM_COMPARE_OP_GREATER_OR_EQUAL: options.test = AlphaTest::GreaterOrEqual; break;
     default: reject("compareOp", std::to_string(given.compareOp), "a VellumCompareOp");
     }
-    if ((given.flags & ~static_cast<std::uint32_t>(VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT)) != 0)
+    if ((given.flags & ~static_cast<uint32_t>(VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT)) != 0)
         reject("flags", std::to_string(given.flags), "made of VellumBakeFlagBits");
     options.disallowMixedSpecialIndices = (given.flags & VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT) != 0;
     if (given.budget != VELLUM_NO_BUDGET)
@@ -229,13 +229,13 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     return options;
 }
 
-Inputs::Inputs(const VellumBakeInput *inputs, std::size_t count)
+Inputs::Inputs(const VellumBakeInput *inputs, size_t count)
 {
     if (inputs == nullptr && count != 0)
         throw invalid("inputs is null, but inputCount is " + std::to_string(count));
-    std::size_t stride = 0;
+    size_t stride = 0;
     const auto *next = reinterpret_cast<const char *>(inputs);
-    for (std::size_t i = 0; i < count; ++i, next += stride)
+    for (size_t i = 0; i < count; ++i, next += stride)
         about("input " + std::to_string(i), [&] {
             const auto *given = reinterpret_cast<const VellumBakeInput *>(next);
             const VellumBakeInput input = knownPart(given);
@@ -245,37 +245,37 @@ Inputs::Inputs(const VellumBakeInput *inputs, std::size_t count)
             stride = given->structSize;
             add(input);
         });
-    for (std::size_t i = 0; i < m_inputs.size(); ++i)
-        m_inputs[i].triangles = m_triangles[i];
+    for (size_t i = 0; i < inputs_.size(); ++i)
+        inputs_[i].triangles = triangles_[i];
 }
 
 void Inputs::add(const VellumBakeInput &given)
 {
     if (std::isnan(given.cutoff))
         throw invalid("cutoff is not a number");
-    if (given.triangleCount > kMostTriangles - m_triangleCount)
+    if (given.triangleCount > kMostTriangles - triangleCount_)
         throw invalid("there are more than 2^28 triangles");
-    m_triangleCount += given.triangleCount;
+    triangleCount_ += given.triangleCount;
     BakeInput input;
     input.cutoff = given.cutoff;
-    m_triangles.push_back(readTriangles(given));
+    triangles_.push_back(readTriangles(given));
     if (given.levels != nullptr) {
         input.levels = {given.levels, given.triangleCount};
-        for (std::size_t t = 0; t < given.triangleCount; ++t)
+        for (size_t t = 0; t < given.triangleCount; ++t)
             if (given.levels[t] > kMostLevel)
                 throw invalid("the level of triangle " + std::to_string(t) + " is " + std::to_string(given.levels[t]) +
                               ", not 0 to 12");
     }
     if (given.formats != nullptr) {
         std::vector<Format> formats(given.triangleCount);
-        for (std::size_t t = 0; t < given.triangleCount; ++t)
+        for (size_t t = 0; t < given.triangleCount; ++t)
             formats[t] =
                 about("triangle " + std::to_string(t), [&] { return micromapFormat("format", given.formats[t]); });
-        m_formats.push_back(std::move(formats));
-        input.formats = m_formats.back();
+        formats_.push_back(std::move(formats));
+        input.formats = formats_.back();
     }
     input.textures = texturesOf(given);
-    m_inputs.push_back(input);
+    inputs_.push_back(input);
 }
 
 std::span<const AlphaTexture> Inputs::texturesOf(const VellumBakeInput &given)
@@ -283,12 +283,12 @@ std::span<const AlphaTexture> Inputs::texturesOf(const VellumBakeInput &given)
     if (given.textures == nullptr || given.textureCount == 0)
         throw invalid("there is no texture");
     // All mip levels of the largest texture, and then some: what is beyond has been left uninitialized.
-    constexpr std::size_t kMostTextures = 256;
+    constexpr size_t kMostTextures = 256;
     if (given.textureCount > kMostTextures)
         reject("textureCount", std::to_string(given.textureCount), "256 or less");
     std::vector<VellumTexture> textures;
     const auto *next = reinterpret_cast<const char *>(given.textures);
-    for (std::size_t i = 0; i < given.textureCount; ++i, next += given.textures->structSize)
+    for (size_t i = 0; i < given.textureCount; ++i, next += given.textures->structSize)
         about("texture " + std::to_string(i), [&] {
             const auto *texture = reinterpret_cast<const VellumTexture *>(next);
             textures.push_back(knownPart(texture));
@@ -298,10 +298,10 @@ std::span<const AlphaTexture> Inputs::texturesOf(const VellumBakeInput &given)
         });
     static_assert(sizeof(VellumTexture) == offsetof(VellumTexture, border) + sizeof(float)); // no padding at the end
     std::string key(reinterpret_cast<const char *>(textures.data()), textures.size() * sizeof(VellumTexture));
-    const auto entry = m_textures.try_emplace(std::move(key));
+    const auto entry = textures_.try_emplace(std::move(key));
     std::vector<AlphaTexture> &read = entry.first->second;
     if (entry.second)
-        for (std::size_t i = 0; i < textures.size(); ++i)
+        for (size_t i = 0; i < textures.size(); ++i)
             about("texture " + std::to_string(i), [&] { read.push_back(readTexture(textures[i])); });
     return read;
 }

@@ -20,19 +20,19 @@ class Inputs
 {
 public:
     // Throws Failure.
-    Inputs(const VellumBakeInput *inputs, std::size_t count);
+    Inputs(const VellumBakeInput *inputs, size_t count);
 
-    [[nodiscard]] std::span<const BakeInput> get() const { return m_inputs; }
+    [[nodiscard]] std::span<const BakeInput> get() const { return inputs_; }
 
 private:
     void add(const VellumBakeInput &given);
     std::span<const AlphaTexture> texturesOf(const VellumBakeInput &given);
 
-    std::vector<BakeInput> m_inputs;
-    std::map<std::string, std::vector<AlphaTexture>> m_textures; // by the bytes of their descriptions
-    std::vector<std::vector<TriangleUvs>> m_triangles;
-    std::vector<std::vector<Format>> m_formats;
-    std::size_t m_triangleCount = 0;
+    std::vector<BakeInput> inputs_;
+    std::map<std::string, std::vector<AlphaTexture>> textures_; // by the bytes of their descriptions
+    std::vector<std::vector<TriangleUvs>> triangles_;
+    std::vector<std::vector<Format>> formats_;
+    size_t triangleCount_ = 0;
 };
 
 } // namespace vellum::library

@@ -16,11 +16,11 @@ namespace vellum::library
 class Failure : public std::runtime_error
 {
 public:
-    Failure(VellumResult result, const std::string &message) : std::runtime_error(message), m_result(result) {}
-    [[nodiscard]] VellumResult result() const { return m_result; }
+    Failure(VellumResult result, const std::string &message) : std::runtime_error(message), result_(result) {}
+    [[nodiscard]] VellumResult result() const { return result_; }
 
 private:
-    VellumResult m_result;
+    VellumResult result_;
 };
 
 inline Failure invalid(const std::string &message)
@@ -36,7 +36,7 @@ struct Structure;
     struct Structure<type> {                                                                                           \
         static constexpr const char *kName = #type;                                                                    \
         /* To where the last member of the first version ends. */                                                      \
-        static constexpr std::size_t kFirstSize = offsetof(type, last) + sizeof(type::last);                           \
+        static constexpr size_t kFirstSize = offsetof(type, last) + sizeof(type::last);                                \
         static type defaults();                                                                                        \
     }
 VELLUM_STRUCTURE(VellumTexture, border);
@@ -46,14 +46,14 @@ VELLUM_STRUCTURE(VellumMicromapInfo, distinctCount);
 VELLUM_STRUCTURE(VellumGeometryInfo, usageCount);
 
 template <typename T>
-std::size_t checkedSize(const T *structure)
+size_t checkedSize(const T *structure)
 {
     using Known = Structure<T>;
     if (structure == nullptr)
         throw invalid(std::string("there is no ") + Known::kName);
-    const std::size_t size = structure->structSize;
+    const size_t size = structure->structSize;
     // No version will be as large as what chance leaves in a structure that nobody has initialized.
-    constexpr std::size_t kMost = 4096;
+    constexpr size_t kMost = 4096;
     if (size < Known::kFirstSize || size > kMost)
         throw invalid(std::string("structSize of ") + Known::kName + " is " + std::to_string(size) +
                       "; has it been initialized?");
@@ -64,7 +64,7 @@ std::size_t checkedSize(const T *structure)
 template <typename T>
 T knownPart(const T *given)
 {
-    const std::size_t size = std::min(checkedSize(given), sizeof(T));
+    const size_t size = std::min(checkedSize(given), sizeof(T));
     T known = Structure<T>::defaults();
     std::memcpy(&known, given, size);
     known.structSize = sizeof(T);
@@ -76,7 +76,7 @@ template <typename T>
 void checkUnknownPart(const T *given)
 {
     const auto *bytes = reinterpret_cast<const char *>(given);
-    const std::size_t size = checkedSize(given);
+    const size_t size = checkedSize(given);
     if (size > sizeof(T) && std::any_of(bytes + sizeof(T), bytes + size, [](char byte) { return byte != 0; }))
         throw Failure(VELLUM_ERROR_UNSUPPORTED,
                       std::string(Structure<T>::kName) + " uses members that this version of libvellum does not know");
@@ -84,7 +84,7 @@ void checkUnknownPart(const T *given)
 
 // What vellumInit...() does: the defaults, and nothing for a structure without room for structSize.
 template <typename T>
-void initialize(T *structure, std::size_t structSize)
+void initialize(T *structure, size_t structSize)
 {
     if (structure == nullptr || structSize < sizeof structure->structSize)
         return;
@@ -98,7 +98,7 @@ void initialize(T *structure, std::size_t structSize)
 template <typename T>
 void fill(T *given, T values)
 {
-    const std::size_t size = checkedSize(given);
+    const size_t size = checkedSize(given);
     values.structSize = size;
     std::memset(given, 0, size);
     std::memcpy(given, &values, std::min(size, sizeof(T)));

@@ -24,22 +24,22 @@ class UsageCounts
 public:
     void add(const MicromapTriangle &triangle)
     {
-        ++m_counts[triangle.format == Format::TwoState ? 0 : 1][triangle.subdivisionLevel];
+        ++counts_[triangle.format == Format::TwoState ? 0 : 1][triangle.subdivisionLevel];
     }
     [[nodiscard]] std::vector<VellumMicromapUsage> get() const
     {
         std::vector<VellumMicromapUsage> usages;
-        for (std::size_t i = 0; i < m_counts.size(); ++i)
-            for (std::uint32_t level = 0; level < m_counts[i].size(); ++level)
-                if (m_counts[i][level] != 0)
-                    usages.push_back({m_counts[i][level], level,
-                                      i == 0 ? std::uint32_t{VELLUM_MICROMAP_FORMAT_2_STATE}
-                                             : std::uint32_t{VELLUM_MICROMAP_FORMAT_4_STATE}});
+        for (size_t i = 0; i < counts_.size(); ++i)
+            for (uint32_t level = 0; level < counts_[i].size(); ++level)
+                if (counts_[i][level] != 0)
+                    usages.push_back(
+                        {counts_[i][level], level,
+                         i == 0 ? uint32_t{VELLUM_MICROMAP_FORMAT_2_STATE} : uint32_t{VELLUM_MICROMAP_FORMAT_4_STATE}});
         return usages;
     }
 
 private:
-    std::array<std::array<std::uint32_t, 13>, 2> m_counts{};
+    std::array<std::array<uint32_t, 13>, 2> counts_{};
 };
 
 // Of a micromap.
@@ -53,12 +53,12 @@ inline std::vector<VellumMicromapUsage> usagesOf(std::span<const MicromapTriangl
 
 // Of a geometry with these indices, which must be valid.
 inline std::vector<VellumMicromapUsage> usagesOf(std::span<const MicromapTriangle> triangles,
-                                                 std::span<const std::int32_t> indices, std::uint32_t baseTriangle)
+                                                 std::span<const int32_t> indices, uint32_t baseTriangle)
 {
     UsageCounts counts;
-    for (const std::int32_t index : indices)
+    for (const int32_t index : indices)
         if (index >= 0)
-            counts.add(triangles[static_cast<std::size_t>(index) + baseTriangle]);
+            counts.add(triangles[static_cast<size_t>(index) + baseTriangle]);
     return counts.get();
 }
 

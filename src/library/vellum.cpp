@@ -19,8 +19,8 @@ using namespace vellum::library;
 struct VellumMicromap {
     // A geometry's part of the result.
     struct Geometry {
-        std::size_t first;
-        std::size_t count;
+        size_t first;
+        size_t count;
         std::vector<VellumMicromapUsage> usages;
     };
 
@@ -36,7 +36,7 @@ void countUsages(std::span<const BakeInput> inputs, VellumMicromap &made)
 {
     const Micromap &micromap = made.result.micromap;
     made.usages = usagesOf(micromap.triangles);
-    std::size_t first = 0;
+    size_t first = 0;
     for (const BakeInput &input : inputs) {
         const auto indices = std::span(micromap.indices).subspan(first, input.triangles.size());
         made.geometries.push_back({first, indices.size(), usagesOf(micromap.triangles, indices, 0)});
@@ -144,6 +144,6 @@ VellumResult vellumGetState(const VellumMicromap *micromap, size_t triangle, flo
 {
     if (micromap == nullptr || state == nullptr || triangle >= micromap->result.micromap.indices.size())
         return VELLUM_ERROR_INVALID_ARGUMENT;
-    *state = static_cast<uint32_t>(micromap->result.micromap.stateAt(static_cast<std::uint32_t>(triangle), u, v));
+    *state = static_cast<uint32_t>(micromap->result.micromap.stateAt(static_cast<uint32_t>(triangle), u, v));
     return VELLUM_SUCCESS;
 }

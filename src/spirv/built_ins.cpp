@@ -14,14 +14,14 @@ namespace
 constexpr int kMaxCopies = 64;
 
 // Words of the memory operands that begin at word i of an instruction (SPIR-V specification, 3.26).
-std::uint32_t memoryOperandWords(const Module &module, Instruction in, std::uint32_t i)
+uint32_t memoryOperandWords(const Module &module, Instruction in, uint32_t i)
 {
     if (i >= in.count)
         return 0;
-    const std::uint32_t mask = module.word(in, i);
-    std::uint32_t words = 1;
-    for (const std::uint32_t bit : {spv::MemoryAccessAlignedMask, spv::MemoryAccessMakePointerAvailableMask,
-                                    spv::MemoryAccessMakePointerVisibleMask})
+    const uint32_t mask = module.word(in, i);
+    uint32_t words = 1;
+    for (const uint32_t bit : {spv::MemoryAccessAlignedMask, spv::MemoryAccessMakePointerAvailableMask,
+                               spv::MemoryAccessMakePointerVisibleMask})
         words += (mask & bit) != 0 ? 1 : 0;
     return words;
 }
@@ -91,7 +91,7 @@ void BuiltIns::readKnownIndex(Instruction in, Code &out)
         const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, uint});
         knownIndex_ = module_.newId();
         module_.append(Section::Globals, spv::OpVariable, {pointer, knownIndex_, spv::StorageClassPrivate});
-        std::vector<std::uint32_t> name = stringWords("vellumKnownIndex");
+        std::vector<uint32_t> name = stringWords("vellumKnownIndex");
         name.insert(name.begin(), knownIndex_);
         module_.append(Section::Names, spv::OpName, name);
     }
@@ -165,9 +165,9 @@ bool BuiltIns::copy(Instruction in, Restored what, Code &out)
     const Id value = module_.newId();
     if (!restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), what, out))
         return false;
-    std::vector<std::uint32_t> store{module_.word(in, 1), value};
+    std::vector<uint32_t> store{module_.word(in, 1), value};
     // The first operands are the target's.
-    for (std::uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)
+    for (uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)
         store.push_back(module_.word(in, i));
     out.put(spv::OpStore, std::move(store));
     return true;

@@ -8,13 +8,13 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr std::uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
-constexpr std::uint32_t kCandidateTriangle = 0;
-constexpr std::uint32_t kKeepsIndex = 2; // in a shape
+constexpr uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
+constexpr uint32_t kCandidateTriangle = 0;
+constexpr uint32_t kKeepsIndex = 2; // in a shape
 
-std::vector<std::uint32_t> keyOf(const QueryAccess &access, const Consumes &consumes)
+std::vector<uint32_t> keyOf(const QueryAccess &access, const Consumes &consumes)
 {
-    std::vector<std::uint32_t> key{static_cast<std::uint32_t>(consumes.when), consumes.condition};
+    std::vector<uint32_t> key{static_cast<uint32_t>(consumes.when), consumes.condition};
     key.insert(key.end(), access.shape.begin(), access.shape.end());
     return key;
 }
@@ -74,7 +74,7 @@ std::optional<QueryAccess> CandidateFunctions::access(Id query) const
 Id CandidateFunctions::begin(const std::vector<Id> &parameterTypes, Id function, const char *name,
                              std::vector<Id> &parameters)
 {
-    std::vector<std::uint32_t> nameOperands = stringWords(name);
+    std::vector<uint32_t> nameOperands = stringWords(name);
     nameOperands.insert(nameOperands.begin(), function);
     module_.append(Section::Names, spv::OpName, nameOperands);
 
@@ -90,7 +90,7 @@ Id CandidateFunctions::begin(const std::vector<Id> &parameterTypes, Id function,
 
 CandidateFunctions::Reached CandidateFunctions::reach(const QueryAccess &access, const std::vector<Id> &parameters)
 {
-    std::size_t next = 0;
+    size_t next = 0;
     const Id base = access.base != 0 ? access.base : parameters[next++];
     SideVariables::Variable flags = access.flags;
     if (access.base == 0 && queryFlags_.inUse())
@@ -119,7 +119,7 @@ Id CandidateFunctions::opacityFlags(Code &code, Reached reached)
     if (!mode_.hidden && queryFlags_.inUse())
         return code.value(spv::OpLoad, uint, {reached.flags});
     const Id flags = code.value(spv::OpRayQueryGetRayFlagsKHR, uint, {reached.query});
-    const std::uint32_t hidden = mode_.hidden.value_or(0);
+    const uint32_t hidden = mode_.hidden.value_or(0);
     return hidden == 0 ? flags : code.value(spv::OpBitwiseOr, uint, {flags, types_.uintConstant(hidden)});
 }
 
@@ -229,7 +229,7 @@ Id CandidateFunctions::decide(const QueryAccess &access)
 
 Id CandidateFunctions::proceed(const QueryAccess &access, const Consumes &consumes)
 {
-    const std::vector<std::uint32_t> key = keyOf(access, consumes);
+    const std::vector<uint32_t> key = keyOf(access, consumes);
     if (const auto it = proceeds_.find(key); it != proceeds_.end())
         return it->second;
     const Id callee = candidate(access, consumes); // may append to code_: before this function begins

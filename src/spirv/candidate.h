@@ -17,17 +17,17 @@ namespace vellum::spirv
 struct RayFlagMode {
     // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have;
     // nothing if they differ or are computed. Then the flags lie in a variable beside each query (side_variables.h).
-    std::optional<std::uint32_t> hidden;
+    std::optional<uint32_t> hidden;
     // All bits that matter to opacity, if all queries have the same.
-    std::optional<std::uint32_t> all;
+    std::optional<uint32_t> all;
 };
 
 // How an instruction reaches its ray query: a variable or parameter, and indices into it. Ray queries can only be used
 // through such pointers (logical addressing), but only the variable itself may be an argument of a function: the
 // functions made here take the variable and the indices, and index inside.
 struct QueryAccess {
-    std::vector<std::uint32_t> shape; // equal shapes share their functions
-    std::vector<Id> arguments;        // what the function is called with
+    std::vector<uint32_t> shape; // equal shapes share their functions
+    std::vector<Id> arguments;   // what the function is called with
     std::vector<Id> parameterTypes;
     Id base = 0;                   // module-scope variable, or 0: the first argument
     SideVariables::Variable flags; // what lies beside the variable or argument; an argument's is the next one
@@ -81,9 +81,9 @@ private:
     SideVariables &queryFlags_;
     const CandidateIndices &indices_;
     RayFlagMode mode_;
-    std::map<std::vector<std::uint32_t>, Id> candidates_;
-    std::map<std::vector<std::uint32_t>, Id> conditional_; // by shape, with what Consumes holds before it
-    std::map<std::vector<std::uint32_t>, Id> proceeds_;    // likewise
+    std::map<std::vector<uint32_t>, Id> candidates_;
+    std::map<std::vector<uint32_t>, Id> conditional_; // by shape, with what Consumes holds before it
+    std::map<std::vector<uint32_t>, Id> proceeds_;    // likewise
     Code code_{module_};
 };
 

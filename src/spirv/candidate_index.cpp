@@ -8,10 +8,10 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr std::uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
+constexpr uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
 
 // The word in which an instruction on ray queries has its query; 0: it is no such instruction.
-std::uint32_t queryWord(Instruction in)
+uint32_t queryWord(Instruction in)
 {
     switch (in.opcode) {
     case spv::OpRayQueryInitializeKHR:
@@ -69,11 +69,11 @@ std::set<Id> CandidateIndices::find() const
             always = consumption_.in(module_.result(in)).when == Consumes::When::Always;
         if (in.opcode == spv::OpVariable || isDebug(module_, in))
             continue;
-        const std::uint32_t own = queryWord(in);
+        const uint32_t own = queryWord(in);
         if (own != 0 && getsCandidate(in))
             asked.insert(module_.word(in, own));
         // Any other use, be it a literal of the same value, makes it a variable of which too little is known.
-        for (std::uint32_t i = 1; i < in.count; ++i)
+        for (uint32_t i = 1; i < in.count; ++i)
             if (i != own || !always)
                 found.erase(module_.word(in, i));
     }

@@ -11,7 +11,7 @@ namespace
 
 using When = Consumes::When;
 
-bool isConstant(std::uint32_t opcode)
+bool isConstant(uint32_t opcode)
 {
     switch (opcode) {
     case spv::OpConstantTrue:
@@ -135,10 +135,10 @@ namespace
 {
 
 // The last variable of the function that begins there, or the label of its first block: variables come first in it.
-std::size_t lastVariable(const std::vector<Instruction> &code, std::size_t function)
+size_t lastVariable(const std::vector<Instruction> &code, size_t function)
 {
-    std::size_t last = function;
-    for (std::size_t i = function; code[i].opcode != spv::OpFunctionEnd; ++i) {
+    size_t last = function;
+    for (size_t i = function; code[i].opcode != spv::OpFunctionEnd; ++i) {
         const bool isLabel = code[i].opcode == spv::OpLabel;
         if (isLabel && last != function)
             break;
@@ -156,8 +156,8 @@ bool Consumption::finish()
         return true;
     std::vector<Instruction> out;
     const std::vector<Instruction> code = module_.section(Section::Functions);
-    std::map<std::size_t, Id> stores; // values, by the instruction that comes before
-    for (std::size_t i = 0; i < code.size(); ++i) {
+    std::map<size_t, Id> stores; // values, by the instruction that comes before
+    for (size_t i = 0; i < code.size(); ++i) {
         const auto entry = code[i].opcode == spv::OpFunction ? entries_.find(module_.result(code[i])) : entries_.end();
         if (entry != entries_.end()) {
             const Consumes &consumes = entry->second;

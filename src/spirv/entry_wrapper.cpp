@@ -15,8 +15,8 @@ namespace
 {
 
 // Bounds on what is looked at and made: hit attributes have a few dozen bytes, and an instruction 65535 words.
-constexpr std::size_t kMaxTypes = 256;
-constexpr std::size_t kMaxEntryOperands = 65000;
+constexpr size_t kMaxTypes = 256;
+constexpr size_t kMaxEntryOperands = 65000;
 
 } // namespace
 
@@ -70,7 +70,7 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
         if (in.opcode == spv::OpExecutionMode || in.opcode == spv::OpExecutionModeId)
             in = module_.with(in, 1, wrapper);
     }
-    std::vector<std::uint32_t> name = stringWords("vellumEntry");
+    std::vector<uint32_t> name = stringWords("vellumEntry");
     name.insert(name.begin(), wrapper);
     module_.append(Section::Names, spv::OpName, name);
 
@@ -190,7 +190,7 @@ void EntryWrapper::keepFlags()
     code_.put(spv::OpStore, {kept, code_.value(spv::OpLoad, types_.uint32(), {incomingPrefix()})});
 }
 
-Id EntryWrapper::isSet(Id flags, std::uint32_t flag)
+Id EntryWrapper::isSet(Id flags, uint32_t flag)
 {
     const Id bit = code_.value(spv::OpBitwiseAnd, types_.uint32(), {flags, types_.uintConstant(flag)});
     return code_.value(spv::OpINotEqual, types_.boolean(), {bit, types_.uintConstant(0)});
@@ -198,12 +198,12 @@ Id EntryWrapper::isSet(Id flags, std::uint32_t flag)
 
 bool EntryWrapper::inInterface(Id variable) const
 {
-    return std::find(entry_.begin() + static_cast<std::ptrdiff_t>(interface_), entry_.end(), variable) != entry_.end();
+    return std::find(entry_.begin() + static_cast<ptrdiff_t>(interface_), entry_.end(), variable) != entry_.end();
 }
 
 // A built-in may be there twice in a module, but not in one interface (VUID-StandaloneSpirv-OpEntryPoint-09658): the
 // application's variable is used where there is one.
-Id EntryWrapper::readBuiltIn(std::uint32_t builtIn)
+Id EntryWrapper::readBuiltIn(uint32_t builtIn)
 {
     const Id uint = types_.uint32();
     Id variable = 0;
@@ -222,7 +222,7 @@ Id EntryWrapper::readBuiltIn(std::uint32_t builtIn)
     return toUint(types_, type, value, code_);
 }
 
-Id EntryWrapper::makeInput(std::uint32_t storageClass, Id type)
+Id EntryWrapper::makeInput(uint32_t storageClass, Id type)
 {
     const Id pointer = types_.get(spv::OpTypePointer, {storageClass, type});
     const Id variable = module_.newId();
@@ -253,18 +253,18 @@ Id EntryWrapper::readBarycentrics()
     if (type == vec2)
         return code_.value(spv::OpLoad, vec2, {variable});
 
-    std::vector<std::uint32_t> path;
+    std::vector<uint32_t> path;
     std::vector<Scalar> found;
-    std::size_t budget = kMaxTypes;
+    size_t budget = kMaxTypes;
     if (!findScalars(type, path, found, budget) || found.size() < 2) {
         error_ = "its hit attributes do not begin with two 32-bit numbers";
         return 0;
     }
     const Id float32 = types_.float32();
-    std::vector<std::uint32_t> floats;
+    std::vector<uint32_t> floats;
     for (const Scalar &scalar : {found[0], found[1]}) {
-        std::vector<std::uint32_t> chain{variable};
-        for (const std::uint32_t index : scalar.path)
+        std::vector<uint32_t> chain{variable};
+        for (const uint32_t index : scalar.path)
             chain.push_back(types_.uintConstant(index));
         const Id scalarPointer = types_.get(spv::OpTypePointer, {spv::StorageClassHitAttributeKHR, scalar.type});
         const Id value = code_.value(spv::OpLoad, scalar.type, {code_.value(spv::OpAccessChain, scalarPointer, chain)});
@@ -274,7 +274,7 @@ Id EntryWrapper::readBarycentrics()
 }
 
 // Of an array of specialized length, the length that it has without specialization.
-std::uint32_t EntryWrapper::arrayLength(Instruction array) const
+uint32_t EntryWrapper::arrayLength(Instruction array) const
 {
     const Instruction length = module_.definition(module_.word(array, 3));
     if (length.opcode == spv::OpSpecConstant)
@@ -283,12 +283,11 @@ std::uint32_t EntryWrapper::arrayLength(Instruction array) const
 }
 
 // Appends the scalars of a type to `found`, up to the second; false where one has not 32 bits.
-bool EntryWrapper::findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found,
-                               std::size_t &budget) const
+bool EntryWrapper::findScalars(Id type, std::vector<uint32_t> &path, std::vector<Scalar> &found, size_t &budget) const
 {
     --budget;
     const Instruction in = module_.definition(type);
-    std::uint32_t members = 0;
+    uint32_t members = 0;
     switch (in.opcode) {
     case spv::OpTypeFloat:
     case spv::OpTypeInt: found.push_back({type, path}); return module_.word(in, 2) == 32;
@@ -298,7 +297,7 @@ bool EntryWrapper::findScalars(Id type, std::vector<std::uint32_t> &path, std::v
     case spv::OpTypeStruct: members = in.count - 2u; break;
     default: return false;
     }
-    for (std::uint32_t i = 0; i < members && found.size() < 2; ++i) {
+    for (uint32_t i = 0; i < members && found.size() < 2; ++i) {
         if (budget == 0)
             return false;
         path.push_back(i);

@@ -40,21 +40,21 @@ private:
     // The application's function runs if the condition is true, and ours returns.
     void callIf(Id condition);
 
-    Id readBuiltIn(std::uint32_t builtIn);
+    Id readBuiltIn(uint32_t builtIn);
     Id applicationFlags();
     // Where the prefix of the payload that the shader was called with is.
     Id incomingPrefix();
     void keepFlags();
-    Id isSet(Id flags, std::uint32_t flag);
+    Id isSet(Id flags, uint32_t flag);
     // The barycentrics of the hit: the first two scalars of its attributes.
     Id readBarycentrics();
     struct Scalar {
         Id type = 0;
-        std::vector<std::uint32_t> path; // indices that lead to it
+        std::vector<uint32_t> path; // indices that lead to it
     };
-    bool findScalars(Id type, std::vector<std::uint32_t> &path, std::vector<Scalar> &found, std::size_t &budget) const;
-    [[nodiscard]] std::uint32_t arrayLength(Instruction array) const;
-    Id makeInput(std::uint32_t storageClass, Id type);
+    bool findScalars(Id type, std::vector<uint32_t> &path, std::vector<Scalar> &found, size_t &budget) const;
+    [[nodiscard]] uint32_t arrayLength(Instruction array) const;
+    Id makeInput(uint32_t storageClass, Id type);
     [[nodiscard]] bool inInterface(Id variable) const;
 
     Module &module_;
@@ -64,11 +64,11 @@ private:
     Id knownIndex_;
     HiddenFlags hidden_;
     bool receivesPayload_ = false;
-    std::vector<std::uint32_t> entry_; // operands of OpEntryPoint
-    std::size_t interface_ = 0;        // where in them the interface begins
-    Id application_ = 0;               // the application's function
-    Id declaredPayload_ = 0;           // what the application is called with
-    Id incomingPrefix_ = 0;            // once it was needed
+    std::vector<uint32_t> entry_; // operands of OpEntryPoint
+    size_t interface_ = 0;        // where in them the interface begins
+    Id application_ = 0;          // the application's function
+    Id declaredPayload_ = 0;      // what the application is called with
+    Id incomingPrefix_ = 0;       // once it was needed
     Code code_{module_};
     std::string error_;
 };

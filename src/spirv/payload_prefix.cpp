@@ -12,26 +12,26 @@ namespace
 {
 
 // In struct {uint, T}.
-constexpr std::uint32_t kPrefix = 0;
-constexpr std::uint32_t kPayload = 1;
+constexpr uint32_t kPrefix = 0;
+constexpr uint32_t kPayload = 1;
 
 } // namespace
 
-bool receivesPayload(std::uint32_t executionModel)
+bool receivesPayload(uint32_t executionModel)
 {
     return executionModel == spv::ExecutionModelAnyHitKHR || executionModel == spv::ExecutionModelClosestHitKHR ||
            executionModel == spv::ExecutionModelMissKHR;
 }
 
-bool PayloadPrefix::isPayload(std::uint32_t storageClass)
+bool PayloadPrefix::isPayload(uint32_t storageClass)
 {
     return storageClass == spv::StorageClassRayPayloadKHR || storageClass == spv::StorageClassIncomingRayPayloadKHR;
 }
 
-Id PayloadPrefix::ownPayload(std::span<const std::uint32_t> payload)
+Id PayloadPrefix::ownPayload(std::span<const uint32_t> payload)
 {
     if (own_ == 0) {
-        std::vector<std::uint32_t> members{types_.uint32()};
+        std::vector<uint32_t> members{types_.uint32()};
         if (const Id type = makeType(module_, types_, payload); type != 0)
             members.push_back(type);
         own_ = module_.newId();
@@ -56,7 +56,7 @@ Id PayloadPrefix::pointer(Id variable, Code &out) const
     const auto found = payloads_.find(variable);
     if (found == payloads_.end())
         return 0;
-    const std::uint32_t storageClass = module_.word(module_.definition(found->second), 2);
+    const uint32_t storageClass = module_.word(module_.definition(found->second), 2);
     return out.value(spv::OpAccessChain, types_.get(spv::OpTypePointer, {storageClass, types_.uint32()}),
                      {variable, types_.uintConstant(kPrefix)});
 }
@@ -134,7 +134,7 @@ Instruction PayloadPrefix::widenedFunction(Instruction function)
         return function;
     std::vector<Id> parameters;
     bool changed = false;
-    for (std::uint32_t i = 3; i < type.count; ++i) {
+    for (uint32_t i = 3; i < type.count; ++i) {
         const Id pointer = widened(module_.word(type, i), module_.section(Section::Globals));
         parameters.push_back(pointer != 0 ? pointer : module_.word(type, i));
         changed = changed || pointer != 0;
@@ -153,11 +153,11 @@ void PayloadPrefix::fail(const char *error)
 Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
 {
     // With the application's part in the place of whole payloads among the words from `first` to `last`.
-    const auto withParts = [&](std::uint32_t first, std::uint32_t last) {
+    const auto withParts = [&](uint32_t first, uint32_t last) {
         const Words words = module_.words(in);
-        std::vector<std::uint32_t> operands(words.begin() + 1, words.end());
+        std::vector<uint32_t> operands(words.begin() + 1, words.end());
         bool changed = false;
-        for (std::uint32_t i = first; i <= last && i <= operands.size(); ++i) {
+        for (uint32_t i = first; i <= last && i <= operands.size(); ++i) {
             const auto found = payloads_.find(operands[i - 1]);
             if (found == payloads_.end())
                 continue;
@@ -173,7 +173,7 @@ Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
         if (!payloads_.contains(module_.word(in, 3)))
             return in;
         const Words words = module_.words(in);
-        std::vector<std::uint32_t> operands(words.begin() + 1, words.end());
+        std::vector<uint32_t> operands(words.begin() + 1, words.end());
         if (operands.size() + 2 > kMaxInstructionWords) {
             fail("an access chain has too many indices");
             return in;
@@ -190,7 +190,7 @@ Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
     // Functions get whole payloads (SPIR-V, 2.16.1: a pointer argument is a memory object declaration), and so pass the
     // prefix on.
     case spv::OpFunctionCall:
-        for (std::uint32_t i = 4; i < in.count; ++i) {
+        for (uint32_t i = 4; i < in.count; ++i) {
             const Id argument = module_.word(in, i);
             const Instruction type = module_.definition(module_.resultType(module_.definition(argument)));
             if (type.opcode == spv::OpTypePointer && isPayload(module_.word(type, 2)) && !payloads_.contains(argument))

@@ -16,7 +16,7 @@ namespace vellum::spirv
 {
 
 // Whether shaders of an execution model are called with a payload.
-bool receivesPayload(std::uint32_t executionModel);
+bool receivesPayload(uint32_t executionModel);
 
 class PayloadPrefix
 {
@@ -36,7 +36,7 @@ public:
     Id pointer(Id variable, Code &out) const;
     // A payload for entry points that declare none: a prefix, and after it `payload` (payload_types.h), where that is
     // known. A type.
-    Id ownPayload(std::span<const std::uint32_t> payload);
+    Id ownPayload(std::span<const uint32_t> payload);
 
     // A Private variable for the hidden flags of the ray that a shader was called for. A payload may be handed on to
     // the next ray, and its prefix with it, so the first thing an entry point does is to fill this, if it was asked
@@ -44,7 +44,7 @@ public:
     Id keptFlags();
     [[nodiscard]] Id keptFlagsIfAsked() const { return kept_; }
 
-    static bool isPayload(std::uint32_t storageClass);
+    static bool isPayload(uint32_t storageClass);
 
 private:
     Id widened(Id pointerType, std::vector<Instruction> &globals);

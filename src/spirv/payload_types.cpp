@@ -15,15 +15,15 @@ namespace
 {
 
 // Bounds on what is looked at and made: a payload has a few dozen bytes.
-constexpr std::size_t kMaxTypeWords = 4096;
+constexpr size_t kMaxTypeWords = 4096;
 constexpr int kMaxNesting = 64;
 
 // What a module must declare to use a number of other than 32 bits, wherever that is.
-std::optional<std::uint32_t> capabilityOf(std::uint32_t opcode, std::uint32_t bits)
+std::optional<uint32_t> capabilityOf(uint32_t opcode, uint32_t bits)
 {
     const bool isFloat = opcode == spv::OpTypeFloat;
     switch (bits) {
-    case 8: return isFloat ? std::nullopt : std::optional<std::uint32_t>(spv::CapabilityInt8);
+    case 8: return isFloat ? std::nullopt : std::optional<uint32_t>(spv::CapabilityInt8);
     case 16: return isFloat ? spv::CapabilityFloat16 : spv::CapabilityInt16;
     case 64: return isFloat ? spv::CapabilityFloat64 : spv::CapabilityInt64;
     default: return {};
@@ -37,14 +37,12 @@ bool describe(const Module &module, const Types &types, Id type, int depth, Type
     out.push_back(in.opcode);
     if (depth > kMaxNesting || out.size() > kMaxTypeWords)
         return false;
-    const auto member = [&](std::uint32_t word) {
-        return describe(module, types, module.word(in, word), depth + 1, out);
-    };
+    const auto member = [&](uint32_t word) { return describe(module, types, module.word(in, word), depth + 1, out); };
     switch (in.opcode) {
     case spv::OpTypeBool: return true;
     case spv::OpTypeInt:
     case spv::OpTypeFloat: {
-        const std::uint32_t bits = module.word(in, 2);
+        const uint32_t bits = module.word(in, 2);
         const auto capability = capabilityOf(in.opcode, bits);
         out.push_back(bits);
         if (in.opcode == spv::OpTypeInt)
@@ -62,7 +60,7 @@ bool describe(const Module &module, const Types &types, Id type, int depth, Type
     }
     case spv::OpTypeStruct:
         out.push_back(in.count - 2u);
-        for (std::uint32_t i = 2; i < in.count; ++i)
+        for (uint32_t i = 2; i < in.count; ++i)
             if (!member(i))
                 return false;
         return true;
@@ -73,8 +71,8 @@ bool describe(const Module &module, const Types &types, Id type, int depth, Type
 bool isInInterface(const Module &module, Instruction entry, Id variable)
 {
     const Words words = module.words(entry);
-    const auto name = static_cast<std::ptrdiff_t>(stringWords(module.string(entry, 3).c_str()).size());
-    return std::find(words.begin() + std::min<std::ptrdiff_t>(3 + name, std::ssize(words)), words.end(), variable) !=
+    const auto name = static_cast<ptrdiff_t>(stringWords(module.string(entry, 3).c_str()).size());
+    return std::find(words.begin() + std::min<ptrdiff_t>(3 + name, std::ssize(words)), words.end(), variable) !=
            words.end();
 }
 
@@ -98,7 +96,7 @@ std::vector<Id> payloadsOf(const Module &module, Instruction entry)
 class TypeMaker
 {
 public:
-    TypeMaker(Module &module, Types &types, std::span<const std::uint32_t> words)
+    TypeMaker(Module &module, Types &types, std::span<const uint32_t> words)
         : module_(module), types_(types), words_(words)
     {
     }
@@ -108,32 +106,32 @@ public:
     {
         if (depth > kMaxNesting)
             return 0;
-        const std::uint32_t opcode = next();
+        const uint32_t opcode = next();
         switch (opcode) {
         case spv::OpTypeBool: return types_.boolean();
         case spv::OpTypeInt: {
-            const std::uint32_t bits = number(opcode);
+            const uint32_t bits = number(opcode);
             return types_.get(opcode, {bits, next()});
         }
         case spv::OpTypeFloat: return types_.get(opcode, {number(opcode)});
         case spv::OpTypeVector: {
-            const std::uint32_t components = next();
+            const uint32_t components = next();
             const Id component = make(depth + 1);
             return component == 0 ? 0 : types_.get(opcode, {component, components});
         }
         case spv::OpTypeMatrix: {
-            const std::uint32_t columns = next();
+            const uint32_t columns = next();
             return matrix(make(depth + 1), columns);
         }
         case spv::OpTypeArray: {
-            const std::uint32_t length = next();
+            const uint32_t length = next();
             const Id element = make(depth + 1);
             return element == 0 ? 0 : aggregate(opcode, {element, types_.uintConstant(length)});
         }
         case spv::OpTypeStruct: {
-            const std::uint32_t count = next();
-            std::vector<std::uint32_t> members;
-            for (std::uint32_t i = 0; i < count; ++i) {
+            const uint32_t count = next();
+            std::vector<uint32_t> members;
+            for (uint32_t i = 0; i < count; ++i) {
                 const Id member = make(depth + 1);
                 if (member == 0)
                     return 0;
@@ -146,12 +144,12 @@ public:
     }
 
 private:
-    std::uint32_t next() { return at_ < words_.size() ? words_[at_++] : 0; }
+    uint32_t next() { return at_ < words_.size() ? words_[at_++] : 0; }
 
     // The bits of a number, for which the module declares what it must.
-    std::uint32_t number(std::uint32_t opcode)
+    uint32_t number(uint32_t opcode)
     {
-        const std::uint32_t bits = next();
+        const uint32_t bits = next();
         const auto capability = capabilityOf(opcode, bits);
         if (capability && !module_.hasCapability(*capability))
             module_.append(Section::Capabilities, spv::OpCapability, {*capability});
@@ -159,7 +157,7 @@ private:
     }
 
     // There may be only one of a kind (SPIR-V specification, 2.8).
-    Id matrix(Id column, std::uint32_t columns)
+    Id matrix(Id column, uint32_t columns)
     {
         if (column == 0)
             return 0;
@@ -169,7 +167,7 @@ private:
         return aggregate(spv::OpTypeMatrix, {column, columns});
     }
 
-    Id aggregate(std::uint32_t opcode, std::vector<std::uint32_t> operands)
+    Id aggregate(uint32_t opcode, std::vector<uint32_t> operands)
     {
         const Id id = module_.newId();
         operands.insert(operands.begin(), id);
@@ -179,8 +177,8 @@ private:
 
     Module &module_;
     Types &types_;
-    std::span<const std::uint32_t> words_;
-    std::size_t at_ = 0;
+    std::span<const uint32_t> words_;
+    size_t at_ = 0;
 };
 
 } // namespace
@@ -193,8 +191,8 @@ void PayloadTypes::add(TypeWords type)
         differ_ = true;
 }
 
-std::optional<TypeWords> PayloadTypes::add(std::span<const std::uint32_t> words, std::string_view entryPoint,
-                                           std::uint32_t executionModel)
+std::optional<TypeWords> PayloadTypes::add(std::span<const uint32_t> words, std::string_view entryPoint,
+                                           uint32_t executionModel)
 {
     std::string error;
     std::optional<Module> module = Module::parse(words, error);
@@ -262,7 +260,7 @@ TypeWords PayloadTypes::common() const
     return first_ && !differ_ ? *first_ : TypeWords{};
 }
 
-Id makeType(Module &module, Types &types, std::span<const std::uint32_t> words)
+Id makeType(Module &module, Types &types, std::span<const uint32_t> words)
 {
     return TypeMaker(module, types, words).make(0);
 }

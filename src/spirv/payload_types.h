@@ -15,7 +15,7 @@ namespace vellum::spirv
 {
 
 // A type in words without ids: equal words, equal types. Empty: not known.
-using TypeWords = std::vector<std::uint32_t>;
+using TypeWords = std::vector<uint32_t>;
 
 class PayloadTypes
 {
@@ -23,8 +23,7 @@ public:
     // Adds the payloads that an entry point declares: the one that it is called with, and those of rays that it traces.
     // Of what is no SPIR-V, and of types that specialization may change, nothing is known. Returns the type of the
     // payload that the entry point is called with; nothing where it declares none.
-    std::optional<TypeWords> add(std::span<const std::uint32_t> words, std::string_view entryPoint,
-                                 std::uint32_t executionModel);
+    std::optional<TypeWords> add(std::span<const uint32_t> words, std::string_view entryPoint, uint32_t executionModel);
     void add(const PayloadTypes &other);
 
     // The type of all; empty where no payload was added, or where they differ or are not known.
@@ -42,6 +41,6 @@ private:
 Id incomingPayload(const Module &module, Instruction entry);
 
 // Such a type in a module. 0 where the words are not a type's.
-Id makeType(Module &module, Types &types, std::span<const std::uint32_t> words);
+Id makeType(Module &module, Types &types, std::span<const uint32_t> words);
 
 } // namespace vellum::spirv

@@ -10,10 +10,10 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr std::uint32_t kFirstPair = 3; // word of OpPhi's first value; its block follows
+constexpr uint32_t kFirstPair = 3; // word of OpPhi's first value; its block follows
 
 // Phis of a header, and edges into a continue target: more of them are not worth the time it takes.
-constexpr std::size_t kMaxEdges = 1000;
+constexpr size_t kMaxEdges = 1000;
 
 // Adds the labels a terminator branches to. False if we do not know it.
 bool successors(const Module &module, Instruction in, std::vector<Id> &out)
@@ -30,8 +30,8 @@ bool successors(const Module &module, Instruction in, std::vector<Id> &out)
         if (type.opcode != spv::OpTypeInt)
             return false;
         out.push_back(module.word(in, 2));
-        const std::uint32_t literal = module.word(type, 2) > 32 ? 2 : 1;
-        for (std::uint32_t i = 3 + literal; i < in.count; i += literal + 1)
+        const uint32_t literal = module.word(type, 2) > 32 ? 2 : 1;
+        for (uint32_t i = 3 + literal; i < in.count; i += literal + 1)
             out.push_back(module.word(in, i));
         return true;
     }
@@ -67,16 +67,16 @@ bool isRepeatable(const Module &module, Instruction in)
 }
 
 // All of a block but the label, up to `end`.
-bool allRepeatable(const Module &module, const Block &block, std::size_t end)
+bool allRepeatable(const Module &module, const Block &block, size_t end)
 {
-    return std::all_of(block.code.begin() + 1, block.code.begin() + static_cast<std::ptrdiff_t>(end),
+    return std::all_of(block.code.begin() + 1, block.code.begin() + static_cast<ptrdiff_t>(end),
                        [&](Instruction in) { return isRepeatable(module, in); });
 }
 
 // The value that a phi has on the edge from a block; 0 if it has none.
 Id valueFrom(const Module &module, Instruction phi, Id label)
 {
-    for (std::uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
+    for (uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
         if (module.word(phi, i + 1) == label)
             return module.word(phi, i);
     return 0;
@@ -106,7 +106,7 @@ bool nextAllowsEdge(const Module &module, const Function &function, const Procee
 {
     const Block &next = function.blocks[loop.next];
     const auto edges = function.predecessors.find(next.label);
-    const std::size_t edgeCount = edges == function.predecessors.end() ? 0 : edges->second.size();
+    const size_t edgeCount = edges == function.predecessors.end() ? 0 : edges->second.size();
     if (loop.body == next.label)
         return edgeCount == 1;
     return edgeCount < kMaxEdges && std::all_of(next.code.begin() + 1, next.code.end() - 1, [&](Instruction in) {
@@ -139,8 +139,8 @@ Function splitFunction(const Module &module, std::span<const Instruction> code)
     return f;
 }
 
-std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function &function, std::size_t checkIndex,
-                                           std::size_t call)
+std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function &function, size_t checkIndex,
+                                           size_t call)
 {
     const auto indexOf = [&](Id label) {
         const auto it = function.indices.find(label);
@@ -169,7 +169,7 @@ std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function 
     if (merge.opcode != spv::OpLoopMerge)
         return {};
     // The rest of the loop controls are promises about the number of iterations, or of what lies between them.
-    const std::uint32_t harmless = spv::LoopControlUnrollMask | spv::LoopControlDontUnrollMask;
+    const uint32_t harmless = spv::LoopControlUnrollMask | spv::LoopControlDontUnrollMask;
     if ((module.word(merge, 3) & ~harmless) != 0)
         return {};
 
@@ -187,9 +187,9 @@ std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function 
         return {};
 
     // Between the call and the branch, only the merge instruction may stand.
-    const std::size_t end = check.code.size() - (merged ? 2 : 1);
-    if (!std::all_of(check.code.begin() + static_cast<std::ptrdiff_t>(call) + 1,
-                     check.code.begin() + static_cast<std::ptrdiff_t>(end),
+    const size_t end = check.code.size() - (merged ? 2 : 1);
+    if (!std::all_of(check.code.begin() + static_cast<ptrdiff_t>(call) + 1,
+                     check.code.begin() + static_cast<ptrdiff_t>(end),
                      [&](Instruction in) { return isDebug(module, in); }))
         return {};
     if (!allRepeatable(module, check, call) || (!merged && !allRepeatable(module, header, header.code.size() - 2)))
@@ -221,18 +221,18 @@ void insertDecision(Module &module, Function &function, const ProceedLoop &loop,
         });
         if (own != next.code.end()) {
             const Words w = module.words(*own);
-            std::vector<std::uint32_t> operands(w.begin() + 1, w.end());
+            std::vector<uint32_t> operands(w.begin() + 1, w.end());
             operands.insert(operands.end(), {result, label});
             *own = module.make(spv::OpPhi, operands);
         } else if (value != result) {
-            std::vector<std::uint32_t> operands{module.resultType(phi), module.newId()};
+            std::vector<uint32_t> operands{module.resultType(phi), module.newId()};
             for (const Id from : edges)
                 operands.insert(operands.end(), {value, from});
             operands.insert(operands.end(), {result, label});
             phis.push_back(module.make(spv::OpPhi, operands));
             value = operands[1];
         }
-        for (std::uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
+        for (uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
             if (module.word(phi, i + 1) == next.label)
                 phi = module.with(module.with(phi, i, value), i + 1, target);
     }
@@ -253,7 +253,7 @@ void insertDecision(Module &module, Function &function, const ProceedLoop &loop,
     check.behind.push_back(module.make(spv::OpBranchConditional, {handled, target, loop.body}));
 
     for (Instruction &phi : function.blocks[function.indices[loop.body]].code)
-        for (std::uint32_t i = kFirstPair; phi.opcode == spv::OpPhi && i + 1 < phi.count; i += 2)
+        for (uint32_t i = kFirstPair; phi.opcode == spv::OpPhi && i + 1 < phi.count; i += 2)
             if (module.word(phi, i + 1) == check.label)
                 phi = module.with(phi, i + 1, label);
     std::ranges::replace(function.predecessors[loop.body], check.label, label);

@@ -19,7 +19,7 @@ struct Function {
     std::vector<Instruction> head; // OpFunction, parameters, and all else before the first block
     std::vector<Block> blocks;
     std::vector<Instruction> tail;              // OpFunctionEnd
-    std::map<Id, std::size_t> indices;          // of blocks, by label
+    std::map<Id, size_t> indices;               // of blocks, by label
     std::map<Id, std::vector<Id>> predecessors; // labels by label
     bool flowKnown = true;                      // false: a terminator we do not know, predecessors are incomplete
 };
@@ -29,17 +29,16 @@ Function splitFunction(const Module &module, std::span<const Instruction> code);
 
 // Blocks of a loop whose continue target may be entered right after the proceed call.
 struct ProceedLoop {
-    std::size_t header = 0;
-    std::size_t check = 0; // ends with the call and the branch on it; may be the header
-    std::size_t next = 0;  // continue target: does nothing but branch back, unless it is the body
-    Id body = 0;           // label of the branch target that sees a candidate
+    size_t header = 0;
+    size_t check = 0; // ends with the call and the branch on it; may be the header
+    size_t next = 0;  // continue target: does nothing but branch back, unless it is the body
+    Id body = 0;      // label of the branch target that sees a candidate
 };
 
 // The loop whose condition is the proceed call at `call` in block `check`. Nothing if the loop has another shape, or
 // does between its continue target and the call what must not be done again for a candidate that the application never
 // sees.
-std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function &function, std::size_t check,
-                                           std::size_t call);
+std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function &function, size_t check, size_t call);
 
 // Puts a block between the call and the loop's body: runs `decision`, then branches to the continue target if its value
 // `handled` is true.

@@ -14,7 +14,7 @@ namespace
 {
 
 using shared::kHiddenRayFlags;
-constexpr std::uint32_t kOpacityFlags = kHiddenRayFlags | shared::kRayNoOpaque | shared::kRayCullOpaque;
+constexpr uint32_t kOpacityFlags = kHiddenRayFlags | shared::kRayNoOpaque | shared::kRayCullOpaque;
 
 } // namespace
 
@@ -85,8 +85,8 @@ bool RayQueries::rewrite()
     std::vector<Instruction> out;
     out.reserve(code.size());
     bool changed = false;
-    for (std::size_t begin = 0; begin < code.size();) {
-        std::size_t end = begin;
+    for (size_t begin = 0; begin < code.size();) {
+        size_t end = begin;
         while (end < code.size() && code[end++].opcode != spv::OpFunctionEnd) {
         }
         changed = rewriteFunction(std::span(code).subspan(begin, end - begin), out) || changed;
@@ -108,8 +108,8 @@ bool RayQueries::rewriteFunction(std::span<const Instruction> code, std::vector<
             function_ = module_.result(in);
             consumes_ = consumption_.in(function_);
         }
-    for (std::size_t b = 0; b < function.blocks.size(); ++b)
-        for (std::size_t i = 0; i < function.blocks[b].code.size(); ++i)
+    for (size_t b = 0; b < function.blocks.size(); ++b)
+        for (size_t i = 0; i < function.blocks[b].code.size(); ++i)
             if (function.blocks[b].code[i].opcode == spv::OpRayQueryProceedKHR)
                 changed = decideInLoop(function, b, i) || changed;
 
@@ -132,7 +132,7 @@ bool RayQueries::rewriteFunction(std::span<const Instruction> code, std::vector<
     return changed;
 }
 
-bool RayQueries::decideInLoop(Function &function, std::size_t block, std::size_t call)
+bool RayQueries::decideInLoop(Function &function, size_t block, size_t call)
 {
     if (consumes_.when == Consumes::When::Never)
         return false;
@@ -142,7 +142,7 @@ bool RayQueries::decideInLoop(Function &function, std::size_t block, std::size_t
     if (!loop || !access)
         return false;
     Code decision(module_);
-    std::vector<std::uint32_t> operands = access->arguments;
+    std::vector<uint32_t> operands = access->arguments;
     operands.insert(operands.begin(), candidates_.candidate(*access, consumes_));
     const Id handled = decision.value(spv::OpFunctionCall, types_.boolean(), operands);
     insertDecision(module_, function, *loop, decision, handled);
@@ -246,8 +246,7 @@ bool RayQueries::proceed(Instruction in, Code &out)
         error_ = "OpRayQueryProceedKHR on a ray query that is not reached through a variable or parameter";
         return false;
     }
-    std::vector<std::uint32_t> operands{module_.resultType(in), module_.result(in),
-                                        candidates_.proceed(*access, consumes_)};
+    std::vector<uint32_t> operands{module_.resultType(in), module_.result(in), candidates_.proceed(*access, consumes_)};
     operands.insert(operands.end(), access->arguments.begin(), access->arguments.end());
     out.put(spv::OpFunctionCall, operands);
     return true;
@@ -257,7 +256,7 @@ bool RayQueries::getRayFlags(Instruction in, Code &out)
 {
     if (queryFlags_.inUse())
         return getKeptFlags(in, out);
-    const std::uint32_t hidden = mode_.hidden.value_or(0);
+    const uint32_t hidden = mode_.hidden.value_or(0);
     if (consumes_.when == Consumes::When::Never || hidden == 0)
         return false;
     const Id type = module_.resultType(in);

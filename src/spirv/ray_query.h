@@ -30,7 +30,7 @@ public:
 private:
     [[nodiscard]] RayFlagMode findMode() const;
     bool rewriteFunction(std::span<const Instruction> code, std::vector<Instruction> &out);
-    bool decideInLoop(Function &function, std::size_t block, std::size_t call);
+    bool decideInLoop(Function &function, size_t block, size_t call);
     // Writes what replaces an instruction to `out`. False if it stays as it is.
     bool replace(Instruction in, Code &out);
     bool initialize(Instruction in, Code &out);

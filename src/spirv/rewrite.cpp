@@ -23,9 +23,9 @@ namespace
 // Removes what declares the use of opacity micromaps: the driver knows none of it. Returns whether there was anything.
 bool removeDeclarations(Module &module)
 {
-    std::size_t removed = 0;
+    size_t removed = 0;
     removed += std::erase_if(module.section(Section::Capabilities), [&](Instruction in) {
-        const std::uint32_t capability = module.word(in, 1);
+        const uint32_t capability = module.word(in, 1);
         return in.opcode == spv::OpCapability &&
                (capability == kCapabilityOpacityMicromap || capability == kCapabilityOpacityMicromapExecutionMode);
     });
@@ -93,12 +93,12 @@ RewriteResult failed(std::string error)
 
 } // namespace
 
-std::uint64_t linkedCodeHash()
+uint64_t linkedCodeHash()
 {
     return Hash::of(lookup);
 }
 
-RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options)
+RewriteResult rewrite(std::span<const uint32_t> words, const RewriteOptions &options)
 {
     if (!options.pipelineStage && !scan(words).tracesRays)
         return {};
@@ -114,10 +114,10 @@ RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions
     const bool force2State = module->hasCapability(kCapabilityOpacityMicromap);
     bool changed = removeDeclarations(*module);
     Linker linker(*module, types, lookup,
-                  {{0, static_cast<std::uint32_t>(options.rootAddress)},
-                   {1, static_cast<std::uint32_t>(options.rootAddress >> 32)},
-                   {2, static_cast<std::uint32_t>(options.firstSlots)},
-                   {3, static_cast<std::uint32_t>(options.firstSlots >> 32)}});
+                  {{0, static_cast<uint32_t>(options.rootAddress)},
+                   {1, static_cast<uint32_t>(options.rootAddress >> 32)},
+                   {2, static_cast<uint32_t>(options.firstSlots)},
+                   {3, static_cast<uint32_t>(options.firstSlots >> 32)}});
     const std::set<Id> reached = stageFunctions(*module, options.pipelineStage);
     const bool inPipeline = options.pipelineStage.has_value();
     SideVariables hitObjects(*module, types, Beside::HitObjects);

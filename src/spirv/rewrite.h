@@ -48,11 +48,11 @@ enum class QueriesConsume {
 struct HiddenFlags {
     // Those that all rays have alike are constants of the rewritten shaders. Where there are others, all lie before the
     // application's payload (payload_prefix.h), which intersection shaders cannot see.
-    std::uint32_t fixed = shared::kHiddenRayFlags;
-    std::uint32_t constant = 0; // the fixed ones that all rays have
+    uint32_t fixed = shared::kHiddenRayFlags;
+    uint32_t constant = 0; // the fixed ones that all rays have
     // The type of the ray's payload (payload_types.h), for a shader that declares none. Empty where it is not known: it
     // gets the prefix alone.
-    std::vector<std::uint32_t> payload{};
+    std::vector<uint32_t> payload{};
     auto operator<=>(const HiddenFlags &) const = default;
     [[nodiscard]] bool inPayload() const { return fixed != shared::kHiddenRayFlags; }
 };
@@ -60,14 +60,14 @@ struct HiddenFlags {
 // A stage of a ray tracing pipeline that uses micromaps.
 struct PipelineStage {
     std::string_view entryPoint;
-    std::uint32_t executionModel = 0; // SPIR-V's
+    uint32_t executionModel = 0; // SPIR-V's
     Decides decides = Decides::Nothing;
     HiddenFlags hidden;
 };
 
 struct RewriteOptions {
-    std::uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
-    std::uint64_t firstSlots = 0; // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
+    uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
+    uint64_t firstSlots = 0;  // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
     // Whether flags that all ray queries of a module pass as constants become constants of the rewritten module. Else
     // they travel like those that are computed.
@@ -83,8 +83,8 @@ struct RewriteResult {
         Failed     // malformed, or of a shape that cannot be rewritten: `error` says why, for a person
     };
     Status status = Status::Unchanged;
-    std::vector<std::uint32_t> words; // only when Rewritten
-    std::string error;                // only when Failed
+    std::vector<uint32_t> words; // only when Rewritten
+    std::string error;           // only when Failed
     // It has ray queries, and only declarations could let them consume micromaps, but no entry point declares anything.
     bool queriesForget = false;
     // It is an intersection shader that reads the ray's flags and does not see those that are hidden.
@@ -92,10 +92,10 @@ struct RewriteResult {
 };
 
 // Tells apart what is linked into rewritten modules: modules with the same hash read tables of the same layout.
-std::uint64_t linkedCodeHash();
+uint64_t linkedCodeHash();
 
 // Modules that scan() (module/scan.h) finds to trace no rays are Unchanged, whatever they hold, but for pipeline
 // stages. Reads nothing outside `words` and throws nothing but std::bad_alloc.
-RewriteResult rewrite(std::span<const std::uint32_t> words, const RewriteOptions &options);
+RewriteResult rewrite(std::span<const uint32_t> words, const RewriteOptions &options);
 
 } // namespace vellum::spirv

@@ -10,7 +10,7 @@ namespace
 // A chain of chains longer than this is a cycle in a malformed module.
 constexpr int kMaxChain = 64;
 // Objects nested deeper than this would need functions with more parameters than SPIR-V allows (2.17).
-constexpr std::size_t kMaxIndices = 64;
+constexpr size_t kMaxIndices = 64;
 constexpr int kMaxNesting = 64;
 
 } // namespace
@@ -34,7 +34,7 @@ std::optional<AccessPath> accessPath(const Module &module, Id pointer)
     return path;
 }
 
-bool SideVariables::isObject(std::uint32_t type) const
+bool SideVariables::isObject(uint32_t type) const
 {
     return objects_ == Beside::RayQueries ? type == spv::OpTypeRayQueryKHR
                                           : type == kOpTypeHitObjectNV || type == kOpTypeHitObjectEXT;
@@ -52,14 +52,14 @@ Id SideVariables::shapeOf(Id type, int depth)
     const auto [known, isNew] = shapes_.try_emplace(type, 0);
     if (!isNew)
         return known->second;
-    std::vector<std::uint32_t> operands;
+    std::vector<uint32_t> operands;
     if (in.opcode == spv::OpTypeArray) {
         const Id element = shapeOf(module_.word(in, 2), depth + 1);
         if (element != 0)
             operands = {element, module_.word(in, 3)};
     } else {
         bool any = false;
-        for (std::uint32_t i = 2; i < in.count; ++i) {
+        for (uint32_t i = 2; i < in.count; ++i) {
             const Id member = shapeOf(module_.word(in, i), depth + 1);
             any = any || member != 0;
             operands.push_back(member != 0 ? member : types_.uint32());
@@ -104,8 +104,8 @@ Id SideVariables::element(Variable beside, const std::vector<Id> &indices, Id ty
 {
     if (beside.id == 0 || indices.empty())
         return beside.id;
-    const std::uint32_t storageClass = module_.word(module_.definition(beside.type), 2);
-    std::vector<std::uint32_t> chain{beside.id};
+    const uint32_t storageClass = module_.word(module_.definition(beside.type), 2);
+    std::vector<uint32_t> chain{beside.id};
     chain.insert(chain.end(), indices.begin(), indices.end());
     return out.value(spv::OpAccessChain, types_.get(spv::OpTypePointer, {storageClass, type}), std::move(chain));
 }
@@ -172,7 +172,7 @@ Instruction SideVariables::widenedFunction(Instruction function)
     if (type.opcode != spv::OpTypeFunction)
         return function;
     std::vector<Id> parameters;
-    for (std::uint32_t i = 3; i < type.count; ++i) {
+    for (uint32_t i = 3; i < type.count; ++i) {
         parameters.push_back(module_.word(type, i));
         const Instruction pointer = module_.definition(parameters.back());
         if (const Id shape = shapeOfPointee(pointer); shape != 0)
@@ -185,9 +185,9 @@ Instruction SideVariables::widenedFunction(Instruction function)
 
 Instruction SideVariables::widenedCall(Instruction call, Code &out)
 {
-    std::vector<std::uint32_t> operands;
+    std::vector<uint32_t> operands;
     bool changed = false;
-    for (std::uint32_t i = 1; i < call.count; ++i) {
+    for (uint32_t i = 1; i < call.count; ++i) {
         const Id operand = module_.word(call, i);
         operands.push_back(operand);
         if (i < 4 || shapeOfPointee(module_.definition(module_.resultType(module_.definition(operand)))) == 0)

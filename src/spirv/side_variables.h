@@ -53,7 +53,7 @@ public:
     Id element(Variable beside, const std::vector<Id> &indices, Id type, Code &out);
 
 private:
-    [[nodiscard]] bool isObject(std::uint32_t type) const;
+    [[nodiscard]] bool isObject(uint32_t type) const;
     Id shapeOf(Id type, int depth);
     Id shapeOfPointee(Instruction pointerType);
     std::optional<Variable> make(Instruction variable, const std::set<Id> *only);

@@ -7,7 +7,7 @@ namespace vellum::spirv
 
 // By exclusive or: lavapipe's traversal takes up to 15 % longer with a mask that its compiler sees through
 // (Mesa 25.0.7; computed flags that are the same for all rays).
-Id removeFlags(const Module &module, Types &types, Id flags, std::uint32_t removed, Code &out)
+Id removeFlags(const Module &module, Types &types, Id flags, uint32_t removed, Code &out)
 {
     if (removed == 0)
         return flags;
@@ -28,7 +28,7 @@ Id hiddenBits(Types &types, Id flags, Code &out)
 }
 
 // In a pipeline without micromaps, the one that the driver does not know, which does nothing there.
-std::uint32_t TraceRays::hidden() const
+uint32_t TraceRays::hidden() const
 {
     if (options_.pipelineStage)
         return shared::kHiddenRayFlags;

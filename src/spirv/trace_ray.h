@@ -14,7 +14,7 @@ namespace vellum::spirv
 {
 
 // The flags without some, as the driver gets them. Constants stay constants; what is computed becomes a uint.
-Id removeFlags(const Module &module, Types &types, Id flags, std::uint32_t removed, Code &out);
+Id removeFlags(const Module &module, Types &types, Id flags, uint32_t removed, Code &out);
 
 // The flags that are hidden from the driver, of flags of either signedness. A uint.
 Id hiddenBits(Types &types, Id flags, Code &out);
@@ -37,7 +37,7 @@ public:
 
 private:
     // The flags that are hidden from the driver.
-    [[nodiscard]] std::uint32_t hidden() const;
+    [[nodiscard]] uint32_t hidden() const;
     [[nodiscard]] bool inPayload() const;
     bool keepFlags(Instruction in, const RayInstruction &ray, Code &out);
     bool copiesHitObject(Instruction in);

@@ -13,7 +13,7 @@ template <typename Corner>
 std::vector<Corner> cut(const std::vector<Corner> &polygon, mpq_class Corner::*axis, const mpq_class &bound, int sign)
 {
     std::vector<Corner> rest;
-    for (std::size_t i = 0; i < polygon.size(); ++i) {
+    for (size_t i = 0; i < polygon.size(); ++i) {
         const Corner &from = polygon[i];
         const Corner &to = polygon[(i + 1) % polygon.size()];
         const int over = cmp(from.*axis, bound) * sign;
@@ -31,26 +31,26 @@ std::vector<Corner> cut(const std::vector<Corner> &polygon, mpq_class Corner::*a
 } // namespace
 
 ExactPart::ExactPart(const AlphaTexture &texture, const TriangleCorners &triangle, const MicroCorners &corners,
-                     std::uint32_t level)
+                     uint32_t level)
 {
     const mpq_class steps(1u << level);
-    const auto along = [&](const std::array<float, 3> &values, const LatticePoint &p, std::uint32_t size) {
+    const auto along = [&](const std::array<float, 3> &values, const LatticePoint &p, uint32_t size) {
         const mpq_class first(values[0]);
         const mpq_class second(values[1]);
         const mpq_class third(values[2]);
         return mpq_class(size * (first + ((second - first) * p.i + (third - first) * p.j) / steps));
     };
-    for (std::size_t i = 0; i < 3; ++i)
-        m_corners[i] = {along(triangle.u, corners[i], texture.width), along(triangle.v, corners[i], texture.height)};
+    for (size_t i = 0; i < 3; ++i)
+        corners_[i] = {along(triangle.u, corners[i], texture.width), along(triangle.v, corners[i], texture.height)};
 }
 
-Outcomes ExactPart::outcomesIn(const Texels &texels, std::int64_t x, std::int64_t y, double scale, double cutoff) const
+Outcomes ExactPart::outcomesIn(const Texels &texels, int64_t x, int64_t y, double scale, double cutoff) const
 {
     const bool nearest = texels.texture().filter == Filter::Nearest;
     const mpq_class half(nearest ? 0 : 0.5);
     const mpq_class left = mpq_class(static_cast<double>(x)) + half;
     const mpq_class top = mpq_class(static_cast<double>(y)) + half;
-    std::vector<Corner> part(m_corners.begin(), m_corners.end());
+    std::vector<Corner> part(corners_.begin(), corners_.end());
     part = cut(part, &Corner::x, left, -1);
     part = cut(part, &Corner::x, mpq_class(left + 1), 1);
     part = cut(part, &Corner::y, top, -1);
@@ -80,7 +80,7 @@ Outcomes ExactPart::outcomesIn(const Texels &texels, std::int64_t x, std::int64_
     const std::array<float, 4> values{texels.at(x, y), texels.at(x + 1, y), texels.at(x, y + 1),
                                       texels.at(x + 1, y + 1)};
     std::array<mpq_class, 4> f;
-    for (std::size_t i = 0; i < 4; ++i) {
+    for (size_t i = 0; i < 4; ++i) {
         if (!std::isfinite(values[i]))
             return {true, true};
         f[i] = mpq_class(values[i]) * mpq_class(scale) - mpq_class(cutoff);
@@ -94,7 +94,7 @@ Outcomes ExactPart::outcomesIn(const Texels &texels, std::int64_t x, std::int64_
         return mpq_class(f[0] + (a * (p.x + q.x) + b * (p.y + q.y) + c * (p.x * q.y + q.x * p.y)) / 2);
     };
     Outcomes outcomes;
-    for (std::size_t i = 0; i < part.size() && !(outcomes.opaque && outcomes.transparent); ++i) {
+    for (size_t i = 0; i < part.size() && !(outcomes.opaque && outcomes.transparent); ++i) {
         const Corner &to = part[(i + 1) % part.size()];
         const mpq_class first = polar(part[i], part[i]);
         const mpq_class inner = polar(part[i], to);

@@ -25,20 +25,19 @@ public:
     // A micro-triangle: corners of the lattice with 2^level steps along the edges of `triangle`, whose coordinates are
     // finite.
     ExactPart(const AlphaTexture &texture, const TriangleCorners &triangle, const MicroCorners &corners,
-              std::uint32_t level);
+              uint32_t level);
 
     // The outcomes in what the closed micro-triangle and a cell of the filter have in common; both where a texel of the
     // cell is not finite. For Filter::Nearest the cell is the texel itself, without its right and lower side; else the
     // closed square from the centre of that texel to the next. A value times `scale` is opaque from `cutoff` on.
-    [[nodiscard]] Outcomes outcomesIn(const Texels &texels, std::int64_t x, std::int64_t y, double scale,
-                                      double cutoff) const;
+    [[nodiscard]] Outcomes outcomesIn(const Texels &texels, int64_t x, int64_t y, double scale, double cutoff) const;
 
 private:
     struct Corner {
         mpq_class x;
         mpq_class y;
     };
-    std::array<Corner, 3> m_corners;
+    std::array<Corner, 3> corners_;
 };
 
 } // namespace vellum::verify

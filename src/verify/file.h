@@ -19,10 +19,10 @@ struct FileOptions : Options {
     std::optional<double> blendCutoff;
     // The most work for a file, beside what the size of its micromaps is worth: a small file that says one thing of
     // many triangles could take hours. About a minute; what is left then is not verified.
-    std::uint64_t fileWork = std::uint64_t{1} << 29;
-    std::uint64_t workForByte = 256; // of micromap data: 64 for each micro-triangle of 4-state data
+    uint64_t fileWork = uint64_t{1} << 29;
+    uint64_t workForByte = 256; // of micromap data: 64 for each micro-triangle of 4-state data
     // Most offences of structure that are listed.
-    std::size_t maxOffences = 100;
+    size_t maxOffences = 100;
 };
 
 struct PrimitiveReport {
@@ -30,8 +30,8 @@ struct PrimitiveReport {
     std::string name; // `mesh 2 "leaves" primitive 0`
     std::string material;
     std::optional<double> cutoff; // none: alphaMode BLEND
-    std::size_t triangles = 0;
-    std::size_t special = 0; // triangles with a special index
+    size_t triangles = 0;
+    size_t special = 0; // triangles with a special index
     // Why its alpha can become another than the one that was verified; empty where it cannot.
     std::string caution;
     Result result;
@@ -46,7 +46,7 @@ struct Unverified {
 
 struct FileReport {
     std::string extension; // empty: the file has no micromaps
-    std::size_t micromaps = 0;
+    size_t micromaps = 0;
     // Where there are any, claims are not looked at.
     std::vector<MicromapOffence> offences;
     std::vector<PrimitiveReport> primitives; // in the file's order
@@ -58,7 +58,7 @@ struct FileReport {
     // Special indices stand beside others in a primitive, so that a pipeline must not be created with
     // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR.
     bool mixedSpecialIndices = false;
-    std::uint64_t work = 0; // that was done, as of Result
+    uint64_t work = 0; // that was done, as of Result
 
     [[nodiscard]] Counts counts() const;
 };

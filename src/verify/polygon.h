@@ -24,17 +24,17 @@ public:
     // A heptagon that is cut four times. Rounding may have bent it: each cut makes at most half as many corners more.
     static constexpr unsigned kMost = 36;
 
-    void add(const Point &p) { m_corners[m_count++] = p; }
-    [[nodiscard]] unsigned count() const { return m_count; }
-    [[nodiscard]] const Point &operator[](unsigned i) const { return m_corners[i]; }
+    void add(const Point &p) { corners_[count_++] = p; }
+    [[nodiscard]] unsigned count() const { return count_; }
+    [[nodiscard]] const Point &operator[](unsigned i) const { return corners_[i]; }
 
     // Leaves what is on one side of a line along an axis, the line included: coordinate * sign <= bound * sign.
     void cut(double Point::*axis, double bound, double sign)
     {
         Polygon rest;
-        for (unsigned i = 0; i < m_count; ++i) {
-            const Point &from = m_corners[i];
-            const Point &to = m_corners[i + 1 < m_count ? i + 1 : 0];
+        for (unsigned i = 0; i < count_; ++i) {
+            const Point &from = corners_[i];
+            const Point &to = corners_[i + 1 < count_ ? i + 1 : 0];
             const double over = (from.*axis - bound) * sign;
             const double overNext = (to.*axis - bound) * sign;
             if (over <= 0)
@@ -59,8 +59,8 @@ public:
     }
 
 private:
-    std::array<Point, kMost> m_corners;
-    unsigned m_count = 0;
+    std::array<Point, kMost> corners_;
+    unsigned count_ = 0;
 };
 
 // All points that are in a box of twice the margins around a point of the triangle: their Minkowski sum. A corner is

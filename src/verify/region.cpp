@@ -19,8 +19,8 @@ constexpr double kSmall = 2;
 // Where the factor changes within a triangle, small parts are divided so many times more.
 constexpr unsigned kFiner = 6;
 // Cells of one micro-triangle that are decided exactly, and what one is worth in parts.
-constexpr std::size_t kMostOpenCells = 1 << 16;
-constexpr std::uint64_t kExactWork = 100;
+constexpr size_t kMostOpenCells = 1 << 16;
+constexpr uint64_t kExactWork = 100;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr Range kNothing{kInfinity, -kInfinity};
 constexpr Range kAnything{-kInfinity, kInfinity};
@@ -54,9 +54,9 @@ double extent(const std::array<Point, 3> &corners)
     return std::max(right - left, bottom - top);
 }
 
-std::int64_t floorOf(double x)
+int64_t floorOf(double x)
 {
-    return static_cast<std::int64_t>(std::floor(x));
+    return static_cast<int64_t>(std::floor(x));
 }
 
 // The filtered value at a place; not a number where a texel is not finite.
@@ -66,8 +66,8 @@ double filtered(const Texels &texels, const Point &at)
         const float value = texels.at(floorOf(at.x), floorOf(at.y));
         return std::isfinite(value) ? double{value} : std::nan("");
     }
-    const std::int64_t x = floorOf(at.x - 0.5);
-    const std::int64_t y = floorOf(at.y - 0.5);
+    const int64_t x = floorOf(at.x - 0.5);
+    const int64_t y = floorOf(at.y - 0.5);
     const double s = at.x - 0.5 - static_cast<double>(x);
     const double t = at.y - 0.5 - static_cast<double>(y);
     const double top = texels.at(x, y) * (1 - s) + texels.at(x + 1, y) * s;
@@ -80,70 +80,70 @@ double filtered(const Texels &texels, const Point &at)
 
 Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tolerances &tolerances,
                const AlphaRule &rule)
-    : m_texels(texels), m_triangle(triangle), m_rule(rule),
-      m_even(triangle.alpha[0] == triangle.alpha[1] && triangle.alpha[0] == triangle.alpha[2])
+    : texels_(texels), triangle_(triangle), rule_(rule),
+      even_(triangle.alpha[0] == triangle.alpha[1] && triangle.alpha[0] == triangle.alpha[2])
 {
     const AlphaTexture &texture = texels.texture();
     // A coordinate times the size is exact: 24 and at most 29 bits.
-    for (std::size_t i = 0; i < 3; ++i)
-        m_corners[i] = {double{triangle.u[i]} * texture.width, double{triangle.v[i]} * texture.height};
+    for (size_t i = 0; i < 3; ++i)
+        corners_[i] = {double{triangle.u[i]} * texture.width, double{triangle.v[i]} * texture.height};
     // What interpolation and the barycentrics of a hit may add to an interpolated number of these three.
     const auto moved = [&](const std::array<float, 3> &values, float terms) {
         const double largest = std::max({std::abs(values[0]), std::abs(values[1]), std::abs(values[2]), terms});
         const double slope = std::abs(double{values[1]} - values[0]) + std::abs(double{values[2]} - values[0]);
         return largest * tolerances.interpolation + slope * tolerances.barycentric;
     };
-    m_marginX = tolerances.subtexel + texture.width * moved(triangle.u, triangle.terms);
-    m_marginY = tolerances.subtexel + texture.height * moved(triangle.v, triangle.terms);
-    m_exact = tolerances.value == 0 && m_marginX == 0 && m_marginY == 0;
-    m_factorMargin = m_even ? 0 : moved(triangle.alpha, 0);
+    marginX_ = tolerances.subtexel + texture.width * moved(triangle.u, triangle.terms);
+    marginY_ = tolerances.subtexel + texture.height * moved(triangle.v, triangle.terms);
+    exact_ = tolerances.value == 0 && marginX_ == 0 && marginY_ == 0;
+    factorMargin_ = even_ ? 0 : moved(triangle.alpha, 0);
 
     double furthest = 0;
     double largestFactor = 0;
-    for (std::size_t i = 0; i < 3; ++i) {
-        const Point &p = m_corners[i];
-        m_measurable = m_measurable && std::abs(p.x) < kImmeasurable && std::abs(p.y) < kImmeasurable &&
-                       std::isfinite(triangle.alpha[i]);
+    for (size_t i = 0; i < 3; ++i) {
+        const Point &p = corners_[i];
+        measurable_ = measurable_ && std::abs(p.x) < kImmeasurable && std::abs(p.y) < kImmeasurable &&
+                      std::isfinite(triangle.alpha[i]);
         furthest = std::max({furthest, std::abs(p.x), std::abs(p.y)});
         largestFactor = std::max(largestFactor, std::abs(double{triangle.alpha[i]}));
     }
-    m_far = !(furthest < kFar);
+    far_ = !(furthest < kFar);
     // It is the filtered value that is not exact.
-    m_low = rule.transparentBelow - tolerances.value * largestFactor;
-    m_high = rule.opaqueFrom + tolerances.value * largestFactor;
+    low_ = rule.transparentBelow - tolerances.value * largestFactor;
+    high_ = rule.opaqueFrom + tolerances.value * largestFactor;
     // With u = 2^-53 and m the furthest corner: a corner of a micro-triangle is off by 12 u m, that of a part by u m
     // more for each of fewer than 60 divisions, that of a widened polygon by 64 u m more.
-    m_slack = 0x1p-45 * std::max(furthest + m_marginX + m_marginY, 1.0);
+    slack_ = 0x1p-45 * std::max(furthest + marginX_ + marginY_, 1.0);
     // Neighbouring texels differ by no more than twice the largest, so that over a cell a value changes by less than 4
     // times that for each texel of way. Polygons reach 3 times the slack out of a cell along both axes, and the cell
     // beside it has another function: less than 64 in all. The values themselves have fewer than 32 roundings.
     const double largest = texels.largest() * largestFactor;
-    m_valueSlack = 64 * m_slack * largest + 0x1p-46 * (largest + std::max(std::abs(m_low), std::abs(m_high)));
+    valueSlack_ = 64 * slack_ * largest + 0x1p-46 * (largest + std::max(std::abs(low_), std::abs(high_)));
 }
 
-Region::Part Region::part(const MicroCorners &corners, std::uint32_t level) const
+Region::Part Region::part(const MicroCorners &corners, uint32_t level) const
 {
     const double step = 1.0 / (1u << level);
     Part part;
-    for (std::size_t n = 0; n < 3; ++n) {
+    for (size_t n = 0; n < 3; ++n) {
         const double i = corners[n].i * step;
         const double j = corners[n].j * step;
         const auto along = [&](double first, double second, double third) {
             return first + (second - first) * i + (third - first) * j;
         };
-        part.corners[n] = {along(m_corners[0].x, m_corners[1].x, m_corners[2].x),
-                           along(m_corners[0].y, m_corners[1].y, m_corners[2].y)};
-        part.factors[n] = along(m_triangle.alpha[0], m_triangle.alpha[1], m_triangle.alpha[2]);
+        part.corners[n] = {along(corners_[0].x, corners_[1].x, corners_[2].x),
+                           along(corners_[0].y, corners_[1].y, corners_[2].y)};
+        part.factors[n] = along(triangle_.alpha[0], triangle_.alpha[1], triangle_.alpha[2]);
     }
     return part;
 }
 
 Range Region::factorsOf(const Part &part) const
 {
-    if (m_even)
+    if (even_)
         return {part.factors[0], part.factors[0]};
     const auto [low, high] = std::minmax({part.factors[0], part.factors[1], part.factors[2]});
-    const double margin = m_factorMargin + 0x1p-45 * std::max(std::abs(low), std::abs(high));
+    const double margin = factorMargin_ + 0x1p-45 * std::max(std::abs(low), std::abs(high));
     return {low - margin, high + margin};
 }
 
@@ -151,27 +151,27 @@ TexelBox Region::boxOf(const Part &part) const
 {
     const auto [left, right] = std::minmax({part.corners[0].x, part.corners[1].x, part.corners[2].x});
     const auto [top, bottom] = std::minmax({part.corners[0].y, part.corners[1].y, part.corners[2].y});
-    const bool nearest = m_texels.texture().filter == Filter::Nearest;
+    const bool nearest = texels_.texture().filter == Filter::Nearest;
     const double shift = nearest ? 0 : 0.5;
-    const std::int64_t next = nearest ? 0 : 1;
-    const double reachX = m_marginX + m_slack;
-    const double reachY = m_marginY + m_slack;
+    const int64_t next = nearest ? 0 : 1;
+    const double reachX = marginX_ + slack_;
+    const double reachY = marginY_ + slack_;
     return {floorOf(left - reachX - shift), floorOf(right + reachX - shift) + next, floorOf(top - reachY - shift),
             floorOf(bottom + reachY - shift) + next};
 }
 
 Range Region::bounds(const Part &part) const
 {
-    return times(m_texels.range(boxOf(part)), factorsOf(part));
+    return times(texels_.range(boxOf(part)), factorsOf(part));
 }
 
 Witness Region::valueAt(const Part &part) const
 {
     const Point at = centre(part.corners);
-    return {at, filtered(m_texels, at) * (part.factors[0] + part.factors[1] + part.factors[2]) / 3};
+    return {at, filtered(texels_, at) * (part.factors[0] + part.factors[1] + part.factors[2]) / 3};
 }
 
-Verdict Region::operator()(const MicroCorners &corners, std::uint32_t level, Ask ask)
+Verdict Region::operator()(const MicroCorners &corners, uint32_t level, Ask ask)
 {
     Search search{.wantsOpaque = ask != Ask::NotTransparent, .wantsTransparent = ask != Ask::NotOpaque};
     visit(search, part(corners, level), 0, 0);
@@ -182,19 +182,19 @@ Verdict Region::operator()(const MicroCorners &corners, std::uint32_t level, Ask
 
 bool Region::matters(const Search &search, const Range &values) const
 {
-    return (search.wantsOpaque && search.verdict.notOpaque != Answer::Yes && values.low < m_high) ||
-           (search.wantsTransparent && search.verdict.notTransparent != Answer::Yes && values.high >= m_low);
+    return (search.wantsOpaque && search.verdict.notOpaque != Answer::Yes && values.low < high_) ||
+           (search.wantsTransparent && search.verdict.notTransparent != Answer::Yes && values.high >= low_);
 }
 
 // Takes values that occur, give or take `slack`.
 void Region::found(Search &search, const Witness &least, const Witness &most, double slack) const
 {
     Verdict &verdict = search.verdict;
-    if (verdict.notOpaque != Answer::Yes && least.value < m_high - slack) {
+    if (verdict.notOpaque != Answer::Yes && least.value < high_ - slack) {
         verdict.notOpaque = Answer::Yes;
         verdict.belowOpaque = least;
     }
-    if (verdict.notTransparent != Answer::Yes && most.value >= m_low + slack) {
+    if (verdict.notTransparent != Answer::Yes && most.value >= low_ + slack) {
         verdict.notTransparent = Answer::Yes;
         verdict.aboveTransparent = most;
     }
@@ -203,9 +203,9 @@ void Region::found(Search &search, const Witness &least, const Witness &most, do
 void Region::leaveOpen(Search &search, const Range &values) const
 {
     Verdict &verdict = search.verdict;
-    if (verdict.notOpaque == Answer::No && values.low < m_high)
+    if (verdict.notOpaque == Answer::No && values.low < high_)
         verdict.notOpaque = Answer::Open;
-    if (verdict.notTransparent == Answer::No && values.high >= m_low)
+    if (verdict.notTransparent == Answer::No && values.high >= low_)
         verdict.notTransparent = Answer::Open;
 }
 
@@ -213,7 +213,7 @@ void Region::visit(Search &search, const Part &part, unsigned depth, unsigned sm
 {
     const TexelBox box = boxOf(part);
     const Range factors = factorsOf(part);
-    Range values = times(m_texels.range(box), factors);
+    Range values = times(texels_.range(box), factors);
     if (!matters(search, values))
         return;
     if (work == 0) {
@@ -222,24 +222,24 @@ void Region::visit(Search &search, const Part &part, unsigned depth, unsigned sm
     }
     --work;
     // All on one side: then so is the middle. Where a texel is not finite there are no bounds.
-    if (values.high < m_high || values.low >= m_low) {
+    if (values.high < high_ || values.low >= low_) {
         const Witness some = valueAt(part);
         found(search, {some.at, std::clamp(some.value, values.low, values.high)},
               {some.at, std::clamp(some.value, values.low, values.high)}, 0);
     }
-    if (depth == 0 || !m_even) {
-        for (std::size_t i = 0; i < 3; ++i)
+    if (depth == 0 || !even_) {
+        for (size_t i = 0; i < 3; ++i)
             sample(search, part.corners[i], part.factors[i]);
         sample(search, centre(part.corners), (part.factors[0] + part.factors[1] + part.factors[2]) / 3);
     }
     if (!matters(search, values))
         return;
-    if (extent(part.corners) > std::max({kSmall, m_marginX, m_marginY})) {
+    if (extent(part.corners) > std::max({kSmall, marginX_, marginY_})) {
         divide(search, part, depth, 0);
         return;
     }
     const Range filteredValues = lookAtCells(search, part, box, factors);
-    if (m_even)
+    if (even_)
         return;
     values = times(filteredValues, factors);
     if (!matters(search, values))
@@ -265,26 +265,26 @@ void Region::divide(Search &search, const Part &part, unsigned depth, unsigned s
 // The value at a place of the part: of what is near, if rounding could have moved it to the next texel, nothing.
 void Region::sample(Search &search, const Point &at, double factor) const
 {
-    if (m_texels.texture().filter == Filter::Nearest) {
-        const auto near = [&](double x) { return std::abs(x - std::round(x)) <= m_slack; };
+    if (texels_.texture().filter == Filter::Nearest) {
+        const auto near = [&](double x) { return std::abs(x - std::round(x)) <= slack_; };
         if (near(at.x) || near(at.y))
             return;
     }
-    const double value = filtered(m_texels, at) * factor;
+    const double value = filtered(texels_, at) * factor;
     if (!std::isnan(value))
-        found(search, {at, value}, {at, value}, m_valueSlack);
+        found(search, {at, value}, {at, value}, valueSlack_);
 }
 
 // The range of the filtered values, where the factor changes; where it does not, what they say is noted at once.
 Range Region::lookAtCells(Search &search, const Part &part, const TexelBox &box, const Range &factors)
 {
-    const bool isNearest = m_texels.texture().filter == Filter::Nearest;
-    const std::int64_t next = isNearest ? 0 : 1;
-    const Polygon polygon = widened(part.corners, m_marginX, m_marginY);
+    const bool isNearest = texels_.texture().filter == Filter::Nearest;
+    const int64_t next = isNearest ? 0 : 1;
+    const Polygon polygon = widened(part.corners, marginX_, marginY_);
     Range range = kNothing;
-    for (std::int64_t y = box.top; y <= box.bottom - next; ++y) {
-        for (std::int64_t x = box.left; x <= box.right - next; ++x) {
-            const Range values = times(m_texels.range({x, x + next, y, y + next}), factors);
+    for (int64_t y = box.top; y <= box.bottom - next; ++y) {
+        for (int64_t x = box.left; x <= box.right - next; ++x) {
+            const Range values = times(texels_.range({x, x + next, y, y + next}), factors);
             if (!matters(search, values)) {
                 // For the caller all that counts is on which side it is.
                 continue;
@@ -301,17 +301,17 @@ Range Region::lookAtCells(Search &search, const Part &part, const TexelBox &box,
     return range;
 }
 
-Range Region::bilinear(Search &search, Polygon polygon, std::int64_t x, std::int64_t y, const Range &factors) const
+Range Region::bilinear(Search &search, Polygon polygon, int64_t x, int64_t y, const Range &factors) const
 {
     const double left = static_cast<double>(x) + 0.5;
     const double top = static_cast<double>(y) + 0.5;
-    const double reach = 2 * m_slack;
+    const double reach = 2 * slack_;
     polygon.cut(left - reach, left + 1 + reach, top - reach, top + 1 + reach);
     if (polygon.count() == 0)
         return kNothing;
-    const double factor = m_even ? factors.low : 1;
-    const CellTexels texels{m_texels.at(x, y) * factor, m_texels.at(x + 1, y) * factor, m_texels.at(x, y + 1) * factor,
-                            m_texels.at(x + 1, y + 1) * factor};
+    const double factor = even_ ? factors.low : 1;
+    const CellTexels texels{texels_.at(x, y) * factor, texels_.at(x + 1, y) * factor, texels_.at(x, y + 1) * factor,
+                            texels_.at(x + 1, y + 1) * factor};
     if (!std::isfinite(texels.f00 + texels.f10 + texels.f01 + texels.f11)) {
         const Witness none{polygon[0], std::nan("")};
         polygon.cut(left + reach, left + 1 - reach, top + reach, top + 1 - reach);
@@ -324,28 +324,27 @@ Range Region::bilinear(Search &search, Polygon polygon, std::int64_t x, std::int
         return kAnything;
     }
     const Extremes extremes = extremesOver(polygon, texels, left, top);
-    const Range range{extremes.floor - m_valueSlack, extremes.ceiling + m_valueSlack};
-    if (m_even) {
-        found(search, extremes.least, extremes.most, m_valueSlack);
+    const Range range{extremes.floor - valueSlack_, extremes.ceiling + valueSlack_};
+    if (even_) {
+        found(search, extremes.least, extremes.most, valueSlack_);
         if (matters(search, range))
             leaveCell(search, {x, y, extremes.least, extremes.most}, range);
     }
     return range;
 }
 
-Range Region::nearest(Search &search, const Polygon &polygon, std::int64_t x, std::int64_t y,
-                      const Range &factors) const
+Range Region::nearest(Search &search, const Polygon &polygon, int64_t x, int64_t y, const Range &factors) const
 {
     const auto left = static_cast<double>(x);
     const auto top = static_cast<double>(y);
-    const double reach = 2 * m_slack;
+    const double reach = 2 * slack_;
     Polygon part = polygon;
     part.cut(left - reach, left + 1 + reach, top - reach, top + 1 + reach);
     if (part.count() == 0)
         return kNothing;
-    const double texel = m_texels.at(x, y);
+    const double texel = texels_.at(x, y);
     const Range range = std::isfinite(texel) ? Range{texel, texel} : kAnything;
-    if (!m_even)
+    if (!even_)
         return range;
     Witness witness{part[0], texel * factors.low};
     part.cut(left + reach, left + 1 - reach, top + reach, top + 1 - reach);
@@ -365,13 +364,13 @@ Range Region::nearest(Search &search, const Polygon &polygon, std::int64_t x, st
 
 void Region::leaveCell(Search &search, const OpenCell &cell, const Range &values) const
 {
-    if (m_exact && m_even && search.cells.size() < kMostOpenCells)
+    if (exact_ && even_ && search.cells.size() < kMostOpenCells)
         search.cells.push_back(cell);
     else
         leaveOpen(search, values);
 }
 
-void Region::decideExactly(Search &search, const MicroCorners &corners, std::uint32_t level)
+void Region::decideExactly(Search &search, const MicroCorners &corners, uint32_t level)
 {
     std::sort(search.cells.begin(), search.cells.end(),
               [](const OpenCell &a, const OpenCell &b) { return a.y != b.y ? a.y < b.y : a.x < b.x; });
@@ -379,7 +378,7 @@ void Region::decideExactly(Search &search, const MicroCorners &corners, std::uin
     search.cells.erase(std::unique(search.cells.begin(), search.cells.end(), same), search.cells.end());
     if (!matters(search, kAnything))
         return;
-    const ExactPart part(m_texels.texture(), m_triangle, corners, level);
+    const ExactPart part(texels_.texture(), triangle_, corners, level);
     Verdict &verdict = search.verdict;
     for (const OpenCell &cell : search.cells) {
         if (!matters(search, kAnything))
@@ -390,11 +389,11 @@ void Region::decideExactly(Search &search, const MicroCorners &corners, std::uin
         }
         work -= kExactWork;
         const auto outcomesBy = [&](double cutoff) {
-            return part.outcomesIn(m_texels, cell.x, cell.y, m_triangle.alpha[0], cutoff);
+            return part.outcomesIn(texels_, cell.x, cell.y, triangle_.alpha[0], cutoff);
         };
-        const Outcomes outcomes = outcomesBy(m_rule.opaqueFrom);
-        const bool twoThresholds = m_rule.transparentBelow != m_rule.opaqueFrom;
-        const bool notTransparent = twoThresholds ? outcomesBy(m_rule.transparentBelow).opaque : outcomes.opaque;
+        const Outcomes outcomes = outcomesBy(rule_.opaqueFrom);
+        const bool twoThresholds = rule_.transparentBelow != rule_.opaqueFrom;
+        const bool notTransparent = twoThresholds ? outcomesBy(rule_.transparentBelow).opaque : outcomes.opaque;
         if (outcomes.transparent && verdict.notOpaque != Answer::Yes) {
             verdict.notOpaque = Answer::Yes;
             verdict.belowOpaque = cell.least;

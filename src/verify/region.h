@@ -29,7 +29,7 @@ struct AlphaRule {
     double opaqueFrom = 0.5;
 };
 
-enum class Answer : std::uint8_t { No, Yes, Open };
+enum class Answer : uint8_t { No, Yes, Open };
 
 // Whether there is a place whose value is below the upper threshold ("not opaque"), and one whose value is not below
 // the lower one ("not transparent"). Without tolerances they are those of the rule.
@@ -40,7 +40,7 @@ struct Verdict {
     Witness aboveTransparent;
 };
 
-enum class Ask : std::uint8_t { NotOpaque = 1, NotTransparent = 2, Both = 3 };
+enum class Ask : uint8_t { NotOpaque = 1, NotTransparent = 2, Both = 3 };
 
 // A triangle over its texture. Corners are in texels.
 class Region
@@ -50,34 +50,34 @@ public:
 
     // Coordinates are finite, and so near that there are numbers for what lies between texels. Nothing below may be
     // called otherwise.
-    [[nodiscard]] bool measurable() const { return m_measurable; }
+    [[nodiscard]] bool measurable() const { return measurable_; }
     // The baker leaves triangles unknown that are further away than single precision tells texels apart.
-    [[nodiscard]] bool far() const { return m_far; }
+    [[nodiscard]] bool far() const { return far_; }
 
     // A part of the triangle: its corners, and the factor of the value there.
     struct Part {
         std::array<Point, 3> corners;
         std::array<double, 3> factors;
     };
-    [[nodiscard]] Part part(const MicroCorners &corners, std::uint32_t level) const;
+    [[nodiscard]] Part part(const MicroCorners &corners, uint32_t level) const;
     // Bounds for the values at a part, margins included.
     [[nodiscard]] Range bounds(const Part &part) const;
-    [[nodiscard]] double high() const { return m_high; }
-    [[nodiscard]] double low() const { return m_low; }
+    [[nodiscard]] double high() const { return high_; }
+    [[nodiscard]] double low() const { return low_; }
 
     // Over a micro-triangle, with margins. May say Open; where all tolerances are 0 and the factor is the same all over
     // the triangle, only when work() is used up.
-    [[nodiscard]] Verdict operator()(const MicroCorners &corners, std::uint32_t level, Ask ask);
+    [[nodiscard]] Verdict operator()(const MicroCorners &corners, uint32_t level, Ask ask);
     // The value in double precision.
     [[nodiscard]] Witness valueAt(const Part &part) const;
 
     // How many more parts may be looked at. Huge slivers over a texture of noise would take hours.
-    std::uint64_t work = 0;
+    uint64_t work = 0;
 
 private:
     // A cell that rounding hides.
     struct OpenCell {
-        std::int64_t x, y;
+        int64_t x, y;
         Witness least, most;
     };
     struct Search {
@@ -97,28 +97,27 @@ private:
     void divide(Search &search, const Part &part, unsigned depth, unsigned small);
     void sample(Search &search, const Point &at, double factor) const;
     [[nodiscard]] Range lookAtCells(Search &search, const Part &part, const TexelBox &box, const Range &factors);
-    [[nodiscard]] Range bilinear(Search &search, Polygon polygon, std::int64_t x, std::int64_t y,
-                                 const Range &factors) const;
-    [[nodiscard]] Range nearest(Search &search, const Polygon &polygon, std::int64_t x, std::int64_t y,
+    [[nodiscard]] Range bilinear(Search &search, Polygon polygon, int64_t x, int64_t y, const Range &factors) const;
+    [[nodiscard]] Range nearest(Search &search, const Polygon &polygon, int64_t x, int64_t y,
                                 const Range &factors) const;
     void leaveCell(Search &search, const OpenCell &cell, const Range &values) const;
-    void decideExactly(Search &search, const MicroCorners &corners, std::uint32_t level);
+    void decideExactly(Search &search, const MicroCorners &corners, uint32_t level);
 
-    const Texels &m_texels;
-    TriangleCorners m_triangle;
-    AlphaRule m_rule;
-    double m_low;
-    double m_high;
-    bool m_measurable = true;
-    bool m_far = false;
-    bool m_exact; // no tolerances
-    bool m_even;  // the factor is the same all over
-    std::array<Point, 3> m_corners;
-    double m_marginX = 0;
-    double m_marginY = 0;
-    double m_slack = 0;      // no coordinate is off by more
-    double m_valueSlack = 0; // nor a filtered value, before it is multiplied
-    double m_factorMargin = 0;
+    const Texels &texels_;
+    TriangleCorners triangle_;
+    AlphaRule rule_;
+    double low_;
+    double high_;
+    bool measurable_ = true;
+    bool far_ = false;
+    bool exact_; // no tolerances
+    bool even_;  // the factor is the same all over
+    std::array<Point, 3> corners_;
+    double marginX_ = 0;
+    double marginY_ = 0;
+    double slack_ = 0;      // no coordinate is off by more
+    double valueSlack_ = 0; // nor a filtered value, before it is multiplied
+    double factorMargin_ = 0;
 };
 
 } // namespace vellum::verify

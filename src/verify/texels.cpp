@@ -11,7 +11,7 @@ namespace vellum::verify
 namespace
 {
 
-constexpr std::int64_t kGroundSquare = 4;
+constexpr int64_t kGroundSquare = 4;
 constexpr Range kNothing{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
@@ -32,29 +32,29 @@ void includeTexel(Range &range, float value)
 // Stored positions that a run of unwrapped ones along an axis reads.
 struct Stored {
     struct Span {
-        std::int64_t first, last;
+        int64_t first, last;
     };
     std::array<Span, 3> spans;
     unsigned count = 0;
     bool border = false;
 
-    void add(std::int64_t first, std::int64_t last)
+    void add(int64_t first, int64_t last)
     {
         if (first <= last)
             spans[count++] = {first, last};
     }
 };
 
-std::int64_t modulo(std::int64_t a, std::int64_t b)
+int64_t modulo(int64_t a, int64_t b)
 {
-    const std::int64_t rest = a % b;
+    const int64_t rest = a % b;
     return rest < 0 ? rest + b : rest;
 }
 
-Stored storedOf(std::int64_t first, std::int64_t last, std::int64_t size, Wrap wrap)
+Stored storedOf(int64_t first, int64_t last, int64_t size, Wrap wrap)
 {
     Stored stored;
-    const auto clamped = [&](std::int64_t i) { return std::clamp<std::int64_t>(i, 0, size - 1); };
+    const auto clamped = [&](int64_t i) { return std::clamp<int64_t>(i, 0, size - 1); };
     const bool periodic = wrap == Wrap::Repeat || wrap == Wrap::Mirror;
     if (periodic && last - first + 1 >= size) {
         stored.add(0, size - 1);
@@ -62,16 +62,16 @@ Stored storedOf(std::int64_t first, std::int64_t last, std::int64_t size, Wrap w
     }
     switch (wrap) {
     case Wrap::Repeat: {
-        const std::int64_t from = modulo(first, size);
-        const std::int64_t to = from + (last - first);
+        const int64_t from = modulo(first, size);
+        const int64_t to = from + (last - first);
         stored.add(from, std::min(to, size - 1));
         stored.add(0, to - size);
         break;
     }
     case Wrap::Mirror: {
         // Forwards, backwards, and forwards again.
-        const std::int64_t from = modulo(first, 2 * size);
-        const std::int64_t to = from + (last - first);
+        const int64_t from = modulo(first, 2 * size);
+        const int64_t to = from + (last - first);
         stored.add(from, std::min(to, size - 1));
         stored.add(2 * size - 1 - std::min(to, 2 * size - 1), 2 * size - 1 - std::max(from, size));
         stored.add(0, to - 2 * size);
@@ -80,13 +80,13 @@ Stored storedOf(std::int64_t first, std::int64_t last, std::int64_t size, Wrap w
     case Wrap::Clamp: stored.add(clamped(first), clamped(last)); break;
     case Wrap::Border:
         stored.border = first < 0 || last >= size;
-        stored.add(std::max<std::int64_t>(first, 0), std::min(last, size - 1));
+        stored.add(std::max<int64_t>(first, 0), std::min(last, size - 1));
         break;
     case Wrap::MirrorOnce:
         if (first < 0)
-            stored.add(clamped(-1 - std::min<std::int64_t>(last, -1)), clamped(-1 - first));
+            stored.add(clamped(-1 - std::min<int64_t>(last, -1)), clamped(-1 - first));
         if (last >= 0)
-            stored.add(clamped(std::max<std::int64_t>(first, 0)), clamped(last));
+            stored.add(clamped(std::max<int64_t>(first, 0)), clamped(last));
         break;
     }
     return stored;
@@ -94,97 +94,96 @@ Stored storedOf(std::int64_t first, std::int64_t last, std::int64_t size, Wrap w
 
 } // namespace
 
-Texels::Texels(const AlphaTexture &texture) : m_texture(texture)
+Texels::Texels(const AlphaTexture &texture) : texture_(texture)
 {
-    if (texture.width == 0 || texture.height == 0 ||
-        texture.alpha.size() != std::size_t{texture.width} * texture.height)
+    if (texture.width == 0 || texture.height == 0 || texture.alpha.size() != size_t{texture.width} * texture.height)
         throw std::invalid_argument("a texture without a value for each texel");
     for (const float value : texture.alpha)
         if (std::isfinite(value))
-            m_largest = std::max(m_largest, std::abs(double{value}));
+            largest_ = std::max(largest_, std::abs(double{value}));
     if (std::isfinite(texture.border))
-        m_largest = std::max(m_largest, std::abs(double{texture.border}));
+        largest_ = std::max(largest_, std::abs(double{texture.border}));
     addGroundFloor();
-    while (m_floors.back().width > 1 || m_floors.back().height > 1)
+    while (floors_.back().width > 1 || floors_.back().height > 1)
         addFloor();
 }
 
 void Texels::addGroundFloor()
 {
-    const auto squares = [](std::int64_t size) { return (size + kGroundSquare - 1) / kGroundSquare; };
-    Floor floor{squares(m_texture.width), squares(m_texture.height), {}, {}};
-    const auto count = static_cast<std::size_t>(floor.width * floor.height);
+    const auto squares = [](int64_t size) { return (size + kGroundSquare - 1) / kGroundSquare; };
+    Floor floor{squares(texture_.width), squares(texture_.height), {}, {}};
+    const auto count = static_cast<size_t>(floor.width * floor.height);
     floor.low.assign(count, kInfinity);
     floor.high.assign(count, -kInfinity);
-    std::size_t texel = 0;
-    for (std::int64_t y = 0; y < m_texture.height; ++y) {
-        for (std::int64_t x = 0; x < m_texture.width; ++x, ++texel) {
-            const float value = m_texture.alpha[texel];
-            const auto square = static_cast<std::size_t>(y / kGroundSquare * floor.width + x / kGroundSquare);
+    size_t texel = 0;
+    for (int64_t y = 0; y < texture_.height; ++y) {
+        for (int64_t x = 0; x < texture_.width; ++x, ++texel) {
+            const float value = texture_.alpha[texel];
+            const auto square = static_cast<size_t>(y / kGroundSquare * floor.width + x / kGroundSquare);
             const bool finite = std::isfinite(value);
             floor.low[square] = finite ? std::min(floor.low[square], value) : -kInfinity;
             floor.high[square] = finite ? std::max(floor.high[square], value) : kInfinity;
         }
     }
-    m_floors.push_back(std::move(floor));
+    floors_.push_back(std::move(floor));
 }
 
 void Texels::addFloor()
 {
-    const Floor &below = m_floors.back();
+    const Floor &below = floors_.back();
     Floor floor{(below.width + 1) / 2, (below.height + 1) / 2, {}, {}};
-    const auto count = static_cast<std::size_t>(floor.width * floor.height);
+    const auto count = static_cast<size_t>(floor.width * floor.height);
     floor.low.assign(count, kInfinity);
     floor.high.assign(count, -kInfinity);
-    for (std::int64_t y = 0; y < below.height; ++y) {
-        for (std::int64_t x = 0; x < below.width; ++x) {
-            const auto from = static_cast<std::size_t>(y * below.width + x);
-            const auto to = static_cast<std::size_t>(y / 2 * floor.width + x / 2);
+    for (int64_t y = 0; y < below.height; ++y) {
+        for (int64_t x = 0; x < below.width; ++x) {
+            const auto from = static_cast<size_t>(y * below.width + x);
+            const auto to = static_cast<size_t>(y / 2 * floor.width + x / 2);
             floor.low[to] = std::min(floor.low[to], below.low[from]);
             floor.high[to] = std::max(floor.high[to], below.high[from]);
         }
     }
-    m_floors.push_back(std::move(floor));
+    floors_.push_back(std::move(floor));
 }
 
-float Texels::at(std::int64_t x, std::int64_t y) const
+float Texels::at(int64_t x, int64_t y) const
 {
-    const auto position = [](std::int64_t i, std::int64_t size, Wrap wrap) -> std::int64_t {
+    const auto position = [](int64_t i, int64_t size, Wrap wrap) -> int64_t {
         if (i >= 0 && i < size)
             return i;
         const Stored stored = storedOf(i, i, size, wrap);
         return stored.border ? -1 : stored.spans[0].first;
     };
-    const std::int64_t column = position(x, m_texture.width, m_texture.wrapU);
-    const std::int64_t row = position(y, m_texture.height, m_texture.wrapV);
+    const int64_t column = position(x, texture_.width, texture_.wrapU);
+    const int64_t row = position(y, texture_.height, texture_.wrapV);
     if (column < 0 || row < 0)
-        return m_texture.border;
-    return m_texture.alpha[static_cast<std::size_t>(row * m_texture.width + column)];
+        return texture_.border;
+    return texture_.alpha[static_cast<size_t>(row * texture_.width + column)];
 }
 
-Range Texels::stored(std::int64_t left, std::int64_t right, std::int64_t top, std::int64_t bottom) const
+Range Texels::stored(int64_t left, int64_t right, int64_t top, int64_t bottom) const
 {
-    constexpr std::int64_t kFew = 8;
+    constexpr int64_t kFew = 8;
     Range range = kNothing;
-    const std::int64_t longest = std::max(right - left, bottom - top) + 1;
+    const int64_t longest = std::max(right - left, bottom - top) + 1;
     if (longest <= kFew) {
-        for (std::int64_t y = top; y <= bottom; ++y) {
-            const float *row = m_texture.alpha.data() + static_cast<std::size_t>(y * m_texture.width);
-            for (std::int64_t x = left; x <= right; ++x)
+        for (int64_t y = top; y <= bottom; ++y) {
+            const float *row = texture_.alpha.data() + static_cast<size_t>(y * texture_.width);
+            for (int64_t x = left; x <= right; ++x)
                 includeTexel(range, row[x]);
         }
         return range;
     }
-    std::size_t number = 0;
-    std::int64_t square = kGroundSquare;
-    while (number + 1 < m_floors.size() && longest > 4 * square) {
+    size_t number = 0;
+    int64_t square = kGroundSquare;
+    while (number + 1 < floors_.size() && longest > 4 * square) {
         ++number;
         square *= 2;
     }
-    const Floor &floor = m_floors[number];
-    for (std::int64_t y = top / square; y <= bottom / square; ++y) {
-        for (std::int64_t x = left / square; x <= right / square; ++x) {
-            const auto i = static_cast<std::size_t>(y * floor.width + x);
+    const Floor &floor = floors_[number];
+    for (int64_t y = top / square; y <= bottom / square; ++y) {
+        for (int64_t x = left / square; x <= right / square; ++x) {
+            const auto i = static_cast<size_t>(y * floor.width + x);
             include(range, floor.low[i], floor.high[i]);
         }
     }
@@ -193,11 +192,11 @@ Range Texels::stored(std::int64_t left, std::int64_t right, std::int64_t top, st
 
 Range Texels::range(const TexelBox &box) const
 {
-    const Stored columns = storedOf(box.left, box.right, m_texture.width, m_texture.wrapU);
-    const Stored rows = storedOf(box.top, box.bottom, m_texture.height, m_texture.wrapV);
+    const Stored columns = storedOf(box.left, box.right, texture_.width, texture_.wrapU);
+    const Stored rows = storedOf(box.top, box.bottom, texture_.height, texture_.wrapV);
     Range range = kNothing;
     if (columns.border || rows.border)
-        includeTexel(range, m_texture.border);
+        includeTexel(range, texture_.border);
     for (unsigned r = 0; r < rows.count; ++r) {
         for (unsigned c = 0; c < columns.count; ++c) {
             const Range part =
@@ -210,9 +209,9 @@ Range Texels::range(const TexelBox &box) const
 
 Range Texels::all() const
 {
-    Range range = stored(0, m_texture.width - 1, 0, m_texture.height - 1);
-    if (m_texture.wrapU == Wrap::Border || m_texture.wrapV == Wrap::Border)
-        includeTexel(range, m_texture.border);
+    Range range = stored(0, texture_.width - 1, 0, texture_.height - 1);
+    if (texture_.wrapU == Wrap::Border || texture_.wrapV == Wrap::Border)
+        includeTexel(range, texture_.border);
     return range;
 }
 

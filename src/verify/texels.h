@@ -14,10 +14,10 @@ namespace vellum::verify
 
 // Columns and rows, the last included, in unwrapped positions.
 struct TexelBox {
-    std::int64_t left;
-    std::int64_t right;
-    std::int64_t top;
-    std::int64_t bottom;
+    int64_t left;
+    int64_t right;
+    int64_t top;
+    int64_t bottom;
 };
 
 // No value is outside. Where one is not a number or not finite: from minus to plus infinity.
@@ -33,32 +33,32 @@ public:
     // each texel, or none at all.
     explicit Texels(const AlphaTexture &texture);
 
-    [[nodiscard]] const AlphaTexture &texture() const { return m_texture; }
+    [[nodiscard]] const AlphaTexture &texture() const { return texture_; }
     // The texel at an unwrapped position, or the border.
-    [[nodiscard]] float at(std::int64_t x, std::int64_t y) const;
+    [[nodiscard]] float at(int64_t x, int64_t y) const;
     // Bounds for the texels of a box: the exact ones for boxes of a few texels, wider ones for others.
     [[nodiscard]] Range range(const TexelBox &box) const;
     // Bounds for all there is, border included.
     [[nodiscard]] Range all() const;
     // No finite texel, and not the border, is further from 0.
-    [[nodiscard]] double largest() const { return m_largest; }
+    [[nodiscard]] double largest() const { return largest_; }
 
 private:
     // One floor of a pyramid: bounds for squares of texels.
     struct Floor {
-        std::int64_t width = 0;
-        std::int64_t height = 0;
+        int64_t width = 0;
+        int64_t height = 0;
         std::vector<float> low;
         std::vector<float> high;
     };
 
-    [[nodiscard]] Range stored(std::int64_t left, std::int64_t right, std::int64_t top, std::int64_t bottom) const;
+    [[nodiscard]] Range stored(int64_t left, int64_t right, int64_t top, int64_t bottom) const;
     void addGroundFloor();
     void addFloor();
 
-    const AlphaTexture &m_texture;
-    std::vector<Floor> m_floors; // of squares of 4, 8, 16... texels
-    double m_largest = 0;
+    const AlphaTexture &texture_;
+    std::vector<Floor> floors_; // of squares of 4, 8, 16... texels
+    double largest_ = 0;
 };
 
 } // namespace vellum::verify

@@ -20,8 +20,8 @@ struct TriangleCorners {
 
 // Vertex 0 is (0, 0), vertex 1 is (2^level, 0) and vertex 2 is (0, 2^level).
 struct LatticePoint {
-    std::int32_t i = 0;
-    std::int32_t j = 0;
+    int32_t i = 0;
+    int32_t j = 0;
 };
 using MicroCorners = std::array<LatticePoint, 3>;
 

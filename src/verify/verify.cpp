@@ -17,64 +17,64 @@ namespace
 
 // Triangles with the same coordinates and the same index have the same findings.
 struct Groups {
-    std::vector<std::uint32_t> first; // of each group, a triangle
-    std::vector<std::uint32_t> of;    // for each triangle, its group
+    std::vector<uint32_t> first; // of each group, a triangle
+    std::vector<uint32_t> of;    // for each triangle, its group
 };
 
 Groups groupsOf(std::span<const TriangleCorners> triangles, const Micromap &micromap)
 {
     static_assert(sizeof(TriangleCorners) == 10 * sizeof(float)); // no padding
-    const auto compare = [&](std::uint32_t a, std::uint32_t b) {
+    const auto compare = [&](uint32_t a, uint32_t b) {
         if (micromap.indices[a] != micromap.indices[b])
             return micromap.indices[a] < micromap.indices[b] ? -1 : 1;
         return std::memcmp(&triangles[a], &triangles[b], sizeof(TriangleCorners));
     };
-    std::vector<std::uint32_t> order(triangles.size());
+    std::vector<uint32_t> order(triangles.size());
     std::iota(order.begin(), order.end(), 0u);
-    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
         const int difference = compare(a, b);
         return difference != 0 ? difference < 0 : a < b;
     });
     Groups groups;
     groups.of.resize(triangles.size());
-    for (std::size_t i = 0; i < order.size(); ++i) {
+    for (size_t i = 0; i < order.size(); ++i) {
         if (i == 0 || compare(order[i - 1], order[i]) != 0)
             groups.first.push_back(order[i]);
-        groups.of[order[i]] = static_cast<std::uint32_t>(groups.first.size() - 1);
+        groups.of[order[i]] = static_cast<uint32_t>(groups.first.size() - 1);
     }
     return groups;
 }
 
-Claims claimsOf(const Micromap &micromap, std::uint32_t triangle)
+Claims claimsOf(const Micromap &micromap, uint32_t triangle)
 {
-    const std::int32_t index = micromap.indices[triangle];
+    const int32_t index = micromap.indices[triangle];
     if (const auto special = specialState(index))
         return {nullptr, *special, 0, Format::FourState};
-    const MicromapTriangle &t = micromap.triangles[static_cast<std::uint32_t>(index) + micromap.baseTriangle];
+    const MicromapTriangle &t = micromap.triangles[static_cast<uint32_t>(index) + micromap.baseTriangle];
     return {micromap.data.data() + t.dataOffset, State::Opaque, t.subdivisionLevel, t.format};
 }
 
 // What became of a group.
 struct Looked {
     Counts counts;
-    std::uint64_t limit = 0; // of its work
-    std::uint64_t work = 0;
+    uint64_t limit = 0; // of its work
+    uint64_t work = 0;
 };
 
 // Groups are looked at in blocks, so that what one may cost does not depend on which thread is first.
-constexpr std::size_t kBlock = 256;
+constexpr size_t kBlock = 256;
 
 // Goes through the triangles with findings once more, until there are enough.
 std::vector<Finding> list(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
                           const Options &options, const Groups &groups, const std::vector<Looked> &looked,
-                          std::uint64_t &work)
+                          uint64_t &work)
 {
     std::vector<Finding> findings;
-    std::array<std::size_t, kKinds> listed{};
-    for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+    std::array<size_t, kKinds> listed{};
+    for (uint32_t t = 0; t < triangles.size(); ++t) {
         const Counts &its = looked[groups.of[t]].counts;
         bool wanted = false;
-        for (std::size_t kind = 0; kind < kKinds; ++kind)
+        for (size_t kind = 0; kind < kKinds; ++kind)
             wanted = wanted || (its.findings[kind] > 0 && listed[kind] < options.maxFindings);
         if (!wanted || work >= options.work)
             continue;
@@ -83,7 +83,7 @@ std::vector<Finding> list(const Texels &texels, std::span<const TriangleCorners>
         walk();
         work += walk.worked();
         for (Finding &finding : here) {
-            if (listed[static_cast<std::size_t>(finding.kind)]++ >= options.maxFindings)
+            if (listed[static_cast<size_t>(finding.kind)]++ >= options.maxFindings)
                 continue;
             finding.triangle = t;
             findings.push_back(finding);
@@ -99,7 +99,7 @@ Counts &Counts::operator+=(const Counts &other)
     opaque += other.opaque;
     transparent += other.transparent;
     unknown += other.unknown;
-    for (std::size_t i = 0; i < kKinds; ++i)
+    for (size_t i = 0; i < kKinds; ++i)
         findings[i] += other.findings[i];
     open += other.open;
     twoStateTrue += other.twoStateTrue;
@@ -108,7 +108,7 @@ Counts &Counts::operator+=(const Counts &other)
     return *this;
 }
 
-std::uint64_t Counts::microTriangles() const
+uint64_t Counts::microTriangles() const
 {
     return opaque + transparent + unknown + twoStateTrue + twoStateMixed + twoStateReversed;
 }
@@ -132,26 +132,26 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
     std::vector<Looked> looked(groups.first.size());
     Progress progress(options.progress, looked.size());
     const unsigned threads = options.threads == 0 ? std::max(1u, std::thread::hardware_concurrency()) : options.threads;
-    const auto claims = [&](std::size_t group) { return claimsOf(micromap, groups.first[group]); };
+    const auto claims = [&](size_t group) { return claimsOf(micromap, groups.first[group]); };
     Result result;
-    std::size_t first = 0;
+    size_t first = 0;
     while (first < looked.size() && result.work < options.work) {
-        const std::uint64_t left = options.work - result.work;
-        std::size_t count = 0;
-        for (std::uint64_t least = 0; count < kBlock && first + count < looked.size() && (count == 0 || least < left);)
+        const uint64_t left = options.work - result.work;
+        size_t count = 0;
+        for (uint64_t least = 0; count < kBlock && first + count < looked.size() && (count == 0 || least < left);)
             least += TriangleWalk::leastWork(claims(first + count++));
         struct Nothing {
         };
-        inParallel<Nothing>(threads, count, [&](std::size_t i, Nothing &) {
+        inParallel<Nothing>(threads, count, [&](size_t i, Nothing &) {
             Looked &group = looked[first + i];
             group.limit = left / count;
-            const std::uint32_t t = groups.first[first + i];
+            const uint32_t t = groups.first[first + i];
             TriangleWalk walk(texels, triangles[t], claims(first + i), options, group.limit, nullptr);
             group.counts = walk();
             group.work = walk.worked();
             progress.done(1);
         });
-        for (std::size_t i = first; i < first + count; ++i)
+        for (size_t i = first; i < first + count; ++i)
             result.work += looked[i].work;
         first += count;
     }
@@ -159,7 +159,7 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
         looked[first].counts.open = microTriangleCount(claims(first).level);
 
     result.distinct = looked.size();
-    for (const std::uint32_t group : groups.of)
+    for (const uint32_t group : groups.of)
         result.counts += looked[group].counts;
     result.findings = list(texels, triangles, micromap, options, groups, looked, result.work);
     return result;

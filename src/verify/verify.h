@@ -29,31 +29,31 @@ struct Options {
     // Otherwise they are taken for the approximation that they usually are, and only counted.
     bool strictTwoState = false;
     // Most findings of each kind that are listed; all are counted.
-    std::size_t maxFindings = 20;
+    size_t maxFindings = 20;
     // 0 takes one for each processor. The result does not depend on it.
     unsigned threads = 0;
     // The most work to do for all triangles together, in parts of triangles looked at; a fraction of a microsecond
     // each. What is left then is counted as open, and not by what it says.
-    std::uint64_t work = ~std::uint64_t{0};
+    uint64_t work = ~uint64_t{0};
     // Called now and then, by one thread at a time, with triangles done and in all.
-    std::function<void(std::size_t done, std::size_t total)> progress;
+    std::function<void(size_t done, size_t total)> progress;
 
     [[nodiscard]] AlphaRule rule() const { return {cutoff - band, cutoff + band}; }
 };
 
-enum class Kind : std::uint8_t {
+enum class Kind : uint8_t {
     Wrong,          // it says opaque or transparent, and is not so everywhere
     OutsideMargins, // the claim is true, but not of what GPUs may do around it
     Needless,       // unknown, though it is opaque or transparent with all margins
 };
-inline constexpr std::size_t kKinds = 3;
+inline constexpr size_t kKinds = 3;
 
 struct Finding {
     Kind kind = Kind::Wrong;
-    std::uint32_t triangle = 0;
+    uint32_t triangle = 0;
     // The micro-triangle, and the level that it is of. A special index is one micro-triangle of level 0.
-    std::uint32_t microTriangle = 0;
-    std::uint32_t level = 0;
+    uint32_t microTriangle = 0;
+    uint32_t level = 0;
     bool special = false;
     State state = State::Opaque; // what the micromap says
     // A place that contradicts it, or for Kind::Needless the middle, and the value there. Not a number where texture
@@ -65,29 +65,29 @@ struct Finding {
 
 // Of micro-triangles, with a special index counting as one.
 struct Counts {
-    std::uint64_t opaque = 0; // by what the micromap says, 2-state data left out
-    std::uint64_t transparent = 0;
-    std::uint64_t unknown = 0;
-    std::array<std::uint64_t, kKinds> findings{}; // by Kind
+    uint64_t opaque = 0; // by what the micromap says, 2-state data left out
+    uint64_t transparent = 0;
+    uint64_t unknown = 0;
+    std::array<uint64_t, kKinds> findings{}; // by Kind
     // Claims that could be neither proven nor refuted with a bounded amount of work, or because the factor changes
     // within the triangle and the value comes as near to the cutoff as the bounds are apart.
-    std::uint64_t open = 0;
+    uint64_t open = 0;
     // 2-state data: what is so all over the micro-triangle; what stands for both outcomes; what is the other state all
     // over it.
-    std::uint64_t twoStateTrue = 0;
-    std::uint64_t twoStateMixed = 0;
-    std::uint64_t twoStateReversed = 0;
+    uint64_t twoStateTrue = 0;
+    uint64_t twoStateMixed = 0;
+    uint64_t twoStateReversed = 0;
 
     Counts &operator+=(const Counts &other);
-    [[nodiscard]] std::uint64_t microTriangles() const;
-    [[nodiscard]] std::uint64_t of(Kind kind) const { return findings[static_cast<std::size_t>(kind)]; }
+    [[nodiscard]] uint64_t microTriangles() const;
+    [[nodiscard]] uint64_t of(Kind kind) const { return findings[static_cast<size_t>(kind)]; }
 };
 
 struct Result {
     Counts counts;
     std::vector<Finding> findings; // the first of each kind, by triangle and micro-triangle
-    std::size_t distinct = 0;      // triangles that differ in coordinates or index
-    std::uint64_t work = 0;        // that was done
+    size_t distinct = 0;           // triangles that differ in coordinates or index
+    uint64_t work = 0;             // that was done
 };
 
 // `micromap` must be valid and have an index for each triangle, the texture a value for each texel and at least one

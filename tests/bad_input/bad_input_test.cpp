@@ -17,7 +17,7 @@ protected:
     // Renders `file` and checks the manners of the failure. `words` must be in the message.
     void expectRefusal(const std::filesystem::path &file, const std::string &words)
     {
-        const std::size_t before = files();
+        const size_t before = files();
         const Outcome outcome =
             runVellum({"render", file.string(), "--mode", "alpha", "--size", "64x64", "--output", output().string()});
         expectManners(outcome, words);
@@ -38,9 +38,9 @@ protected:
         return folder / "test.glb";
     }
     [[nodiscard]] std::filesystem::path output() const { return folder / "picture.png"; }
-    [[nodiscard]] std::size_t files() const
+    [[nodiscard]] size_t files() const
     {
-        return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder.path()), {}));
+        return static_cast<size_t>(std::distance(std::filesystem::directory_iterator(folder.path()), {}));
     }
 
     TemporaryFolder folder;
@@ -57,19 +57,19 @@ TEST_F(BadInput, MissingFile)
 TEST_F(BadInput, TruncatedFile)
 {
     const Bytes whole = cardGlb();
-    for (const std::size_t length : {std::size_t{0}, std::size_t{3}, std::size_t{11}, std::size_t{19}, std::size_t{500},
-                                     whole.size() / 2, whole.size() - 1}) {
+    for (const size_t length :
+         {size_t{0}, size_t{3}, size_t{11}, size_t{19}, size_t{500}, whole.size() / 2, whole.size() - 1}) {
         SCOPED_TRACE(length);
         const std::string words = length == 0 ? "empty" : length == 3 ? "neither" : "truncated";
-        expectRefusal(write(Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length))), words);
+        expectRefusal(write(Bytes(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length))), words);
     }
 }
 
 TEST_F(BadInput, Garbage)
 {
     Bytes noise;
-    for (std::uint32_t i = 0; i < 5000; ++i)
-        noise.push_back(static_cast<std::uint8_t>((i * 2654435761u) >> 24));
+    for (uint32_t i = 0; i < 5000; ++i)
+        noise.push_back(static_cast<uint8_t>((i * 2654435761u) >> 24));
     expectRefusal(write(noise), "neither a GLB nor a glTF file");
     Bytes behindMagic = cardGlb();
     std::copy_n(noise.begin(), behindMagic.size() - 20, behindMagic.begin() + 20);

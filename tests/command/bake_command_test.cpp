@@ -26,7 +26,7 @@ std::vector<std::string> entries(const fs::path &folder)
     return names;
 }
 
-std::size_t bakedPrimitives(const fs::path &path)
+size_t bakedPrimitives(const fs::path &path)
 {
     return readMicromaps(Document(path)).primitives.size();
 }

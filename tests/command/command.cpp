@@ -36,7 +36,8 @@ std::string textOf(const std::filesystem::path &path)
         setenv(name.c_str(), value.c_str(), 1);
     // Under the sanitizers, only faults are wanted here; drivers keep memory to the end.
     setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
-    // Pictures are small: most of the time would go into compiling shaders. See tests/layer/harness/program/test_main.cpp.
+    // Pictures are small: most of the time would go into compiling shaders. See
+    // tests/layer/harness/program/test_main.cpp.
     setenv("GALLIVM_PERF", "nopt", 0);
     setenv("MESA_SHADER_CACHE_DIR", VELLUM_TEST_SHADER_CACHE, 0);
 #if !defined(__SANITIZE_ADDRESS__)
@@ -125,7 +126,7 @@ Outcome runVellumToFullDevice(const std::vector<std::string> &arguments)
 std::string lineOf(const Outcome &outcome, const std::string &beginning)
 {
     const std::string lines = "\n" + outcome.output;
-    const std::size_t at = lines.find("\n" + beginning);
+    const size_t at = lines.find("\n" + beginning);
     if (at == std::string::npos)
         return {};
     return lines.substr(at + 1, lines.find('\n', at + 1) - at - 1);

@@ -47,7 +47,7 @@ TEST_F(Comparing, TimesAsManyPairsAsToldAfterThePictures)
     // The table has this ratio, not that of the medians.
     const std::string row = lineOf(outcome, "| frame, ms");
     EXPECT_NE(row.find(std::string(r.median).append(" |")), std::string::npos) << outcome.output;
-    const std::size_t wrote = outcome.output.find("\nwrote ");
+    const size_t wrote = outcome.output.find("\nwrote ");
     ASSERT_NE(wrote, std::string::npos) << outcome.output;
     EXPECT_LT(wrote, outcome.output.find("time ratio"));
     EXPECT_TRUE(std::filesystem::exists(folder / "a.png"));

@@ -38,10 +38,10 @@ bool has(const std::string &text, const std::string &part)
     return text.find(part) != std::string::npos;
 }
 
-std::size_t occurrences(const std::string &text, const std::string &part)
+size_t occurrences(const std::string &text, const std::string &part)
 {
-    std::size_t count = 0;
-    for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
+    size_t count = 0;
+    for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
         ++count;
     return count;
 }
@@ -56,12 +56,12 @@ const Replacements kGlass = {
     {kMask, kBlend}, {kFactor, "[1, 1, 1, 1]"}, {kWood, R"({"name": "wood", "alphaMode": "BLEND",
                                          "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.6]}})"}};
 
-Bytes png16(std::uint16_t alpha)
+Bytes png16(uint16_t alpha)
 {
     Bytes rows;
     for (int i = 0; i < 16 * 16; ++i)
-        rows.insert(rows.end(), {255, 255, 255, 255, 255, 255, static_cast<std::uint8_t>(alpha >> 8),
-                                 static_cast<std::uint8_t>(alpha)});
+        rows.insert(rows.end(),
+                    {255, 255, 255, 255, 255, 255, static_cast<uint8_t>(alpha >> 8), static_cast<uint8_t>(alpha)});
     return pngImage(16, 16, 16, 6, false, rows);
 }
 
@@ -121,7 +121,7 @@ TEST_F(GltfReport, InspectCountsWhatLiesBesideAGltf)
 {
     writeCardGltf(folder / "card.gltf");
     run({"bake", in("card.gltf"), "-o", in("baked.gltf")});
-    std::uintmax_t bytes = 0;
+    uintmax_t bytes = 0;
     for (const auto &entry : std::filesystem::directory_iterator(folder.path()))
         bytes += entry.path().filename() == "card.gltf" ? 0 : std::filesystem::file_size(entry.path());
     const Outcome outcome = run({"inspect", in("baked.gltf"), "-o", in("page.html")});
@@ -346,17 +346,17 @@ TEST_F(GltfReport, MicromapsThatLostTheirData)
     write("card.glb");
     run({"bake", in("card.glb"), "-o", in("baked.glb")});
     const Bytes baked = readFile(folder / "baked.glb");
-    const std::size_t jsonBytes = baked[12] + 256u * baked[13];
-    const std::string json(baked.begin() + 20, baked.begin() + 20 + static_cast<std::ptrdiff_t>(jsonBytes));
+    const size_t jsonBytes = baked[12] + 256u * baked[13];
+    const std::string json(baked.begin() + 20, baked.begin() + 20 + static_cast<ptrdiff_t>(jsonBytes));
     const JsonTree tree(json);
     JsonEdit edit(tree);
     for (const char *name : {"bufferViews", "accessors"}) {
         std::string first4;
-        for (std::size_t i = 0; i < 4; ++i)
+        for (size_t i = 0; i < 4; ++i)
             first4.append(i == 0 ? "" : ",").append(tree.root()[name].children().at(i).text());
         edit.replace(tree.root()[name], "[" + first4 + "]");
     }
-    const Bytes binary(baked.begin() + 28 + static_cast<std::ptrdiff_t>(jsonBytes), baked.end());
+    const Bytes binary(baked.begin() + 28 + static_cast<ptrdiff_t>(jsonBytes), baked.end());
     writeFile(folder / "lost.glb", packGlb(edit.apply(), binary));
     const std::string words = "lost their data";
     const Outcome verify = run({"verify", in("lost.glb")}, 2);

@@ -12,7 +12,7 @@ namespace
 {
 
 // Lightness by CIE 1976, 0 to 100, which is not how the colours are made.
-double lightnessOf(std::uint32_t pixel)
+double lightnessOf(uint32_t pixel)
 {
     const double weights[3] = {0.2126, 0.7152, 0.0722};
     double luminance = 0;
@@ -35,8 +35,8 @@ protected:
     // Of a line like "candidates  1.720 per pixel on average, at most 36, without micromaps".
     [[nodiscard]] double meanOf(const char *which) const
     {
-        const std::size_t end = outcome.output.find(which);
-        const std::size_t begin = outcome.output.rfind("candidates  ", end);
+        const size_t end = outcome.output.find(which);
+        const size_t begin = outcome.output.rfind("candidates  ", end);
         return end == std::string::npos || begin == std::string::npos ? -1
                                                                       : std::stod(outcome.output.substr(begin + 12));
     }
@@ -44,10 +44,10 @@ protected:
     Outcome outcome;
 };
 
-std::uint32_t pixelOf(const Rgb &color)
+uint32_t pixelOf(const Rgb &color)
 {
-    return static_cast<std::uint32_t>(color.red) | static_cast<std::uint32_t>(color.green) << 8 |
-           static_cast<std::uint32_t>(color.blue) << 16 | 0xff000000u;
+    return static_cast<uint32_t>(color.red) | static_cast<uint32_t>(color.green) << 8 |
+           static_cast<uint32_t>(color.blue) << 16 | 0xff000000u;
 }
 
 } // namespace
@@ -87,9 +87,9 @@ TEST_F(Heat, WithoutAndWithMicromapsInOneScale)
         EXPECT_LT(with, 0.5 * without) << outcome.output;
 
         // The halves of the picture say the same: how many pixels are dark, with no candidate at all.
-        std::size_t dark[2] = {};
-        for (std::size_t y = cli::kHeatHead; y < cli::kHeatHead + 64; ++y)
-            for (std::size_t x = 0; x < 192; ++x)
+        size_t dark[2] = {};
+        for (size_t y = cli::kHeatHead; y < cli::kHeatHead + 64; ++y)
+            for (size_t x = 0; x < 192; ++x)
                 dark[x / 96] += pixelOf(png.pixels[y * 192 + x]) == cli::heatColor(0) ? 1u : 0u;
         EXPECT_GT(dark[0], 500u) << trace; // the sky
         EXPECT_GT(dark[1], dark[0] + 200) << trace;

@@ -55,7 +55,7 @@ TEST_F(Info, SaysWhoBringsMicromapsAndHowToTurnThemOn)
 
     // What it says is what helps: the loader finds the layer then, and it is on.
     const std::string line = lineOf(outcome, "turn it on");
-    const std::size_t at = line.find("VK_ADD_LAYER_PATH=");
+    const size_t at = line.find("VK_ADD_LAYER_PATH=");
     ASSERT_NE(at, std::string::npos) << outcome.output;
     const Outcome after = runVellum({"info"}, {{"VK_ADD_LAYER_PATH", line.substr(at + 18)},
                                                {"VK_INSTANCE_LAYERS", "VK_LAYER_VELLUM_opacity_micromap"}});
@@ -96,7 +96,7 @@ TEST_F(Info, LayersThatCannotWork)
 
     Bytes header = readFile("/proc/self/exe");
     header.resize(4096);
-    header[18] = static_cast<std::uint8_t>(header[18] + 1); // e_machine
+    header[18] = static_cast<uint8_t>(header[18] + 1); // e_machine
     writeFile(folder / "liblayer.so", header);
     EXPECT_EQ(problem(runVellum({"info", "--layer-path", path})),
               manifest + in("liblayer.so") + " is for another kind of processor than this program\n");

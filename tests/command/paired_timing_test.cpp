@@ -11,7 +11,7 @@ namespace
 // Returns these in turn.
 PairedTiming::Run scripted(std::vector<double> times)
 {
-    return [times = std::move(times), next = std::size_t{0}]() mutable { return times.at(next++); };
+    return [times = std::move(times), next = size_t{0}]() mutable { return times.at(next++); };
 }
 
 } // namespace
@@ -53,12 +53,12 @@ TEST(PairedTiming, OneDisturbanceDoesNotMoveTheRatio)
 // Of a normal distribution: quartiles at 0.674 deviations, here 0.674 % of the ratio.
 TEST(PairedTiming, UncertaintyShrinksWithTheRootOfThePairs)
 {
-    const auto after = [](std::size_t pairs) {
+    const auto after = [](size_t pairs) {
         std::vector<double> b;
         while (b.size() < pairs)
             b.insert(b.end(), {99.3255, 100, 100, 100.6745});
         PairedTiming timing(scripted(std::vector<double>(pairs + 1, 100)), scripted(b));
-        for (std::size_t i = 0; i < pairs; ++i)
+        for (size_t i = 0; i < pairs; ++i)
             timing.measure();
         return timing.uncertainty();
     };

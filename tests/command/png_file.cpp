@@ -14,10 +14,10 @@ Png readPng(const std::filesystem::path &path)
         throw std::runtime_error(path.string() + ": " + image.message);
     Png result{image.width, image.height, (image.format & PNG_FORMAT_FLAG_COLORMAP) != 0, {}};
     image.format = PNG_FORMAT_RGB;
-    std::vector<std::uint8_t> bytes(PNG_IMAGE_SIZE(image));
+    std::vector<uint8_t> bytes(PNG_IMAGE_SIZE(image));
     if (png_image_finish_read(&image, nullptr, bytes.data(), 0, nullptr) == 0)
         throw std::runtime_error(path.string() + ": " + image.message);
-    for (std::size_t i = 0; i + 2 < bytes.size(); i += 3)
+    for (size_t i = 0; i + 2 < bytes.size(); i += 3)
         result.pixels.push_back({bytes[i], bytes[i + 1], bytes[i + 2]});
     return result;
 }

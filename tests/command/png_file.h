@@ -15,8 +15,8 @@ struct Rgb {
 };
 
 struct Png {
-    std::size_t width = 0;
-    std::size_t height = 0;
+    size_t width = 0;
+    size_t height = 0;
     bool indexed = false;    // with a palette
     std::vector<Rgb> pixels; // top row first
 };

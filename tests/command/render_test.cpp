@@ -55,7 +55,7 @@ TEST_F(Rendering, UsesKhrUnlessTold)
     const Outcome outcome = render("query", {"--level", "2", "--output", (folder / "picture.png").string()});
     EXPECT_NE(lineOf(outcome, "micromaps").find("VK_KHR_opacity_micromap"), std::string::npos) << outcome.output;
     const std::string help = runVellum({"render", "--help"}).output;
-    const std::size_t option = help.find("--api");
+    const size_t option = help.find("--api");
     ASSERT_NE(option, std::string::npos) << help;
     EXPECT_LT(help.find("[khr]", option), help.find("  -", option)) << help;
 }
@@ -66,7 +66,7 @@ TEST_F(Rendering, IsTheSameByQueriesAndByPipelines)
         SCOPED_TRACE(heavy ? "heavy" : "plain");
         Bytes pictures[2];
         std::string candidates[2];
-        for (const std::size_t i : {std::size_t{0}, std::size_t{1}}) {
+        for (const size_t i : {size_t{0}, size_t{1}}) {
             const std::filesystem::path output = folder / "picture.png";
             std::vector<std::string> more = {"--mode", "alpha", "--samples", "2", "--output", output.string()};
             if (heavy)

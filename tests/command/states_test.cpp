@@ -117,8 +117,8 @@ TEST_F(States, SideBySideWithThePictureByMicromaps)
     ASSERT_EQ(both.height, 64u);
     ASSERT_EQ(drawn.pixels.size(), 96u * 64u);
     EXPECT_FALSE(drawn.pixels == states.pixels);
-    for (std::size_t y = 0; y < 64; ++y) {
-        for (std::size_t x = 0; x < 96; ++x) {
+    for (size_t y = 0; y < 64; ++y) {
+        for (size_t x = 0; x < 96; ++x) {
             ASSERT_TRUE(both.pixels[y * 192 + x] == drawn.pixels[y * 96 + x]) << x << ", " << y;
             ASSERT_TRUE(both.pixels[y * 192 + 96 + x] == states.pixels[y * 96 + x]) << x << ", " << y;
         }
@@ -134,7 +134,7 @@ TEST_F(States, LookTheSameInFewColors)
     EXPECT_TRUE(few.indexed);
     ASSERT_EQ(all.pixels.size(), few.pixels.size());
     double sum = 0;
-    for (std::size_t i = 0; i < all.pixels.size(); ++i) {
+    for (size_t i = 0; i < all.pixels.size(); ++i) {
         const Rgb &a = all.pixels[i];
         const Rgb &b = few.pixels[i];
         const double apart = std::hypot(a.red - b.red, a.green - b.green, a.blue - b.blue);

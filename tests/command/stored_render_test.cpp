@@ -52,7 +52,7 @@ TEST_F(StoredMicromaps, WrongClaimsAreSeen)
     Bytes file = readFile(folder / "card.omm.glb");
     std::string text(file.begin(), file.end());
     // Another texture than the one that was baked: transparent where it was opaque.
-    const std::size_t at = text.find("\"alphaCutoff\": 0.25");
+    const size_t at = text.find("\"alphaCutoff\": 0.25");
     ASSERT_NE(at, std::string::npos);
     text.replace(at, 19, "\"alphaCutoff\": 0.95");
     writeFile(folder / "card.omm.glb", Bytes(text.begin(), text.end()));
@@ -66,8 +66,7 @@ TEST_F(StoredMicromaps, InstancesMirroredAndFlattened)
            "\"nodes\": [{\"mesh\": 0, \"translation\": [0, 2, 0]}, {\"mesh\": 0, \"scale\": [-1, 1, 1]}, "
            "{\"mesh\": 0, \"translation\": [3, 0, 1], \"scale\": [1, 3, 0.5]}, {\"mesh\": 0, \"scale\": [0, 0, 0]}]"}});
     const Outcome outcome = compare();
-    EXPECT_NE(lineOf(outcome, "scene").find("6 masked and 3 solid triangles, 3 instances of 1 mesh"),
-              std::string::npos)
+    EXPECT_NE(lineOf(outcome, "scene").find("6 masked and 3 solid triangles, 3 instances of 1 mesh"), std::string::npos)
         << outcome.output;
     EXPECT_EQ(lineOf(outcome, "| differing"), kNone);
 }
@@ -78,7 +77,7 @@ TEST_F(StoredMicromaps, DamagedOnesNeverReachTheDevice)
     Bytes file = readFile(folder / "card.omm.glb");
     std::string text(file.begin(), file.end());
     const std::string levels = "\"usageLevels\":[4]";
-    const std::size_t at = text.find(levels);
+    const size_t at = text.find(levels);
     ASSERT_NE(at, std::string::npos);
     text.replace(at, levels.size(), "\"usageLevels\":[9]");
     writeFile(folder / "card.omm.glb", Bytes(text.begin(), text.end()));

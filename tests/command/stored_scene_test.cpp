@@ -11,14 +11,14 @@ using namespace vellum::cli;
 TEST(StoredScene, CopiesAreBounded)
 {
     StoredMicromaps stored;
-    stored.micromaps.push_back({{{0, 5, Format::FourState}}, std::vector<std::uint8_t>(256), {}});
+    stored.micromaps.push_back({{{0, 5, Format::FourState}}, std::vector<uint8_t>(256), {}});
     Scene scene;
     scene.materials.emplace_back().alphaMode = AlphaMode::Mask;
-    for (std::uint32_t i = 0; i < 4; ++i) {
+    for (uint32_t i = 0; i < 4; ++i) {
         scene.geometries.emplace_back().place = PrimitivePlace{0, i};
         stored.primitives[{0, i}] = {0, {0, 0}, 0};
     }
-    const std::uint64_t four = 4 * (256 + sizeof(MicromapTriangle));
+    const uint64_t four = 4 * (256 + sizeof(MicromapTriangle));
     EXPECT_EQ(storedScene(scene, stored, four).count(), 4u);
     EXPECT_THROW(static_cast<void>(storedScene(scene, stored, four - 1)), GltfError);
 }

@@ -30,11 +30,11 @@ struct VerifyCommand : testing::Test {
         return runVellum(arguments);
     }
     // Gives the first micro-triangle of a state another one.
-    static std::uint32_t change(CardFile &file, State from, State to)
+    static uint32_t change(CardFile &file, State from, State to)
     {
-        const MicromapTriangle &t = file.micromap.triangles.at(static_cast<std::size_t>(file.micromap.indices.at(0)));
-        std::uint8_t *data = file.micromap.data.data() + t.dataOffset;
-        std::uint32_t micro = 0;
+        const MicromapTriangle &t = file.micromap.triangles.at(static_cast<size_t>(file.micromap.indices.at(0)));
+        uint8_t *data = file.micromap.data.data() + t.dataOffset;
+        uint32_t micro = 0;
         while (readState(data, micro, t.format) != from)
             ++micro;
         writeState(data, micro, t.format, to);
@@ -63,7 +63,7 @@ TEST_F(VerifyCommand, IsContentWithWhatTheBakerMakes)
 
 TEST_F(VerifyCommand, SaysWhatIsWrongAndWhere)
 {
-    const std::uint32_t micro = change(card, State::Opaque, State::Transparent);
+    const uint32_t micro = change(card, State::Opaque, State::Transparent);
     const Outcome outcome = verify(card);
     EXPECT_EQ(outcome.exitCode, 3);
     EXPECT_TRUE(has(outcome.output, "wrong: mesh 0 \"leaves\" primitive 0, triangle 0, micro-triangle " +
@@ -78,8 +78,8 @@ TEST_F(VerifyCommand, ListsAsManyAsAskedFor)
     change(card, State::Opaque, State::Transparent);
     change(card, State::Opaque, State::Transparent);
     const auto lines = [](const std::string &text) {
-        std::size_t count = 0;
-        for (std::size_t at = text.find("wrong: "); at != std::string::npos; at = text.find("wrong: ", at + 1))
+        size_t count = 0;
+        for (size_t at = text.find("wrong: "); at != std::string::npos; at = text.find("wrong: ", at + 1))
             ++count;
         return count;
     };
@@ -149,7 +149,7 @@ TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
 
 TEST_F(VerifyCommand, PrintsJsonForMachines)
 {
-    const std::uint32_t micro = change(card, State::Opaque, State::Transparent);
+    const uint32_t micro = change(card, State::Opaque, State::Transparent);
     const Outcome outcome = verify(card, {"--json", folder / "none \"quoted\".glb"});
     EXPECT_EQ(outcome.exitCode, 1);
     const JsonTree tree(outcome.output);

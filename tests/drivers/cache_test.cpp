@@ -124,7 +124,7 @@ TEST_F(CompilerNames, BinariesOfARayTracingPipeline)
     std::vector<newer::PipelineBinary> again;
     for (const newer::PipelineBinary binary : first)
         again.push_back(binaries.from(binaries.keep(binary)));
-    const newer::PipelineBinaryInfo made{newer::kPipelineBinaryInfo, &flags, static_cast<std::uint32_t>(again.size()),
+    const newer::PipelineBinaryInfo made{newer::kPipelineBinaryInfo, &flags, static_cast<uint32_t>(again.size()),
                                          again.data()};
     flags.flags = vt::kMicromapBit;
     std::vector<VkPipelineShaderStageCreateInfo> stages(info.pStages, info.pStages + info.stageCount);

@@ -11,7 +11,7 @@ namespace
 {
 
 constexpr VkPipelineCreateFlags kStatistics = VK_PIPELINE_CREATE_CAPTURE_STATISTICS_BIT_KHR;
-constexpr std::uint32_t kPushBytes = 128; // the least that every device has
+constexpr uint32_t kPushBytes = 128; // the least that every device has
 
 template <class Function>
 Function load(const vt::Gpu &gpu, const char *name)
@@ -73,26 +73,26 @@ std::string useGpu(const std::string &gpu, vt::Options &options)
 
 Layout::Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules) : gpu_(gpu)
 {
-    std::map<std::uint32_t, std::map<std::uint32_t, VkDescriptorSetLayoutBinding>> sets;
+    std::map<uint32_t, std::map<uint32_t, VkDescriptorSetLayoutBinding>> sets;
     for (const ModuleFacts &facts : modules) {
         for (const Binding &b : facts.bindings) {
             VkDescriptorSetLayoutBinding &made = sets[b.set][b.binding];
             made = {b.binding, b.type, std::max(b.count, made.descriptorCount), VK_SHADER_STAGE_ALL, nullptr};
         }
     }
-    const std::uint32_t count = sets.empty() ? 0 : sets.rbegin()->first + 1;
-    for (std::uint32_t set = 0; set < count; ++set) {
+    const uint32_t count = sets.empty() ? 0 : sets.rbegin()->first + 1;
+    for (uint32_t set = 0; set < count; ++set) {
         std::vector<VkDescriptorSetLayoutBinding> bindings;
         for (const auto &[number, binding] : sets[set])
             bindings.push_back(binding);
         VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
-        info.bindingCount = static_cast<std::uint32_t>(bindings.size());
+        info.bindingCount = static_cast<uint32_t>(bindings.size());
         info.pBindings = bindings.data();
         VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &info, nullptr, &sets_.emplace_back()));
     }
     const VkPushConstantRange range{VK_SHADER_STAGE_ALL, 0, kPushBytes};
     VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
-    info.setLayoutCount = static_cast<std::uint32_t>(sets_.size());
+    info.setLayoutCount = static_cast<uint32_t>(sets_.size());
     info.pSetLayouts = sets_.data();
     info.pushConstantRangeCount = 1;
     info.pPushConstantRanges = &range;
@@ -106,7 +106,7 @@ Layout::~Layout()
         vkDestroyDescriptorSetLayout(gpu_.device(), set, nullptr);
 }
 
-Compiled Compiled::compute(vt::Gpu &gpu, std::span<const std::uint32_t> words, const std::string &entry)
+Compiled Compiled::compute(vt::Gpu &gpu, std::span<const uint32_t> words, const std::string &entry)
 {
     Compiled made(gpu);
     const Layout layout(gpu, {factsOf(words)});
@@ -121,8 +121,7 @@ Compiled Compiled::compute(vt::Gpu &gpu, std::span<const std::uint32_t> words, c
     return made;
 }
 
-Compiled Compiled::graphics(vt::Gpu &gpu, std::span<const std::uint32_t> vertex,
-                            std::span<const std::uint32_t> fragment)
+Compiled Compiled::graphics(vt::Gpu &gpu, std::span<const uint32_t> vertex, std::span<const uint32_t> fragment)
 {
     Compiled made(gpu);
     const Layout layout(gpu, {factsOf(vertex), factsOf(fragment)});
@@ -201,14 +200,14 @@ std::vector<Executable> Compiled::executables() const
     const auto statistics =
         load<PFN_vkGetPipelineExecutableStatisticsKHR>(*gpu_, "vkGetPipelineExecutableStatisticsKHR");
     const VkPipelineInfoKHR pipeline{VK_STRUCTURE_TYPE_PIPELINE_INFO_KHR, nullptr, pipeline_};
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     VT_CHECK(properties(gpu_->device(), &pipeline, &count, nullptr));
     std::vector<VkPipelineExecutablePropertiesKHR> all(count, {VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_PROPERTIES_KHR});
     VT_CHECK(properties(gpu_->device(), &pipeline, &count, all.data()));
     std::vector<Executable> made;
-    for (std::uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; i < count; ++i) {
         const VkPipelineExecutableInfoKHR info{VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_INFO_KHR, nullptr, pipeline_, i};
-        std::uint32_t values = 0;
+        uint32_t values = 0;
         VT_CHECK(statistics(gpu_->device(), &info, &values, nullptr));
         std::vector<VkPipelineExecutableStatisticKHR> found(values,
                                                             {VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_STATISTIC_KHR});

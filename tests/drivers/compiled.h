@@ -25,7 +25,7 @@ std::string useGpu(const std::string &gpu, vt::Options &options);
 struct Executable {
     std::string name;
     VkShaderStageFlags stages = 0;
-    std::map<std::string, std::uint64_t> statistics;
+    std::map<std::string, uint64_t> statistics;
 };
 
 // A pipeline layout with every binding that some modules have, and push constants for all stages.
@@ -48,10 +48,9 @@ class Compiled
 {
 public:
     // One entry point of a module, in a compute pipeline.
-    static Compiled compute(vt::Gpu &gpu, std::span<const std::uint32_t> words, const std::string &entry = "main");
+    static Compiled compute(vt::Gpu &gpu, std::span<const uint32_t> words, const std::string &entry = "main");
     // A fragment shader behind a vertex shader that writes nothing that it reads.
-    static Compiled graphics(vt::Gpu &gpu, std::span<const std::uint32_t> vertex,
-                             std::span<const std::uint32_t> fragment);
+    static Compiled graphics(vt::Gpu &gpu, std::span<const uint32_t> vertex, std::span<const uint32_t> fragment);
     // Where `setup` has no layout, it gets one that is made for its stages.
     static Compiled rays(vt::Gpu &gpu, vt::PipelineSetup setup);
 

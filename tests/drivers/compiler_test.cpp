@@ -51,7 +51,7 @@ std::ostream &operator<<(std::ostream &out, const Device &device)
     return out << device.name;
 }
 
-using Words = std::span<const std::uint32_t>;
+using Words = std::span<const uint32_t>;
 
 class Compiler : public testing::TestWithParam<Device>
 {
@@ -88,7 +88,7 @@ protected:
     // There is code for a shader at least, and the compiler tells of it.
     static void expectCode(const Compiled &pipeline)
     {
-        std::uint64_t instructions = 0;
+        uint64_t instructions = 0;
         for (const Executable &e : pipeline.executables()) {
             for (const char *name : {"Instructions", "Instruction Count"}) { // RADV's, ANV's
                 const auto found = e.statistics.find(name);

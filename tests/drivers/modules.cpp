@@ -14,9 +14,9 @@ namespace
 {
 
 // A shader that indexes an array without a length may reach this many.
-constexpr std::uint32_t kRuntimeArray = 16;
+constexpr uint32_t kRuntimeArray = 16;
 
-VkShaderStageFlagBits stageOf(std::uint32_t model)
+VkShaderStageFlagBits stageOf(uint32_t model)
 {
     switch (model) {
     case spv::ExecutionModelVertex: return VK_SHADER_STAGE_VERTEX_BIT;
@@ -32,21 +32,21 @@ VkShaderStageFlagBits stageOf(std::uint32_t model)
     }
 }
 
-using Instruction = std::span<const std::uint32_t>;
+using Instruction = std::span<const uint32_t>;
 
 class Reader
 {
 public:
-    explicit Reader(std::span<const std::uint32_t> words)
+    explicit Reader(std::span<const uint32_t> words)
     {
-        for (std::size_t at = 5; at < words.size(); at += words[at] >> 16)
+        for (size_t at = 5; at < words.size(); at += words[at] >> 16)
             read(words.subspan(at, words[at] >> 16));
     }
 
     ModuleFacts facts()
     {
         for (const Instruction in : variables_) {
-            const std::uint32_t storage = in[3];
+            const uint32_t storage = in[3];
             const bool resource = storage == spv::StorageClassUniformConstant || storage == spv::StorageClassUniform ||
                                   storage == spv::StorageClassStorageBuffer;
             if (resource && bindings_.contains(in[2]))
@@ -108,14 +108,14 @@ private:
 
     ModuleFacts facts_;
     std::vector<Instruction> variables_;
-    std::map<std::uint32_t, Instruction> types_;
-    std::map<std::uint32_t, std::uint32_t> bindings_, sets_, values_;
-    std::map<std::uint32_t, bool> bufferBlocks_;
+    std::map<uint32_t, Instruction> types_;
+    std::map<uint32_t, uint32_t> bindings_, sets_, values_;
+    std::map<uint32_t, bool> bufferBlocks_;
 };
 
 } // namespace
 
-ModuleFacts factsOf(std::span<const std::uint32_t> words)
+ModuleFacts factsOf(std::span<const uint32_t> words)
 {
     return Reader(words).facts();
 }

@@ -13,9 +13,9 @@ namespace vellum::test
 {
 
 struct Binding {
-    std::uint32_t set = 0, binding = 0;
+    uint32_t set = 0, binding = 0;
     VkDescriptorType type{};
-    std::uint32_t count = 1;
+    uint32_t count = 1;
 };
 
 struct EntryPoint {
@@ -29,12 +29,12 @@ struct ModuleFacts {
 };
 
 // Of a valid module.
-ModuleFacts factsOf(std::span<const std::uint32_t> words);
+ModuleFacts factsOf(std::span<const uint32_t> words);
 
 // A file that spirv/module_file.h reads.
 struct ModuleFile {
     std::string name;
-    std::vector<std::uint32_t> words;
+    std::vector<uint32_t> words;
 };
 
 // In order of their names. Throws if there are none.

@@ -35,7 +35,7 @@ TEST_P(Submission, BuildsAndTracesAreTaken)
         GTEST_SKIP() << whyNot;
     vt::Gpu gpu(options);
     vt::MicromapInput input;
-    const std::vector<std::uint8_t> states(16, 2);
+    const std::vector<uint8_t> states(16, 2);
     input.add(2, vt::kFourState, states);
     vt::Micromap micromap(gpu, input, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
     micromap.build();

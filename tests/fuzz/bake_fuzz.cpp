@@ -28,17 +28,17 @@ using Clock = std::chrono::steady_clock;
 class Bytes
 {
 public:
-    explicit Bytes(std::size_t size) : m_bytes(std::make_unique<std::uint8_t[]>(size)), m_size(size) {}
-    [[nodiscard]] std::uint8_t *data() const { return m_bytes.get(); }
-    [[nodiscard]] std::size_t size() const { return m_size; }
-    [[nodiscard]] std::span<std::uint8_t> span() const { return {m_bytes.get(), m_size}; }
+    explicit Bytes(size_t size) : bytes_(std::make_unique<uint8_t[]>(size)), size_(size) {}
+    [[nodiscard]] uint8_t *data() const { return bytes_.get(); }
+    [[nodiscard]] size_t size() const { return size_; }
+    [[nodiscard]] std::span<uint8_t> span() const { return {bytes_.get(), size_}; }
 
 private:
-    std::unique_ptr<std::uint8_t[]> m_bytes;
-    std::size_t m_size;
+    std::unique_ptr<uint8_t[]> bytes_;
+    size_t size_;
 };
 
-std::size_t sizeOf(std::uint32_t format)
+size_t sizeOf(uint32_t format)
 {
     switch (format) {
     case VELLUM_FORMAT_R8_UNORM: return 1;
@@ -50,16 +50,16 @@ std::size_t sizeOf(std::uint32_t format)
 }
 
 // One of some values, or seldom any.
-template <std::size_t N>
-std::uint32_t oneOf(Reader &input, const std::uint32_t (&values)[N])
+template <size_t N>
+uint32_t oneOf(Reader &input, const uint32_t (&values)[N])
 {
-    return input.oneIn(64) ? input.take<std::uint32_t>() : values[input.below(N)];
+    return input.oneIn(64) ? input.take<uint32_t>() : values[input.below(N)];
 }
 
-std::size_t anyStride(Reader &input, std::size_t least)
+size_t anyStride(Reader &input, size_t least)
 {
     switch (input.below(16)) {
-    case 0: return input.take<std::size_t>();
+    case 0: return input.take<size_t>();
     case 1:
     case 2: return least + input.byte();
     default: return 0;
@@ -76,7 +76,7 @@ struct Bake {
     std::atomic<bool> late = false;
     int messages = 0;
 
-    const std::uint8_t *keep(Bytes bytes)
+    const uint8_t *keep(Bytes bytes)
     {
         memory.push_back(std::move(bytes));
         return memory.back().data();
@@ -95,20 +95,20 @@ VellumTexture anyTexture(Reader &input, Bake &bake)
     texture.filter = oneOf(input, {VELLUM_FILTER_LINEAR, VELLUM_FILTER_LINEAR, VELLUM_FILTER_NEAREST});
     texture.addressModeU = oneOf(input, {0, 1, 2, 3, 4});
     texture.addressModeV = oneOf(input, {0, 1, 2, 3, 4});
-    const std::size_t size = sizeOf(texture.format);
+    const size_t size = sizeOf(texture.format);
     texture.offset = input.oneIn(8) ? input.byte() : 0;
     texture.pixelStride = anyStride(input, size);
-    const std::size_t pixel = texture.pixelStride != 0 ? texture.pixelStride : size;
+    const size_t pixel = texture.pixelStride != 0 ? texture.pixelStride : size;
     texture.rowStride = anyStride(input, texture.width * pixel);
     texture.scale = input.oneIn(8) ? input.take<float>() : 1;
     texture.border = input.oneIn(8) ? input.take<float>() : static_cast<float>(input.byte()) / 255;
     // As much as it takes, where that is not absurd, or seldom anything.
-    const std::size_t row = texture.rowStride != 0 ? texture.rowStride : texture.width * pixel;
-    std::size_t needed = texture.offset + row * (texture.height - 1) + pixel * (texture.width - 1) + size;
+    const size_t row = texture.rowStride != 0 ? texture.rowStride : texture.width * pixel;
+    size_t needed = texture.offset + row * (texture.height - 1) + pixel * (texture.width - 1) + size;
     if (pixel > 1000 || row > 1'000'000 || input.oneIn(64))
-        needed = input.take<std::uint16_t>();
+        needed = input.take<uint16_t>();
     if (input.oneIn(64))
-        texture.width = input.take<std::uint32_t>();
+        texture.width = input.take<uint32_t>();
     Bytes texels(needed);
     input.part(2u + input.byte()).fill(texels.span());
     texture.texelsSize = texels.size();
@@ -116,14 +116,14 @@ VellumTexture anyTexture(Reader &input, Bake &bake)
     return texture;
 }
 
-float anyCoordinate(Reader &input, std::uint32_t reach)
+float anyCoordinate(Reader &input, uint32_t reach)
 {
     switch (reach) {
     case 0: return input.take<float>();
-    case 1: return static_cast<float>(input.take<std::int16_t>()) * 0.25f;
-    case 2: return static_cast<float>(input.take<std::int16_t>()) / 256;
+    case 1: return static_cast<float>(input.take<int16_t>()) * 0.25f;
+    case 2: return static_cast<float>(input.take<int16_t>()) / 256;
     case 3: return static_cast<float>(input.byte()) / 16;
-    default: return static_cast<float>(input.take<std::uint16_t>()) / 32768;
+    default: return static_cast<float>(input.take<uint16_t>()) / 32768;
     }
 }
 
@@ -135,8 +135,8 @@ VellumBakeInput anyInput(Reader &input, Bake &bake)
         bake.textures.push_back(bake.textures.front());
     } else {
         std::vector<VellumTexture> levels;
-        const std::uint32_t count = input.oneIn(8) ? input.below(4) : 1;
-        for (std::uint32_t i = 0; i < count; ++i)
+        const uint32_t count = input.oneIn(8) ? input.below(4) : 1;
+        for (uint32_t i = 0; i < count; ++i)
             levels.push_back(anyTexture(input, bake));
         bake.textures.push_back(std::move(levels));
     }
@@ -148,14 +148,14 @@ VellumBakeInput anyInput(Reader &input, Bake &bake)
                                   VELLUM_FORMAT_R16G16_UNORM});
     mesh.indexType = oneOf(input, {VELLUM_INDEX_TYPE_NONE, VELLUM_INDEX_TYPE_NONE, VELLUM_INDEX_TYPE_UINT8,
                                    VELLUM_INDEX_TYPE_UINT16, VELLUM_INDEX_TYPE_UINT32});
-    const std::size_t size = sizeOf(mesh.uvFormat);
+    const size_t size = sizeOf(mesh.uvFormat);
     mesh.uvStride = anyStride(input, size);
-    const std::size_t stride = mesh.uvStride != 0 ? mesh.uvStride : size;
-    const std::size_t vertices = mesh.indexType == VELLUM_INDEX_TYPE_NONE ? 3 * mesh.triangleCount : 8;
+    const size_t stride = mesh.uvStride != 0 ? mesh.uvStride : size;
+    const size_t vertices = mesh.indexType == VELLUM_INDEX_TYPE_NONE ? 3 * mesh.triangleCount : 8;
     Bytes uvs(stride > 1000 || input.oneIn(64) ? input.byte() : vertices * stride);
-    const std::uint32_t reach = input.below(16);
+    const uint32_t reach = input.below(16);
     if (mesh.uvFormat == VELLUM_FORMAT_R32G32_SFLOAT)
-        for (std::size_t at = 0; at + 8 <= uvs.size(); at += std::min(stride, uvs.size())) {
+        for (size_t at = 0; at + 8 <= uvs.size(); at += std::min(stride, uvs.size())) {
             const float uv[2] = {anyCoordinate(input, reach), anyCoordinate(input, reach)};
             std::memcpy(uvs.data() + at, uv, sizeof uv);
         }
@@ -164,30 +164,30 @@ VellumBakeInput anyInput(Reader &input, Bake &bake)
     mesh.uvsSize = uvs.size();
     mesh.uvs = bake.keep(std::move(uvs));
     if (mesh.indexType != VELLUM_INDEX_TYPE_NONE) {
-        const std::size_t index = mesh.indexType == VELLUM_INDEX_TYPE_UINT8    ? 1
-                                  : mesh.indexType == VELLUM_INDEX_TYPE_UINT16 ? 2
-                                                                               : 4;
+        const size_t index = mesh.indexType == VELLUM_INDEX_TYPE_UINT8    ? 1
+                             : mesh.indexType == VELLUM_INDEX_TYPE_UINT16 ? 2
+                                                                          : 4;
         Bytes indices(input.oneIn(64) ? input.byte() : 3 * mesh.triangleCount * index);
-        for (std::size_t at = 0; at + index <= indices.size(); at += index)
-            indices.data()[at] = static_cast<std::uint8_t>(input.below(input.oneIn(64) ? 9 : 8));
+        for (size_t at = 0; at + index <= indices.size(); at += index)
+            indices.data()[at] = static_cast<uint8_t>(input.below(input.oneIn(64) ? 9 : 8));
         mesh.indicesSize = indices.size();
         mesh.indices = bake.keep(std::move(indices));
     }
     if (input.oneIn(64))
-        mesh.triangleCount = input.take<std::size_t>();
+        mesh.triangleCount = input.take<size_t>();
     if (input.oneIn(8))
         for (float &m : mesh.uvTransform)
             m = input.oneIn(4) ? input.take<float>() : anyCoordinate(input, 3);
     if (input.oneIn(4) && mesh.triangleCount < 100) {
         Bytes levels(mesh.triangleCount);
-        for (std::uint8_t &level : levels.span())
-            level = static_cast<std::uint8_t>(input.below(input.oneIn(64) ? 14 : 6));
+        for (uint8_t &level : levels.span())
+            level = static_cast<uint8_t>(input.below(input.oneIn(64) ? 14 : 6));
         mesh.levels = bake.keep(std::move(levels));
     }
     if (input.oneIn(4) && mesh.triangleCount < 100) {
         Bytes formats(mesh.triangleCount);
-        for (std::uint8_t &format : formats.span())
-            format = static_cast<std::uint8_t>(input.oneIn(64) ? input.byte() : 1 + input.below(2));
+        for (uint8_t &format : formats.span())
+            format = static_cast<uint8_t>(input.oneIn(64) ? input.byte() : 1 + input.below(2));
         mesh.formats = bake.keep(std::move(formats));
     }
     mesh.cutoff = input.oneIn(8) ? input.take<double>() : input.byte() / 255.0;
@@ -199,14 +199,14 @@ void anyOptions(Reader &input, VellumBakeOptions &options)
     vellumInitBakeOptions(&options, sizeof options);
     options.format = oneOf(input, {1, 2, 2, 2});
     options.twoStateRule = oneOf(input, {0, 1, 2});
-    options.level = static_cast<std::int32_t>(input.below(input.oneIn(64) ? 15 : 7)) - 1;
+    options.level = static_cast<int32_t>(input.below(input.oneIn(64) ? 15 : 7)) - 1;
     options.maxLevel = input.below(input.oneIn(64) ? 14 : 7);
     if (input.oneIn(4))
         options.texelsPerEdge = input.oneIn(8) ? input.take<double>() : input.byte() / 8.0;
     options.compareOp = oneOf(input, {1, 3, 4, 6, 6, 6});
     options.flags = oneOf(input, {0, 0, 1});
     if (input.oneIn(4))
-        options.budget = input.take<std::uint16_t>();
+        options.budget = input.take<uint16_t>();
     if (input.oneIn(4))
         options.worthwhile = input.oneIn(8) ? input.take<double>() : input.byte() / 255.0;
     for (double *tolerance : {&options.valueTolerance, &options.subtexelTolerance, &options.barycentricTolerance,
@@ -219,11 +219,11 @@ void anyOptions(Reader &input, VellumBakeOptions &options)
         default: break;
         }
     if (input.oneIn(8))
-        options.maxDataSize = input.take<std::uint16_t>();
+        options.maxDataSize = input.take<uint16_t>();
     options.threads = 1;
 }
 
-VellumResult run(Bake &bake, std::uint32_t threads, VellumMicromap *&micromap)
+VellumResult run(Bake &bake, uint32_t threads, VellumMicromap *&micromap)
 {
     bake.messages = 0;
     bake.options.threads = threads;
@@ -237,10 +237,10 @@ VellumResult run(Bake &bake, std::uint32_t threads, VellumMicromap *&micromap)
     return result;
 }
 
-std::size_t dataBytes(const VellumMicromapTriangle &triangle)
+size_t dataBytes(const VellumMicromapTriangle &triangle)
 {
     FUZZ_CHECK(triangle.subdivisionLevel <= 12 && (triangle.format == 1 || triangle.format == 2));
-    return ((std::size_t{triangle.format} << (2 * triangle.subdivisionLevel)) + 7) / 8;
+    return ((size_t{triangle.format} << (2 * triangle.subdivisionLevel)) + 7) / 8;
 }
 
 VellumMicromapInfo checkValid(const Bake &bake, const VellumMicromap *micromap)
@@ -248,22 +248,22 @@ VellumMicromapInfo checkValid(const Bake &bake, const VellumMicromap *micromap)
     VellumMicromapInfo info{};
     info.structSize = sizeof info;
     FUZZ_CHECK(vellumGetMicromapInfo(micromap, &info) == VELLUM_SUCCESS);
-    std::size_t triangles = 0;
-    std::uint64_t specials = 0;
-    for (std::size_t i = 0; i < bake.inputs.size(); ++i) {
+    size_t triangles = 0;
+    uint64_t specials = 0;
+    for (size_t i = 0; i < bake.inputs.size(); ++i) {
         VellumGeometryInfo geometry{};
         geometry.structSize = sizeof geometry;
         FUZZ_CHECK(vellumGetGeometryInfo(micromap, i, &geometry) == VELLUM_SUCCESS);
         FUZZ_CHECK(geometry.indices == info.indices + triangles);
         FUZZ_CHECK(geometry.indexCount == bake.inputs[i].triangleCount);
         triangles += geometry.indexCount;
-        std::size_t used = 0;
-        for (std::size_t k = 0; k < geometry.usageCount; ++k)
+        size_t used = 0;
+        for (size_t k = 0; k < geometry.usageCount; ++k)
             used += geometry.usages[k].count;
         bool special = false;
-        for (std::size_t t = 0; t < geometry.indexCount; ++t) {
-            const std::int32_t index = geometry.indices[t];
-            FUZZ_CHECK(index >= -4 && (index < 0 || static_cast<std::size_t>(index) < info.triangleCount));
+        for (size_t t = 0; t < geometry.indexCount; ++t) {
+            const int32_t index = geometry.indices[t];
+            FUZZ_CHECK(index >= -4 && (index < 0 || static_cast<size_t>(index) < info.triangleCount));
             special = special || index < 0;
             used -= index >= 0 ? 1 : 0;
         }
@@ -272,15 +272,15 @@ VellumMicromapInfo checkValid(const Bake &bake, const VellumMicromap *micromap)
             FUZZ_CHECK(geometry.usageCount == 0);
     }
     FUZZ_CHECK(triangles == info.indexCount);
-    std::size_t end = 0;
-    for (std::size_t i = 0; i < info.triangleCount; ++i) {
+    size_t end = 0;
+    for (size_t i = 0; i < info.triangleCount; ++i) {
         FUZZ_CHECK(info.triangles[i].dataOffset == end);
         end += dataBytes(info.triangles[i]);
     }
     FUZZ_CHECK(end == info.dataSize && end <= bake.options.maxDataSize);
     if (bake.options.budget != VELLUM_NO_BUDGET && bake.options.flags == 0)
         FUZZ_CHECK(end + 8 * info.triangleCount <= bake.options.budget);
-    for (const std::uint64_t count : info.specialCounts)
+    for (const uint64_t count : info.specialCounts)
         specials += count;
     FUZZ_CHECK(specials <= info.indexCount);
     return info;
@@ -290,7 +290,7 @@ VellumMicromapInfo checkValid(const Bake &bake, const VellumMicromap *micromap)
 std::vector<AlphaTexture> texturesOf(const VellumBakeInput &input)
 {
     std::vector<AlphaTexture> textures;
-    for (std::size_t i = 0; i < input.textureCount; ++i) {
+    for (size_t i = 0; i < input.textureCount; ++i) {
         const VellumTexture &given = input.textures[i];
         AlphaPixels pixels{given.width,
                            given.height,
@@ -316,15 +316,15 @@ std::vector<AlphaTexture> texturesOf(const VellumBakeInput &input)
 
 // No claim at `point`, in barycentrics, is wrong by more than what the arithmetic here may be off. Only for coordinates
 // of floats, and for filters whose values change but little with the place.
-void checkClaim(const Bake &bake, std::size_t which, const std::vector<AlphaTexture> &textures, std::size_t triangle,
-                std::uint32_t state, double u, double v)
+void checkClaim(const Bake &bake, size_t which, const std::vector<AlphaTexture> &textures, size_t triangle,
+                uint32_t state, double u, double v)
 {
     if (state != VELLUM_STATE_OPAQUE && state != VELLUM_STATE_TRANSPARENT)
         return;
     const VellumBakeInput &input = bake.inputs[which];
-    const std::size_t stride = input.uvStride != 0 ? input.uvStride : 8;
+    const size_t stride = input.uvStride != 0 ? input.uvStride : 8;
     float uvs[6];
-    for (std::size_t k = 0; k < 3; ++k)
+    for (size_t k = 0; k < 3; ++k)
         std::memcpy(uvs + 2 * k, static_cast<const char *>(input.uvs) + (3 * triangle + k) * stride, 8);
     const double s = uvs[0] * (1 - u - v) + uvs[2] * u + uvs[4] * v;
     const double t = uvs[1] * (1 - u - v) + uvs[3] * u + uvs[5] * v;
@@ -347,8 +347,8 @@ void checkClaim(const Bake &bake, std::size_t which, const std::vector<AlphaText
 
 void checkClaims(Reader &input, const Bake &bake, const VellumMicromap *micromap)
 {
-    std::size_t first = 0;
-    for (std::size_t i = 0; i < bake.inputs.size(); first += bake.inputs[i++].triangleCount) {
+    size_t first = 0;
+    for (size_t i = 0; i < bake.inputs.size(); first += bake.inputs[i++].triangleCount) {
         const VellumBakeInput &mesh = bake.inputs[i];
         const VellumBakeInput plain = [] {
             VellumBakeInput defaults;
@@ -359,17 +359,17 @@ void checkClaims(Reader &input, const Bake &bake, const VellumMicromap *micromap
                               mesh.indexType == VELLUM_INDEX_TYPE_NONE &&
                               std::equal(std::begin(mesh.uvTransform), std::end(mesh.uvTransform), plain.uvTransform);
         bool linear = true;
-        for (std::size_t k = 0; k < mesh.textureCount; ++k)
+        for (size_t k = 0; k < mesh.textureCount; ++k)
             linear = linear && mesh.textures[k].filter == VELLUM_FILTER_LINEAR;
         // 2-state data claims what it does not know.
         const bool honest = bake.options.format == VELLUM_MICROMAP_FORMAT_4_STATE && mesh.formats == nullptr;
         const std::vector<AlphaTexture> textures =
             readable && linear && honest ? texturesOf(mesh) : std::vector<AlphaTexture>{};
-        for (std::size_t t = 0; t < mesh.triangleCount; ++t)
+        for (size_t t = 0; t < mesh.triangleCount; ++t)
             for (int n = 0; n < 8; ++n) {
                 const float u = static_cast<float>(input.byte()) / 256;
                 const float v = (1 - u) * static_cast<float>(input.byte()) / 256;
-                std::uint32_t state = 99;
+                uint32_t state = 99;
                 FUZZ_CHECK(vellumGetState(micromap, first + t, u, v, &state) == VELLUM_SUCCESS);
                 FUZZ_CHECK(state < 4);
                 if (!textures.empty())
@@ -380,13 +380,13 @@ void checkClaims(Reader &input, const Bake &bake, const VellumMicromap *micromap
 
 } // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size)
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     Reader input(std::span(data, size));
     Bake bake;
     anyOptions(input, bake.options);
-    const std::uint32_t count = input.oneIn(8) ? input.below(4) : 1;
-    for (std::uint32_t i = 0; i < count; ++i)
+    const uint32_t count = input.oneIn(8) ? input.below(4) : 1;
+    for (uint32_t i = 0; i < count; ++i)
         bake.inputs.push_back(anyInput(input, bake));
     bake.options.userData = &bake;
     bake.options.message = [](void *self, VellumResult result, const char *text) {

@@ -17,19 +17,19 @@ namespace
 // What a dispatchable handle points to.
 void *instanceHandle = &instanceHandle;
 void *deviceHandle = &deviceHandle;
-std::vector<std::vector<std::uint8_t>> memories;
-std::uint32_t messages = 0;
+std::vector<std::vector<uint8_t>> memories;
+uint32_t messages = 0;
 
 template <typename Handle>
-Handle handleOf(std::size_t i)
+Handle handleOf(size_t i)
 {
     return reinterpret_cast<Handle>(i + 1);
 }
 
 template <typename Handle>
-std::vector<std::uint8_t> &memoryOf(Handle handle)
+std::vector<uint8_t> &memoryOf(Handle handle)
 {
-    return memories[reinterpret_cast<std::uintptr_t>(handle) - 1];
+    return memories[reinterpret_cast<uintptr_t>(handle) - 1];
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL fakeCreateInstance(const VkInstanceCreateInfo *, const VkAllocationCallbacks *,
@@ -113,9 +113,9 @@ FakeDevice::FakeDevice()
     state_->driver.report().addMessenger(handleOf<VkDebugUtilsMessengerEXT>(0), messenger);
 }
 
-VkBuffer FakeDevice::makeBuffer(std::size_t size)
+VkBuffer FakeDevice::makeBuffer(size_t size)
 {
-    const std::size_t i = memories.size();
+    const size_t i = memories.size();
     memories.emplace_back(size);
     const auto buffer = handleOf<VkBuffer>(i);
     const auto memory = handleOf<VkDeviceMemory>(i);
@@ -128,14 +128,14 @@ VkBuffer FakeDevice::makeBuffer(std::size_t size)
     return buffer;
 }
 
-std::vector<std::uint8_t> &FakeDevice::bytes(VkBuffer buffer)
+std::vector<uint8_t> &FakeDevice::bytes(VkBuffer buffer)
 {
     return memoryOf(buffer);
 }
 
 void FakeDevice::clear()
 {
-    for (std::size_t i = 0; i < memories.size(); ++i) {
+    for (size_t i = 0; i < memories.size(); ++i) {
         state_->buffers.host.destroyed(handleOf<VkBuffer>(i));
         state_->buffers.host.freed(handleOf<VkDeviceMemory>(i));
         state_->buffers.infos.take(handleOf<VkBuffer>(i));
@@ -143,7 +143,7 @@ void FakeDevice::clear()
     memories.clear();
 }
 
-std::uint32_t FakeDevice::takeMessages()
+uint32_t FakeDevice::takeMessages()
 {
     return std::exchange(messages, 0);
 }

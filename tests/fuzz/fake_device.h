@@ -17,13 +17,13 @@ public:
     [[nodiscard]] layer::DeviceMicromaps &micromaps() const { return state_->micromaps; }
 
     // A buffer with memory of its own, so that AddressSanitizer sees where it ends.
-    VkBuffer makeBuffer(std::size_t size);
-    static std::vector<std::uint8_t> &bytes(VkBuffer buffer);
+    VkBuffer makeBuffer(size_t size);
+    static std::vector<uint8_t> &bytes(VkBuffer buffer);
     // Forgets all buffers.
     void clear();
 
     // Number of messages since the last call.
-    static std::uint32_t takeMessages();
+    static uint32_t takeMessages();
 
 private:
     VkDevice handle_ = VK_NULL_HANDLE;

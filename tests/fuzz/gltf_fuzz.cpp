@@ -21,36 +21,36 @@ using namespace vellum;
 namespace
 {
 
-using Bytes = std::vector<std::uint8_t>;
-using Input = std::span<const std::uint8_t>;
+using Bytes = std::vector<uint8_t>;
+using Input = std::span<const uint8_t>;
 
 // A file that is not on any disk.
 class MemoryFile
 {
 public:
-    explicit MemoryFile(Input bytes) : m_file(memfd_create("gltf", 0))
+    explicit MemoryFile(Input bytes) : file_(memfd_create("gltf", 0))
     {
-        FUZZ_CHECK(m_file >= 0 && write(m_file, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()));
+        FUZZ_CHECK(file_ >= 0 && write(file_, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()));
     }
-    ~MemoryFile() { close(m_file); }
+    ~MemoryFile() { close(file_); }
     MemoryFile(const MemoryFile &) = delete;
     MemoryFile &operator=(const MemoryFile &) = delete;
-    [[nodiscard]] std::filesystem::path path() const { return "/proc/self/fd/" + std::to_string(m_file); }
+    [[nodiscard]] std::filesystem::path path() const { return "/proc/self/fd/" + std::to_string(file_); }
 
 private:
-    int m_file;
+    int file_;
 };
 
-void appendWord(Bytes &bytes, std::size_t word)
+void appendWord(Bytes &bytes, size_t word)
 {
     for (unsigned i = 0; i < 4; ++i)
-        bytes.push_back(static_cast<std::uint8_t>(word >> 8 * i));
+        bytes.push_back(static_cast<uint8_t>(word >> 8 * i));
 }
 
 Bytes glbOf(Input json)
 {
-    constexpr std::size_t kBinaryBytes = 1024;
-    const std::size_t padded = (json.size() + 3) / 4 * 4;
+    constexpr size_t kBinaryBytes = 1024;
+    const size_t padded = (json.size() + 3) / 4 * 4;
     Bytes file;
     appendWord(file, 0x46546c67);
     appendWord(file, 2);
@@ -62,8 +62,8 @@ Bytes glbOf(Input json)
     appendWord(file, kBinaryBytes);
     appendWord(file, 0x004e4942);
     // Small numbers, most of which are valid indices.
-    for (std::size_t i = 0; i < kBinaryBytes; ++i)
-        file.push_back(static_cast<std::uint8_t>(i % 4 == 0 ? i / 4 % 6 : 0));
+    for (size_t i = 0; i < kBinaryBytes; ++i)
+        file.push_back(static_cast<uint8_t>(i % 4 == 0 ? i / 4 % 6 : 0));
     return file;
 }
 
@@ -80,16 +80,16 @@ void readFile(Input bytes)
 void readImage(Input bytes)
 {
     const Image image = decodeImage(bytes, "image 0");
-    FUZZ_CHECK(image.rgba.size() == std::size_t{4} * image.width * image.height && image.width != 0);
+    FUZZ_CHECK(image.rgba.size() == size_t{4} * image.width * image.height && image.width != 0);
 }
 
 void readDraco(Input bytes)
 {
     const DracoMesh mesh(bytes, "mesh 0 primitive 0");
-    for (const std::uint32_t index : mesh.indices())
+    for (const uint32_t index : mesh.indices())
         FUZZ_CHECK(index < mesh.vertexCount());
-    for (std::int64_t id = 0; id < 4; ++id) {
-        const std::uint32_t components = std::min(mesh.components(id, "attribute"), 4u);
+    for (int64_t id = 0; id < 4; ++id) {
+        const uint32_t components = std::min(mesh.components(id, "attribute"), 4u);
         FUZZ_CHECK(mesh.floats(id, components, DracoMesh::As::Unsigned16, "attribute").size() ==
                    components * mesh.vertexCount());
     }
@@ -119,7 +119,7 @@ void readMeshopt(Input bytes)
 
 } // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size)
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     if (size == 0)
         return 0;

@@ -56,8 +56,8 @@ const char *const kCompressed =
 void writeGltfSeeds(const std::filesystem::path &folder)
 {
     const Bytes rgba(8 * 8 * 4, 99);
-    const std::vector<std::uint32_t> indices = {0, 1, 2, 2, 1, 3};
-    const auto seed = [&](std::uint8_t kind, const char *name, Bytes bytes, const Bytes &head = {}) {
+    const std::vector<uint32_t> indices = {0, 1, 2, 2, 1, 3};
+    const auto seed = [&](uint8_t kind, const char *name, Bytes bytes, const Bytes &head = {}) {
         bytes.insert(bytes.begin(), head.begin(), head.end());
         bytes.insert(bytes.begin(), kind);
         writeFile(folder / name, bytes);

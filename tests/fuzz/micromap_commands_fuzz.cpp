@@ -18,10 +18,10 @@ namespace vellum::fuzz
 namespace
 {
 
-constexpr std::uint64_t kMostBytes = 1u << 18; // of a micromap that is built
-constexpr std::uint16_t kMostOtherLevel = 8;   // of triangles that are not of a level that was counted
-constexpr std::uint64_t kHeaderBytes = 64;     // of a micromap, and of a serialized one
-constexpr std::size_t kPackedBytes = 1u << 16;
+constexpr uint64_t kMostBytes = 1u << 18; // of a micromap that is built
+constexpr uint16_t kMostOtherLevel = 8;   // of triangles that are not of a level that was counted
+constexpr uint64_t kHeaderBytes = 64;     // of a micromap, and of a serialized one
+constexpr size_t kPackedBytes = 1u << 16;
 
 // The commands on one device, for one input.
 class Commands
@@ -44,20 +44,17 @@ private:
     void readTriangles();
     // A micromap with so much room: at the end of a buffer of its own, so that AddressSanitizer sees where it ends, or
     // beside others in one that they share, by a handle that reaches to the end of that.
-    VkMicromapEXT make(std::uint64_t size);
+    VkMicromapEXT make(uint64_t size);
     // Of a target that shall be too small: where handles reach to the end of a buffer, none is.
-    [[nodiscard]] std::uint64_t small(std::uint64_t size, std::uint64_t enough) const
-    {
-        return packed_ ? enough : size;
-    }
+    [[nodiscard]] uint64_t small(uint64_t size, uint64_t enough) const { return packed_ ? enough : size; }
     // Nothing in the shared buffer changes meanwhile but the room of the target.
     VkResult writingTo(VkMicromapEXT target, const std::function<VkResult()> &command);
-    [[nodiscard]] std::span<std::uint8_t> bytesOf(VkMicromapEXT micromap) const;
-    VkMicromapEXT build(std::uint64_t size);
-    std::uint64_t property(VkMicromapEXT micromap, VkQueryType type);
-    void copy(VkMicromapEXT source, std::uint64_t used);
-    void serialize(VkMicromapEXT source, std::uint64_t used);
-    void deserializeDamaged(std::vector<std::uint8_t> serialized, std::uint64_t used);
+    [[nodiscard]] std::span<uint8_t> bytesOf(VkMicromapEXT micromap) const;
+    VkMicromapEXT build(uint64_t size);
+    uint64_t property(VkMicromapEXT micromap, VkQueryType type);
+    void copy(VkMicromapEXT source, uint64_t used);
+    void serialize(VkMicromapEXT source, uint64_t used);
+    void deserializeDamaged(std::vector<uint8_t> serialized, uint64_t used);
     void deserializeAnything();
     void checkMicromap(VkMicromapEXT micromap) const;
     // A command that fails says why.
@@ -70,15 +67,15 @@ private:
     FakeDevice &device_;
     Reader &input_;
     std::vector<VkMicromapEXT> micromaps_;
-    std::map<VkMicromapEXT, std::size_t> room_; // bytes
+    std::map<VkMicromapEXT, size_t> room_; // bytes
     std::optional<vt::Pieces> packed_;
     VkBuffer packedBuffer_ = VK_NULL_HANDLE;
     std::vector<VkMicromapUsageEXT> usages_;
     std::vector<const VkMicromapUsageEXT *> usagePointers_;
     VkMicromapBuildInfoEXT info_{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
     BuildModel model_;
-    std::vector<std::uint8_t> array_;
-    std::vector<std::uint8_t> data_;
+    std::vector<uint8_t> array_;
+    std::vector<uint8_t> data_;
 };
 
 // Counts that are small enough to build, as a rule.
@@ -86,16 +83,16 @@ void Commands::readUsages()
 {
     usages_.resize(input_.below(6));
     for (VkMicromapUsageEXT &usage : usages_) {
-        usage.count = input_.oneIn(16) ? input_.take<std::uint32_t>() : input_.below(12);
-        usage.subdivisionLevel = input_.oneIn(16) ? input_.take<std::uint32_t>() : input_.below(8);
-        usage.format = input_.oneIn(16) ? input_.take<std::uint32_t>() : 1 + input_.below(2);
+        usage.count = input_.oneIn(16) ? input_.take<uint32_t>() : input_.below(12);
+        usage.subdivisionLevel = input_.oneIn(16) ? input_.take<uint32_t>() : input_.below(8);
+        usage.format = input_.oneIn(16) ? input_.take<uint32_t>() : 1 + input_.below(2);
     }
     for (const VkMicromapUsageEXT &usage : usages_)
         usagePointers_.push_back(&usage);
     info_.flags = input_.byte();
     info_.type = input_.oneIn(32) ? static_cast<VkMicromapTypeEXT>(1000396001) : VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
     info_.mode = input_.oneIn(32) ? static_cast<VkBuildMicromapModeEXT>(1) : VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-    info_.usageCountsCount = static_cast<std::uint32_t>(usages_.size());
+    info_.usageCountsCount = static_cast<uint32_t>(usages_.size());
     const bool direct = input_.flag(), wrong = input_.oneIn(32);
     info_.pUsageCounts = direct ? usages_.data() : nullptr;
     info_.ppUsageCounts = direct == wrong ? usagePointers_.data() : nullptr;
@@ -105,23 +102,23 @@ void Commands::readUsages()
 // is known to these commands.
 void Commands::readTriangles()
 {
-    std::uint64_t count = 0;
-    std::uint64_t most = 0;
+    uint64_t count = 0;
+    uint64_t most = 0;
     for (const VkMicromapUsageEXT &usage : usages_) {
         if (usage.count == 0)
             continue;
         // A format that there is not counts as the one that takes most.
-        const SourceTriangle one{0, static_cast<std::uint16_t>(usage.subdivisionLevel),
-                                 static_cast<std::uint16_t>(usage.format == 1 ? 1 : 2)};
+        const SourceTriangle one{0, static_cast<uint16_t>(usage.subdivisionLevel),
+                                 static_cast<uint16_t>(usage.format == 1 ? 1 : 2)};
         count += usage.count;
-        model_.capacityUnits += static_cast<std::uint32_t>(usage.count * dataUnits(one));
+        model_.capacityUnits += static_cast<uint32_t>(usage.count * dataUnits(one));
         model_.maxLevel = std::max(model_.maxLevel, usage.subdivisionLevel);
         most = std::max(most, dataBytes(one));
     }
     model_.share = (info_.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                    (info_.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
     most = std::max(most, dataBytes({0, kMostOtherLevel, 2}));
-    const std::uint32_t places = 1 + input_.below(1u << 12);
+    const uint32_t places = 1 + input_.below(1u << 12);
     data_.resize(most + places);
     input_.part(input_.byte()).fill(data_);
     model_.data = data_;
@@ -130,20 +127,20 @@ void Commands::readTriangles()
     info_.triangleArrayStride = input_.oneIn(8) ? input_.below(40) : 8;
     if (info_.triangleArrayStride < 8)
         info_.triangleArrayStride = 0;
-    const std::uint64_t stride = info_.triangleArrayStride;
+    const uint64_t stride = info_.triangleArrayStride;
     model_.triangles.resize(count);
     array_.resize(count == 0 ? 0 : (count - 1) * stride + 8);
-    std::size_t usage = 0;
-    std::uint32_t left = 0;
-    for (std::size_t i = 0; i < count; ++i) {
+    size_t usage = 0;
+    uint32_t left = 0;
+    for (size_t i = 0; i < count; ++i) {
         while (left == 0)
             left = usages_[usage++].count;
         --left;
         const VkMicromapUsageEXT &counted = usages_[usage - 1];
         SourceTriangle &t = model_.triangles[i];
         t.level =
-            static_cast<std::uint16_t>(input_.oneIn(16) ? input_.below(kMostOtherLevel + 1) : counted.subdivisionLevel);
-        t.format = static_cast<std::uint16_t>(input_.oneIn(16) ? input_.byte() : counted.format);
+            static_cast<uint16_t>(input_.oneIn(16) ? input_.below(kMostOtherLevel + 1) : counted.subdivisionLevel);
+        t.format = static_cast<uint16_t>(input_.oneIn(16) ? input_.byte() : counted.format);
         t.dataOffset = input_.below(places);
         if (input_.flag())
             t.dataOffset = t.dataOffset / 16 * 16;
@@ -153,7 +150,7 @@ void Commands::readTriangles()
     }
 }
 
-VkMicromapEXT Commands::make(std::uint64_t size)
+VkMicromapEXT Commands::make(uint64_t size)
 {
     VkMicromapCreateInfoEXT create{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT};
     create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
@@ -174,7 +171,7 @@ VkMicromapEXT Commands::make(std::uint64_t size)
     return micromap;
 }
 
-std::span<std::uint8_t> Commands::bytesOf(VkMicromapEXT micromap) const
+std::span<uint8_t> Commands::bytesOf(VkMicromapEXT micromap) const
 {
     const layer::Micromap &m = *layer::micromapOf(micromap);
     return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, room_.at(micromap));
@@ -184,20 +181,20 @@ VkResult Commands::writingTo(VkMicromapEXT target, const std::function<VkResult(
 {
     if (!packed_)
         return command();
-    std::vector<std::uint8_t> before(packed_->bytes().begin(), packed_->bytes().end());
+    std::vector<uint8_t> before(packed_->bytes().begin(), packed_->bytes().end());
     const VkResult result = command();
     const layer::Micromap *const m = layer::micromapOf(target);
     if (m != nullptr && m->buffer == packedBuffer_)
-        std::ranges::copy(bytesOf(target), before.begin() + static_cast<std::ptrdiff_t>(m->offset));
+        std::ranges::copy(bytesOf(target), before.begin() + static_cast<ptrdiff_t>(m->offset));
     FUZZ_CHECK(std::ranges::equal(before, packed_->bytes()));
     FUZZ_CHECK(!packed_->damage());
     return result;
 }
 
-VkMicromapEXT Commands::build(std::uint64_t size)
+VkMicromapEXT Commands::build(uint64_t size)
 {
     const VkMicromapEXT micromap = make(size);
-    std::ranges::fill(bytesOf(micromap), std::uint8_t{0xc5});
+    std::ranges::fill(bytesOf(micromap), uint8_t{0xc5});
     info_.dstMicromap = micromap;
     info_.triangleArray.hostAddress = array_.data();
     info_.data.hostAddress = data_.data();
@@ -208,9 +205,9 @@ VkMicromapEXT Commands::build(std::uint64_t size)
     return result == VK_SUCCESS ? micromap : VK_NULL_HANDLE;
 }
 
-std::uint64_t Commands::property(VkMicromapEXT micromap, VkQueryType type)
+uint64_t Commands::property(VkMicromapEXT micromap, VkQueryType type)
 {
-    std::uint64_t value = 0;
+    uint64_t value = 0;
     FUZZ_CHECK(layer::writeMicromapsProperties(device_.micromaps(), device_.handle(), 1, &micromap, type, sizeof value,
                                                &value, sizeof value) == VK_SUCCESS);
     return value;
@@ -219,8 +216,8 @@ std::uint64_t Commands::property(VkMicromapEXT micromap, VkQueryType type)
 // Either nothing was built there, or all of it lies in the micromap.
 void Commands::checkMicromap(VkMicromapEXT micromap) const
 {
-    const std::span<const std::uint8_t> bytes = bytesOf(micromap);
-    std::uint32_t magic = 0;
+    const std::span<const uint8_t> bytes = bytesOf(micromap);
+    uint32_t magic = 0;
     if (bytes.size() < kHeaderBytes)
         return;
     std::memcpy(&magic, bytes.data(), sizeof magic);
@@ -229,7 +226,7 @@ void Commands::checkMicromap(VkMicromapEXT micromap) const
 }
 
 // Into a micromap of the compacted size it is the same; into one that is smaller, none.
-void Commands::copy(VkMicromapEXT source, std::uint64_t used)
+void Commands::copy(VkMicromapEXT source, uint64_t used)
 {
     const VkMicromapEXT exact = make(used);
     VkCopyMicromapInfoEXT info{VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT};
@@ -245,18 +242,18 @@ void Commands::copy(VkMicromapEXT source, std::uint64_t used)
     checkBuilt(model_, bytesOf(exact));
     if (packed_)
         return;
-    info.dst = make(input_.below(static_cast<std::uint32_t>(used)));
+    info.dst = make(input_.below(static_cast<uint32_t>(used)));
     run();
     checkMicromap(info.dst);
     // It is no micromap then: what is asked of it, and copied from it, is nothing's.
     FUZZ_CHECK(property(info.dst, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT) == kHeaderBytes);
 }
 
-void Commands::serialize(VkMicromapEXT source, std::uint64_t used)
+void Commands::serialize(VkMicromapEXT source, uint64_t used)
 {
-    const std::uint64_t size = property(source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT);
+    const uint64_t size = property(source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT);
     FUZZ_CHECK(size == used + kHeaderBytes);
-    std::vector<std::uint8_t> serialized(size);
+    std::vector<uint8_t> serialized(size);
     VkCopyMicromapToMemoryInfoEXT out{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
     out.src = source;
     out.dst.hostAddress = serialized.data();
@@ -283,16 +280,16 @@ void Commands::serialize(VkMicromapEXT source, std::uint64_t used)
 }
 
 // The size that the header says is what the application vouches for, so it is the one thing that stays.
-void Commands::deserializeDamaged(std::vector<std::uint8_t> serialized, std::uint64_t used)
+void Commands::deserializeDamaged(std::vector<uint8_t> serialized, uint64_t used)
 {
-    for (std::uint32_t n = 1 + input_.below(6); n > 0; --n) {
-        const std::uint32_t at = input_.below(static_cast<std::uint32_t>(serialized.size()));
+    for (uint32_t n = 1 + input_.below(6); n > 0; --n) {
+        const uint32_t at = input_.below(static_cast<uint32_t>(serialized.size()));
         if (at < 32 || at >= 40)
             serialized[at] = input_.byte();
     }
     VkCopyMemoryToMicromapInfoEXT in{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     in.src.hostAddress = serialized.data();
-    in.dst = make(input_.flag() ? used : small(input_.below(static_cast<std::uint32_t>(used) + 64), used));
+    in.dst = make(input_.flag() ? used : small(input_.below(static_cast<uint32_t>(used) + 64), used));
     std::ranges::fill(bytesOf(in.dst), input_.byte());
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
     checkTold(writingTo(in.dst, [&] {
@@ -304,9 +301,9 @@ void Commands::deserializeDamaged(std::vector<std::uint8_t> serialized, std::uin
 // Bytes that never were a micromap, 128 of which a header and the micromap's header take.
 void Commands::deserializeAnything()
 {
-    std::vector<std::uint8_t> serialized(2 * kHeaderBytes + input_.below(512));
+    std::vector<uint8_t> serialized(2 * kHeaderBytes + input_.below(512));
     input_.fill(serialized);
-    const std::uint64_t size = serialized.size();
+    const uint64_t size = serialized.size();
     std::memcpy(serialized.data() + 32, &size, sizeof size);
     const VkMicromapVersionInfoEXT version{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, serialized.data()};
     VkAccelerationStructureCompatibilityKHR compatibility{};
@@ -339,16 +336,16 @@ void Commands::run()
     FUZZ_CHECK(FakeDevice::takeMessages() > 0 || sizes.micromapSize > 0);
     if (sizes.micromapSize == 0 || sizes.micromapSize > kMostBytes)
         return;
-    const std::uint64_t missing = input_.oneIn(16) ? small(1 + input_.below(600), 0) : 0;
+    const uint64_t missing = input_.oneIn(16) ? small(1 + input_.below(600), 0) : 0;
     readTriangles();
-    const std::uint64_t count = model_.triangles.size();
-    const std::uint64_t exact = kHeaderBytes + (count + count % 2) * 8 + std::uint64_t{model_.capacityUnits} * 16;
+    const uint64_t count = model_.triangles.size();
+    const uint64_t exact = kHeaderBytes + (count + count % 2) * 8 + uint64_t{model_.capacityUnits} * 16;
     FUZZ_CHECK(sizes.micromapSize >= exact && sizes.micromapSize < exact + 256);
     const VkMicromapEXT micromap = build(exact - std::min(exact, missing));
     FUZZ_CHECK((micromap != VK_NULL_HANDLE) == (missing == 0));
     if (!micromap)
         return;
-    const std::uint64_t used = property(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+    const uint64_t used = property(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
     FUZZ_CHECK(used <= exact);
     checkBuilt(model_, bytesOf(micromap).first(used));
     copy(micromap, used);

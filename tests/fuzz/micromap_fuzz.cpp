@@ -3,7 +3,7 @@
 
 #include "reader.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size)
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     vellum::fuzz::Reader input({data, size});
     switch (input.byte() % 4) {

@@ -19,35 +19,35 @@ namespace
 using namespace shared;
 
 // Micro-triangles that are looked at: all of them up to level 6, some above.
-constexpr std::uint32_t kMostStates = 4096;
-constexpr std::uint32_t kMostPoints = 64;
+constexpr uint32_t kMostStates = 4096;
+constexpr uint32_t kMostPoints = 64;
 
-std::uint32_t stateCount(std::uint32_t level)
+uint32_t stateCount(uint32_t level)
 {
     return 1u << (2 * level);
 }
 
-std::uint32_t stepOf(std::uint32_t count, std::uint32_t most)
+uint32_t stepOf(uint32_t count, uint32_t most)
 {
     return count <= most ? 1 : count / most | 1;
 }
 
 // Each sub-triangle of level 2 is wholly transparent, or wholly opaque.
-bool needsNoData(const BuildModel &model, std::uint32_t i)
+bool needsNoData(const BuildModel &model, uint32_t i)
 {
-    const std::uint32_t each = stateCount(model.triangles[i].level) / 16;
-    for (std::uint32_t sub = 0; sub < 16; ++sub) {
-        const std::uint32_t first = sourceState(model, i, sub * each);
+    const uint32_t each = stateCount(model.triangles[i].level) / 16;
+    for (uint32_t sub = 0; sub < 16; ++sub) {
+        const uint32_t first = sourceState(model, i, sub * each);
         if (first > 1)
             return false;
-        for (std::uint32_t k = 1; k < each; ++k)
+        for (uint32_t k = 1; k < each; ++k)
             if (sourceState(model, i, sub * each + k) != first)
                 return false;
     }
     return true;
 }
 
-std::uint32_t problemOf(const BuildModel &model, std::uint32_t i)
+uint32_t problemOf(const BuildModel &model, uint32_t i)
 {
     const SourceTriangle &t = model.triangles[i];
     if (i >= model.readable)
@@ -61,49 +61,49 @@ std::uint32_t problemOf(const BuildModel &model, std::uint32_t i)
     return t.dataOffset + dataBytes(t) > model.data.size() ? kComplaintData : 0;
 }
 
-std::uint32_t wordAt(std::span<const std::uint8_t> bytes, std::uint64_t at)
+uint32_t wordAt(std::span<const uint8_t> bytes, uint64_t at)
 {
     FUZZ_CHECK(at + 4 <= bytes.size());
-    std::uint32_t word = 0;
+    uint32_t word = 0;
     std::memcpy(&word, bytes.data() + at, sizeof word);
     return word;
 }
 
 struct DataKind {
-    std::uint32_t level;
-    std::uint32_t bits;      // per state
-    std::uint32_t firstByte; // of the first data unit
+    uint32_t level;
+    uint32_t bits;      // per state
+    uint32_t firstByte; // of the first data unit
 };
 
 // Two kinds a level from 3 on; one more for the smallest data, in the upper half of its unit.
-DataKind dataKindOf(std::uint32_t n)
+DataKind dataKindOf(uint32_t n)
 {
     FUZZ_CHECK(n <= 20);
     return n == 20 ? DataKind{3, 1, 8} : DataKind{3 + n / 2, 1 + n % 2, 0};
 }
 
-std::uint64_t unitsBegin(std::span<const std::uint8_t> micromap)
+uint64_t unitsBegin(std::span<const uint8_t> micromap)
 {
-    const std::uint64_t triangles = wordAt(micromap, kMicromapHeaderTriangles * 4);
+    const uint64_t triangles = wordAt(micromap, kMicromapHeaderTriangles * 4);
     return 64 + (triangles + triangles % 2) * 8;
 }
 
 } // namespace
 
-std::uint64_t dataBytes(const SourceTriangle &triangle)
+uint64_t dataBytes(const SourceTriangle &triangle)
 {
-    return (std::uint64_t{stateCount(triangle.level)} * triangle.format + 7) / 8;
+    return (uint64_t{stateCount(triangle.level)} * triangle.format + 7) / 8;
 }
 
-std::uint64_t dataUnits(const SourceTriangle &triangle)
+uint64_t dataUnits(const SourceTriangle &triangle)
 {
     return triangle.level <= 2 ? 0 : (dataBytes(triangle) + 15) / 16;
 }
 
-std::uint32_t sourceState(const BuildModel &model, std::uint32_t triangle, std::uint32_t index)
+uint32_t sourceState(const BuildModel &model, uint32_t triangle, uint32_t index)
 {
     const SourceTriangle &t = model.triangles[triangle];
-    const std::uint32_t bit = index * t.format;
+    const uint32_t bit = index * t.format;
     return model.data[t.dataOffset + bit / 8] >> bit % 8 & ((1u << t.format) - 1);
 }
 
@@ -113,19 +113,19 @@ std::vector<Expected> expectedOf(const BuildModel &model)
 {
     std::vector<Expected> expected(model.triangles.size());
     bool stays = !model.share;
-    for (std::uint32_t i = 0; i < expected.size(); ++i) {
+    for (uint32_t i = 0; i < expected.size(); ++i) {
         expected[i].complaint = problemOf(model, i);
         const SourceTriangle &t = model.triangles[i];
         if (expected[i].complaint == 0 && dataUnits(t) > 0)
-            stays &= t.dataOffset % std::min<std::uint64_t>(dataBytes(t), 16) == 0 &&
+            stays &= t.dataOffset % std::min<uint64_t>(dataBytes(t), 16) == 0 &&
                      t.dataOffset / 16 + dataUnits(t) <= model.capacityUnits;
     }
     // Large data is the same only where it is the same bytes in the same place.
-    std::map<std::tuple<std::uint32_t, std::uint32_t, std::string_view, std::uint32_t>, std::uint32_t> owners;
-    std::uint64_t next = 0;
-    for (std::uint32_t i = 0; i < expected.size() && !stays; ++i) {
+    std::map<std::tuple<uint32_t, uint32_t, std::string_view, uint32_t>, uint32_t> owners;
+    uint64_t next = 0;
+    for (uint32_t i = 0; i < expected.size() && !stays; ++i) {
         const SourceTriangle &t = model.triangles[i];
-        const std::uint64_t units = expected[i].complaint == 0 ? dataUnits(t) : 0;
+        const uint64_t units = expected[i].complaint == 0 ? dataUnits(t) : 0;
         if (units == 0)
             continue;
         if (model.share) {
@@ -150,20 +150,19 @@ std::vector<Expected> expectedOf(const BuildModel &model)
     return expected;
 }
 
-std::uint32_t builtState(std::span<const std::uint8_t> micromap, std::uint32_t triangle, std::uint32_t level,
-                         std::uint32_t index)
+uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32_t level, uint32_t index)
 {
-    const std::uint64_t record = 64 + std::uint64_t{triangle} * 8;
-    const std::uint32_t word0 = wordAt(micromap, record);
-    const std::uint32_t word1 = wordAt(micromap, record + 4);
-    const std::uint32_t kind = word0 & 31;
+    const uint64_t record = 64 + uint64_t{triangle} * 8;
+    const uint32_t word0 = wordAt(micromap, record);
+    const uint32_t word1 = wordAt(micromap, record + 4);
+    const uint32_t kind = word0 & 31;
     const bool far = kind == 31;
     if (!far) {
         // The states or summaries of level 2 that the micro-triangle covers, or is part of.
-        const std::uint32_t first = level < 2 ? index << (4 - 2 * level) : index >> (2 * level - 4);
-        const std::uint32_t covered = level < 2 ? 1u << (4 - 2 * level) : 1;
-        const std::uint32_t coarse = word1 >> (2 * first) & 3;
-        for (std::uint32_t i = 1; i < covered; ++i)
+        const uint32_t first = level < 2 ? index << (4 - 2 * level) : index >> (2 * level - 4);
+        const uint32_t covered = level < 2 ? 1u << (4 - 2 * level) : 1;
+        const uint32_t coarse = word1 >> (2 * first) & 3;
+        for (uint32_t i = 1; i < covered; ++i)
             FUZZ_CHECK((word1 >> (2 * (first + i)) & 3) == coarse);
         if (kind == 0 || coarse < 2)
             return coarse;
@@ -171,56 +170,56 @@ std::uint32_t builtState(std::span<const std::uint8_t> micromap, std::uint32_t t
     }
     const DataKind data = dataKindOf(far ? word0 >> 5 & 31 : kind - 1);
     FUZZ_CHECK(level == data.level);
-    const std::uint64_t bits = data.bits;
-    const std::uint64_t unit = far ? word1 : word0 >> 5;
-    const std::uint64_t byte = unit * 16 + data.firstByte + index * bits / 8;
+    const uint64_t bits = data.bits;
+    const uint64_t unit = far ? word1 : word0 >> 5;
+    const uint64_t byte = unit * 16 + data.firstByte + index * bits / 8;
     FUZZ_CHECK(byte / 16 < wordAt(micromap, kMicromapHeaderUnits * 4));
-    const std::uint64_t at = unitsBegin(micromap) + byte;
+    const uint64_t at = unitsBegin(micromap) + byte;
     FUZZ_CHECK(at < micromap.size());
     return micromap[at] >> (index * bits % 8) & ((1u << bits) - 1);
 }
 
-void checkBuilt(const BuildModel &model, std::span<const std::uint8_t> micromap)
+void checkBuilt(const BuildModel &model, std::span<const uint8_t> micromap)
 {
     const std::vector<Expected> expected = expectedOf(model);
     FUZZ_CHECK(wordAt(micromap, kMicromapHeaderTriangles * 4) == expected.size());
     FUZZ_CHECK(wordAt(micromap, kMicromapHeaderUnits * 4) <= model.capacityUnits);
     Micromap library;
     library.data.assign(model.data.begin(), model.data.end());
-    for (std::uint32_t i = 0; i < expected.size(); ++i) {
+    for (uint32_t i = 0; i < expected.size(); ++i) {
         const SourceTriangle &t = model.triangles[i];
         if (expected[i].unknown) {
-            for (std::uint32_t k = 0; k < 16; ++k)
+            for (uint32_t k = 0; k < 16; ++k)
                 FUZZ_CHECK(builtState(micromap, i, 2, k) == kStateUnknownOpaque);
             continue;
         }
-        const std::uint32_t count = stateCount(t.level);
-        for (std::uint32_t k = 0; k < count; k += stepOf(count, kMostStates))
+        const uint32_t count = stateCount(t.level);
+        for (uint32_t k = 0; k < count; k += stepOf(count, kMostStates))
             FUZZ_CHECK(builtState(micromap, i, t.level, k) == sourceState(model, i, k));
 
         library.indices = {0};
         library.triangles = {{t.dataOffset, t.level, static_cast<Format>(t.format)}};
         FUZZ_CHECK(!library.validate());
-        for (std::uint32_t k = 0; k < count; k += stepOf(count, kMostPoints)) {
+        for (uint32_t k = 0; k < count; k += stepOf(count, kMostPoints)) {
             const auto [a, b, c] = microTriangleCorners(k, t.level);
             const float u = (a.u + b.u + c.u) / 3, v = (a.v + b.v + c.v) / 3;
             FUZZ_CHECK(curveIndex(u, v, t.level) == k);
-            FUZZ_CHECK(static_cast<std::uint32_t>(library.stateAt(0, u, v)) == sourceState(model, i, k));
+            FUZZ_CHECK(static_cast<uint32_t>(library.stateAt(0, u, v)) == sourceState(model, i, k));
         }
     }
 }
 
-void checkStaysInside(std::span<const std::uint8_t> micromap)
+void checkStaysInside(std::span<const uint8_t> micromap)
 {
-    const std::uint32_t triangles = wordAt(micromap, kMicromapHeaderTriangles * 4);
-    for (std::uint32_t i = 0; i < triangles; ++i) {
-        const std::uint32_t word0 = wordAt(micromap, 64 + std::uint64_t{i} * 8);
-        const std::uint32_t kind = word0 & 31;
+    const uint32_t triangles = wordAt(micromap, kMicromapHeaderTriangles * 4);
+    for (uint32_t i = 0; i < triangles; ++i) {
+        const uint32_t word0 = wordAt(micromap, 64 + uint64_t{i} * 8);
+        const uint32_t kind = word0 & 31;
         if (kind == 0)
             continue;
         const DataKind data = dataKindOf(kind == 31 ? word0 >> 5 & 31 : kind - 1);
-        const std::uint64_t units = (std::uint64_t{stateCount(data.level)} * data.bits + 127) / 128;
-        const std::uint64_t first = kind == 31 ? wordAt(micromap, 64 + std::uint64_t{i} * 8 + 4) : word0 >> 5;
+        const uint64_t units = (uint64_t{stateCount(data.level)} * data.bits + 127) / 128;
+        const uint64_t first = kind == 31 ? wordAt(micromap, 64 + uint64_t{i} * 8 + 4) : word0 >> 5;
         FUZZ_CHECK(first + units <= wordAt(micromap, kMicromapHeaderUnits * 4));
         FUZZ_CHECK(unitsBegin(micromap) + (first + units) * 16 <= micromap.size());
     }

@@ -10,42 +10,41 @@ namespace vellum::fuzz
 {
 
 struct SourceTriangle {
-    std::uint32_t dataOffset = 0;
-    std::uint16_t level = 0;
-    std::uint16_t format = 0;
+    uint32_t dataOffset = 0;
+    uint16_t level = 0;
+    uint16_t format = 0;
 };
 static_assert(sizeof(SourceTriangle) == 8);
 
 // A build's input without the array that the triangles lie in.
 struct BuildModel {
     std::vector<SourceTriangle> triangles;
-    std::uint32_t readable = UINT32_MAX; // triangles that may be read
-    std::span<const std::uint8_t> data;
-    std::uint32_t capacityUnits = 0;
-    std::uint32_t maxLevel = 12;
+    uint32_t readable = UINT32_MAX; // triangles that may be read
+    std::span<const uint8_t> data;
+    uint32_t capacityUnits = 0;
+    uint32_t maxLevel = 12;
     bool share = false;
 };
 
 struct Expected {
-    std::uint32_t complaint = 0; // kComplaint*; then all of the triangle is unknown-opaque
-    bool unknown = false;        // it is, be it for the complaint or since it has the data of a triangle that is
+    uint32_t complaint = 0; // kComplaint*; then all of the triangle is unknown-opaque
+    bool unknown = false;   // it is, be it for the complaint or since it has the data of a triangle that is
 };
 std::vector<Expected> expectedOf(const BuildModel &model);
 
 // Bytes of data of a triangle, and 16-byte units that it takes of a micromap.
-std::uint64_t dataBytes(const SourceTriangle &triangle);
-std::uint64_t dataUnits(const SourceTriangle &triangle);
+uint64_t dataBytes(const SourceTriangle &triangle);
+uint64_t dataUnits(const SourceTriangle &triangle);
 // The state of one micro-triangle, by the data as the application gave it.
-std::uint32_t sourceState(const BuildModel &model, std::uint32_t triangle, std::uint32_t index);
+uint32_t sourceState(const BuildModel &model, uint32_t triangle, uint32_t index);
 
 // The state that a lookup finds at micro-triangle `index` of `level`. Fails the run where the micromap has it nowhere
 // in the bytes that are in use, or where it is not the same in all of the micro-triangle.
-std::uint32_t builtState(std::span<const std::uint8_t> micromap, std::uint32_t triangle, std::uint32_t level,
-                         std::uint32_t index);
+uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32_t level, uint32_t index);
 
 // Compares all that was built with what it was built from, and the library's curve and model with them.
-void checkBuilt(const BuildModel &model, std::span<const std::uint8_t> micromap);
+void checkBuilt(const BuildModel &model, std::span<const uint8_t> micromap);
 // That no lookup leaves a micromap whose records were made by nobody.
-void checkStaysInside(std::span<const std::uint8_t> micromap);
+void checkStaysInside(std::span<const uint8_t> micromap);
 
 } // namespace vellum::fuzz

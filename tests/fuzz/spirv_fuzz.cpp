@@ -15,9 +15,9 @@ namespace
 using Status = spirv::RewriteResult::Status;
 
 // The universal limit of ids (SPIR-V specification, 2.17), less than what the rewriter may need for its own.
-constexpr std::uint32_t kFewerThanAllIds = 4'000'000;
+constexpr uint32_t kFewerThanAllIds = 4'000'000;
 
-void check(std::span<const std::uint32_t> words, const spirv::RewriteOptions &options)
+void check(std::span<const uint32_t> words, const spirv::RewriteOptions &options)
 {
     const spirv::RewriteResult result = spirv::rewrite(words, options);
     FUZZ_CHECK(result.error.empty() == (result.status != Status::Failed));
@@ -49,14 +49,14 @@ void check(std::span<const std::uint32_t> words, const spirv::RewriteOptions &op
 
 } // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size)
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     // On the heap, and no byte too many: so AddressSanitizer sees the end.
-    const std::size_t count = size / 4;
-    const auto words = std::make_unique<std::uint32_t[]>(count);
+    const size_t count = size / 4;
+    const auto words = std::make_unique<uint32_t[]>(count);
     if (count > 0)
         std::memcpy(words.get(), data, count * 4);
-    const std::span<const std::uint32_t> view(words.get(), count);
+    const std::span<const uint32_t> view(words.get(), count);
     fuzz::SpirvInput input;
     fuzz::readOptions(view, input);
     check(view, input.options);

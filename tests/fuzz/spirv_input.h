@@ -8,25 +8,25 @@
 #include <span>
 #include <string>
 
-#include "spirv/rewrite.h"
 #include "spirv/module/scan.h"
+#include "spirv/rewrite.h"
 
 namespace vellum::fuzz
 {
 
-inline constexpr std::size_t kHeaderWords = 5;
-inline constexpr std::size_t kOptionsWord = 2;
+inline constexpr size_t kHeaderWords = 5;
+inline constexpr size_t kOptionsWord = 2;
 
 // Bits of the options.
-inline constexpr std::uint32_t kQueriesKeepConstants = 1; // constant ray flags like others
-inline constexpr std::uint32_t kInPayload = 2;            // hidden flags lie in the payload
-inline constexpr std::uint32_t kInPipeline = 4;           // for a stage of a pipeline
-inline constexpr std::uint32_t kDecidesShift = 3;         // two bits, Decides
-inline constexpr std::uint32_t kEntryPointShift = 5;      // two bits, which one
-inline constexpr std::uint32_t kOtherStage = 0x80;        // whose entry point has another execution model
-inline constexpr std::uint32_t kNoEntryPoint = 0x100;     // of a name that the module does not have
-inline constexpr std::uint32_t kConstantFlags = 0x200;    // all rays have the same hidden flags
-inline constexpr std::uint32_t kAllOptions = 0x3ff;
+inline constexpr uint32_t kQueriesKeepConstants = 1; // constant ray flags like others
+inline constexpr uint32_t kInPayload = 2;            // hidden flags lie in the payload
+inline constexpr uint32_t kInPipeline = 4;           // for a stage of a pipeline
+inline constexpr uint32_t kDecidesShift = 3;         // two bits, Decides
+inline constexpr uint32_t kEntryPointShift = 5;      // two bits, which one
+inline constexpr uint32_t kOtherStage = 0x80;        // whose entry point has another execution model
+inline constexpr uint32_t kNoEntryPoint = 0x100;     // of a name that the module does not have
+inline constexpr uint32_t kConstantFlags = 0x200;    // all rays have the same hidden flags
+inline constexpr uint32_t kAllOptions = 0x3ff;
 
 struct SpirvInput {
     spirv::RewriteOptions options;
@@ -34,24 +34,24 @@ struct SpirvInput {
 };
 
 // The options that a module carries. `input` must stay where it is.
-inline void readOptions(std::span<const std::uint32_t> words, SpirvInput &input)
+inline void readOptions(std::span<const uint32_t> words, SpirvInput &input)
 {
-    const std::uint32_t bits = words.size() > kOptionsWord ? words[kOptionsWord] : 0;
+    const uint32_t bits = words.size() > kOptionsWord ? words[kOptionsWord] : 0;
     input.options = {.rootAddress = 0xfedcba9876543210, .firstSlots = 0x0123456789abcde0};
     input.options.constantQueryFlags = (bits & kQueriesKeepConstants) == 0;
     if ((bits & kInPipeline) == 0)
         return;
-    std::uint32_t skip = bits >> kEntryPointShift & 3;
-    std::uint32_t model = 5313;
-    constexpr std::uint32_t kOpEntryPoint = 15;
-    for (std::size_t at = kHeaderWords; at + 3 < words.size(); at += words[at] >> 16) {
+    uint32_t skip = bits >> kEntryPointShift & 3;
+    uint32_t model = 5313;
+    constexpr uint32_t kOpEntryPoint = 15;
+    for (size_t at = kHeaderWords; at + 3 < words.size(); at += words[at] >> 16) {
         if (words[at] >> 16 == 0)
             break;
         if ((words[at] & 0xffff) != kOpEntryPoint)
             continue;
         model = words[at + 1];
         input.entryPoint.clear();
-        for (std::size_t i = (at + 3) * 4; i < words.size() * 4; ++i) {
+        for (size_t i = (at + 3) * 4; i < words.size() * 4; ++i) {
             const char c = static_cast<char>(words[i / 4] >> (i % 4 * 8));
             if (c == 0)
                 break;
@@ -64,8 +64,8 @@ inline void readOptions(std::span<const std::uint32_t> words, SpirvInput &input)
         input.entryPoint += "?";
     if ((bits & kOtherStage) != 0)
         ++model;
-    const std::uint32_t constant = (bits & kConstantFlags) != 0 ? 0x481 : 0;
-    const std::uint32_t fixed = (bits & kInPayload) != 0 ? 0x80 : 0x481;
+    const uint32_t constant = (bits & kConstantFlags) != 0 ? 0x481 : 0;
+    const uint32_t fixed = (bits & kInPayload) != 0 ? 0x80 : 0x481;
     const spirv::HiddenFlags hidden{fixed, constant & fixed};
     input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Decides>(bits >> kDecidesShift & 3),
                                    hidden};

@@ -8,17 +8,17 @@
 #include "spirv/module/opcodes.h"
 #include "spirv_input.h"
 
-extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t *data, std::size_t size, std::size_t maxSize);
+extern "C" size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t maxSize);
 
 namespace vellum::fuzz
 {
 namespace
 {
 
-using Words = std::vector<std::uint32_t>;
+using Words = std::vector<uint32_t>;
 
 // Instructions that the rewriter knows, of a few words of any value.
-constexpr std::uint32_t kOpcodes[] = {
+constexpr uint32_t kOpcodes[] = {
     spv::OpPhi,
     spv::OpLoopMerge,
     spv::OpSelectionMerge,
@@ -87,7 +87,7 @@ constexpr std::uint32_t kOpcodes[] = {
 };
 
 // Literals that mean something to the rewriter: capabilities, execution models and modes, built-ins, ray flags.
-constexpr std::uint32_t kLiterals[] = {
+constexpr uint32_t kLiterals[] = {
     spv::CapabilityRayQueryKHR,
     spv::CapabilityRayTracingKHR,
     spirv::kCapabilityRayTraversalPrimitiveCulling,
@@ -122,15 +122,14 @@ constexpr std::uint32_t kLiterals[] = {
 class Mutation
 {
 public:
-    Mutation(Words words, unsigned seed, std::size_t maxWords)
-        : words_(std::move(words)), maxWords_(maxWords), random_(seed)
+    Mutation(Words words, unsigned seed, size_t maxWords) : words_(std::move(words)), maxWords_(maxWords), random_(seed)
     {
-        for (std::size_t at = kHeaderWords; at < words_.size();) {
-            const std::size_t count = std::min<std::size_t>(words_[at] >> 16, words_.size() - at);
+        for (size_t at = kHeaderWords; at < words_.size();) {
+            const size_t count = std::min<size_t>(words_[at] >> 16, words_.size() - at);
             if (count == 0)
                 break;
-            code_.emplace_back(words_.begin() + static_cast<std::ptrdiff_t>(at),
-                               words_.begin() + static_cast<std::ptrdiff_t>(at + count));
+            code_.emplace_back(words_.begin() + static_cast<ptrdiff_t>(at),
+                               words_.begin() + static_cast<ptrdiff_t>(at + count));
             at += count;
         }
         bound_ = words_[3];
@@ -140,8 +139,8 @@ public:
 
     Words mutate()
     {
-        const std::uint32_t changes = 1 + (below(2) == 0 ? 0 : below(6));
-        for (std::uint32_t i = 0; i < changes && !code_.empty(); ++i)
+        const uint32_t changes = 1 + (below(2) == 0 ? 0 : below(6));
+        for (uint32_t i = 0; i < changes && !code_.empty(); ++i)
             change();
         return assemble();
     }
@@ -149,73 +148,73 @@ public:
     // Some instructions of another module are put in, with result ids of their own.
     Words splice(const Mutation &other)
     {
-        const std::size_t begin = below(other.code_.size());
-        const std::size_t end = std::min(other.code_.size(), begin + 1 + below(16));
-        std::size_t at = position();
-        for (std::size_t i = begin; i < end; ++i)
+        const size_t begin = below(other.code_.size());
+        const size_t end = std::min(other.code_.size(), begin + 1 + below(16));
+        size_t at = position();
+        for (size_t i = begin; i < end; ++i)
             insert(at++, other.code_[i]);
         return assemble();
     }
 
 private:
-    std::uint32_t below(std::size_t n) { return static_cast<std::uint32_t>(random_() % n); }
-    std::size_t any() { return below(code_.size()); }
+    uint32_t below(size_t n) { return static_cast<uint32_t>(random_() % n); }
+    size_t any() { return below(code_.size()); }
     // Of an instruction that is of interest, half of the time.
-    std::size_t position()
+    size_t position()
     {
         for (int i = 0; below(2) == 0 && i < 20; ++i) {
-            const std::size_t at = any();
-            const std::uint32_t opcode = code_[at][0] & 0xffff;
+            const size_t at = any();
+            const uint32_t opcode = code_[at][0] & 0xffff;
             if (std::find(std::begin(kOpcodes), std::end(kOpcodes), opcode) != std::end(kOpcodes))
                 return at;
         }
         return any();
     }
     // An id that is there, or a literal, or anything.
-    std::uint32_t value()
+    uint32_t value()
     {
         switch (below(8)) {
         case 0: return kLiterals[below(std::size(kLiterals))];
-        case 1: return static_cast<std::uint32_t>(random_());
+        case 1: return static_cast<uint32_t>(random_());
         case 2:
         case 3: {
             const Words &in = code_[any()];
             return in.size() > 1 ? in[1 + below(in.size() - 1)] : 0;
         }
-        default: return below(std::max<std::uint32_t>(bound_, 1));
+        default: return below(std::max<uint32_t>(bound_, 1));
         }
     }
 
-    static std::size_t resultWord(const Words &in)
+    static size_t resultWord(const Words &in)
     {
         bool hasResult = false, hasType = false;
         spv::HasResultAndType(static_cast<spv::Op>(in[0] & 0xffff), &hasResult, &hasType);
-        const std::size_t word = hasType ? 2 : 1;
+        const size_t word = hasType ? 2 : 1;
         return hasResult && word < in.size() ? word : 0;
     }
 
-    void insert(std::size_t at, Words in)
+    void insert(size_t at, Words in)
     {
-        if (const std::size_t word = resultWord(in); word != 0 && below(8) != 0)
+        if (const size_t word = resultWord(in); word != 0 && below(8) != 0)
             in[word] = bound_++;
-        code_.insert(code_.begin() + static_cast<std::ptrdiff_t>(at), std::move(in));
+        code_.insert(code_.begin() + static_cast<ptrdiff_t>(at), std::move(in));
     }
 
-    void setCount(Words &in) { in[0] = static_cast<std::uint32_t>(in.size()) << 16 | (in[0] & 0xffff); }
+    void setCount(Words &in) { in[0] = static_cast<uint32_t>(in.size()) << 16 | (in[0] & 0xffff); }
 
     void change()
     {
-        const std::size_t at = position();
+        const size_t at = position();
         Words &in = code_[at];
         switch (below(16)) {
-        case 0: code_.erase(code_.begin() + static_cast<std::ptrdiff_t>(at)); break;
+        case 0: code_.erase(code_.begin() + static_cast<ptrdiff_t>(at)); break;
         case 1: insert(below(2) == 0 ? at : position(), in); break;
         case 2: std::swap(in, code_[below(2) == 0 ? std::min(at + 1, code_.size() - 1) : any()]); break;
         case 3: duplicateRange(at); break;
         case 4: { // all that names one id now names another
-            const std::uint32_t from = value(), to = value();
+            const uint32_t from = value(), to = value();
             for (Words &each : code_)
-                for (std::size_t i = 1; i < each.size(); ++i)
+                for (size_t i = 1; i < each.size(); ++i)
                     if (i != resultWord(each) && each[i] == from)
                         each[i] = to;
             break;
@@ -226,7 +225,7 @@ private:
         case 6: { // a new one
             Words fresh(1 + below(8));
             fresh[0] = kOpcodes[below(std::size(kOpcodes))];
-            for (std::size_t i = 1; i < fresh.size(); ++i)
+            for (size_t i = 1; i < fresh.size(); ++i)
                 fresh[i] = value();
             setCount(fresh);
             insert(at, std::move(fresh));
@@ -237,39 +236,39 @@ private:
             setCount(in);
             break;
         case 8: // more
-            for (std::uint32_t n = below(16) == 0 ? below(2000) : 1 + below(4); n > 0; --n)
-                in.insert(in.begin() + 1 + static_cast<std::ptrdiff_t>(below(in.size())), value());
+            for (uint32_t n = below(16) == 0 ? below(2000) : 1 + below(4); n > 0; --n)
+                in.insert(in.begin() + 1 + static_cast<ptrdiff_t>(below(in.size())), value());
             setCount(in);
             break;
         case 9: broken(in); break;
         case 10: options_ = below(kAllOptions + 1); break;
         default: // an operand
             if (in.size() > 1) {
-                std::uint32_t &operand = in[1 + below(in.size() - 1)];
+                uint32_t &operand = in[1 + below(in.size() - 1)];
                 operand = below(8) == 0 ? operand ^ 1u << below(32) : value();
             }
             break;
         }
     }
 
-    void duplicateRange(std::size_t at)
+    void duplicateRange(size_t at)
     {
-        const std::size_t end = std::min(code_.size(), at + 1 + below(24));
-        std::vector<Words> range(code_.begin() + static_cast<std::ptrdiff_t>(at),
-                                 code_.begin() + static_cast<std::ptrdiff_t>(end));
+        const size_t end = std::min(code_.size(), at + 1 + below(24));
+        std::vector<Words> range(code_.begin() + static_cast<ptrdiff_t>(at),
+                                 code_.begin() + static_cast<ptrdiff_t>(end));
         // With ids of its own throughout, as a part of a module that somebody wrote would have.
         for (Words &each : range) {
-            const std::size_t word = resultWord(each);
+            const size_t word = resultWord(each);
             if (word == 0)
                 continue;
-            const std::uint32_t old = each[word], fresh = bound_++;
+            const uint32_t old = each[word], fresh = bound_++;
             for (Words &user : range)
-                for (std::size_t i = 1; i < user.size(); ++i)
+                for (size_t i = 1; i < user.size(); ++i)
                     if (user[i] == old)
                         user[i] = fresh;
         }
-        const std::size_t to = below(2) == 0 ? end : position();
-        code_.insert(code_.begin() + static_cast<std::ptrdiff_t>(to), range.begin(), range.end());
+        const size_t to = below(2) == 0 ? end : position();
+        code_.insert(code_.begin() + static_cast<ptrdiff_t>(to), range.begin(), range.end());
     }
 
     // What is no module: an instruction of another length than it says, the end too soon, a header of other numbers.
@@ -298,15 +297,15 @@ private:
     }
 
     Words words_;
-    std::size_t maxWords_;
+    size_t maxWords_;
     std::minstd_rand random_;
     std::vector<Words> code_;
-    std::uint32_t bound_ = 0;
-    std::uint32_t options_ = UINT32_MAX;
-    std::size_t cut_ = SIZE_MAX;
+    uint32_t bound_ = 0;
+    uint32_t options_ = UINT32_MAX;
+    size_t cut_ = SIZE_MAX;
 };
 
-Words wordsOf(const std::uint8_t *data, std::size_t size)
+Words wordsOf(const uint8_t *data, size_t size)
 {
     Words words(size / 4);
     if (!words.empty())
@@ -314,7 +313,7 @@ Words wordsOf(const std::uint8_t *data, std::size_t size)
     return words;
 }
 
-std::size_t write(const Words &words, std::uint8_t *out)
+size_t write(const Words &words, uint8_t *out)
 {
     if (!words.empty())
         std::memcpy(out, words.data(), words.size() * 4);
@@ -324,7 +323,7 @@ std::size_t write(const Words &words, std::uint8_t *out)
 } // namespace
 } // namespace vellum::fuzz
 
-extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t *data, std::size_t size, std::size_t maxSize, unsigned seed)
+extern "C" size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t maxSize, unsigned seed)
 {
     using namespace vellum::fuzz;
     Words words = wordsOf(data, size);
@@ -334,9 +333,8 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t *data, std::size_t s
     return mutation.empty() ? LLVMFuzzerMutate(data, size, maxSize) : write(mutation.mutate(), data);
 }
 
-extern "C" std::size_t LLVMFuzzerCustomCrossOver(const std::uint8_t *data1, std::size_t size1,
-                                                 const std::uint8_t *data2, std::size_t size2, std::uint8_t *out,
-                                                 std::size_t maxOutSize, unsigned seed)
+extern "C" size_t LLVMFuzzerCustomCrossOver(const uint8_t *data1, size_t size1, const uint8_t *data2, size_t size2,
+                                            uint8_t *out, size_t maxOutSize, unsigned seed)
 {
     using namespace vellum::fuzz;
     Words first = wordsOf(data1, size1);

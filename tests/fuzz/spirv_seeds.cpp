@@ -11,7 +11,7 @@ namespace
 
 void write(const std::filesystem::path &module, const std::filesystem::path &seed)
 {
-    const std::vector<std::uint32_t> words = vellum::test::readModule(module);
+    const std::vector<uint32_t> words = vellum::test::readModule(module);
     std::ofstream file(seed, std::ios::binary);
     file.exceptions(std::ios::failbit | std::ios::badbit);
     file.write(reinterpret_cast<const char *>(words.data()), static_cast<std::streamsize>(words.size() * 4));

@@ -25,8 +25,8 @@ Bytes dracoTriangles(const std::vector<std::array<float, 3>> &positions, const s
     const int position = builder.AddAttribute(draco::GeometryAttribute::POSITION, 3, draco::DT_FLOAT32);
     const int uv = builder.AddAttribute(draco::GeometryAttribute::TEX_COORD, 2, draco::DT_FLOAT32);
     for (int i = 0; i < faces; ++i) {
-        const auto first = static_cast<std::size_t>(3 * i);
-        const draco::FaceIndex face(static_cast<std::uint32_t>(i));
+        const auto first = static_cast<size_t>(3 * i);
+        const draco::FaceIndex face(static_cast<uint32_t>(i));
         builder.SetAttributeValuesForFace(position, face, positions[first].data(), positions[first + 1].data(),
                                           positions[first + 2].data());
         builder.SetAttributeValuesForFace(uv, face, uvs[first].data(), uvs[first + 1].data(), uvs[first + 2].data());
@@ -40,7 +40,7 @@ Bytes dracoTriangles(const std::vector<std::array<float, 3>> &positions, const s
     return {buffer.data(), buffer.data() + buffer.size()};
 }
 
-Bytes meshoptAttributes(const Bytes &vertices, std::size_t stride)
+Bytes meshoptAttributes(const Bytes &vertices, size_t stride)
 {
     Bytes encoded(meshopt_encodeVertexBufferBound(vertices.size() / stride, stride));
     encoded.resize(
@@ -48,7 +48,7 @@ Bytes meshoptAttributes(const Bytes &vertices, std::size_t stride)
     return encoded;
 }
 
-Bytes meshoptTriangles(const std::vector<std::uint32_t> &indices)
+Bytes meshoptTriangles(const std::vector<uint32_t> &indices)
 {
     meshopt_encodeIndexVersion(1); // glTF's
     Bytes encoded(meshopt_encodeIndexBufferBound(indices.size(), 1u << 16));
@@ -56,7 +56,7 @@ Bytes meshoptTriangles(const std::vector<std::uint32_t> &indices)
     return encoded;
 }
 
-Bytes meshoptIndices(const std::vector<std::uint32_t> &indices)
+Bytes meshoptIndices(const std::vector<uint32_t> &indices)
 {
     meshopt_encodeIndexVersion(1);
     Bytes encoded(meshopt_encodeIndexSequenceBound(indices.size(), 1u << 16));
@@ -64,36 +64,35 @@ Bytes meshoptIndices(const std::vector<std::uint32_t> &indices)
     return encoded;
 }
 
-Bytes webpImage(std::uint32_t width, std::uint32_t height, const Bytes &rgba)
+Bytes webpImage(uint32_t width, uint32_t height, const Bytes &rgba)
 {
-    std::uint8_t *encoded = nullptr;
-    const std::size_t size = WebPEncodeLosslessRGBA(rgba.data(), static_cast<int>(width), static_cast<int>(height),
-                                                    static_cast<int>(4 * width), &encoded);
+    uint8_t *encoded = nullptr;
+    const size_t size = WebPEncodeLosslessRGBA(rgba.data(), static_cast<int>(width), static_cast<int>(height),
+                                               static_cast<int>(4 * width), &encoded);
     const Bytes bytes(encoded, encoded + size);
     WebPFree(encoded);
     return bytes;
 }
 
-Bytes jpegImage(std::uint32_t width, std::uint32_t height, const Bytes &rgb)
+Bytes jpegImage(uint32_t width, uint32_t height, const Bytes &rgb)
 {
     Bytes bytes;
     const auto append = [](void *context, void *data, int size) {
-        const auto *first = static_cast<const std::uint8_t *>(data);
+        const auto *first = static_cast<const uint8_t *>(data);
         static_cast<Bytes *>(context)->insert(static_cast<Bytes *>(context)->end(), first, first + size);
     };
     stbi_write_jpg_to_func(append, &bytes, static_cast<int>(width), static_cast<int>(height), 3, rgb.data(), 95);
     return bytes;
 }
 
-Bytes pngImage(std::uint32_t width, std::uint32_t height, int bitDepth, int colorType, bool interlaced,
-               const Bytes &rows)
+Bytes pngImage(uint32_t width, uint32_t height, int bitDepth, int colorType, bool interlaced, const Bytes &rows)
 {
     Bytes bytes;
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
     png_infop info = png_create_info_struct(png);
     png_set_write_fn(
         png, &bytes,
-        [](png_structp writer, png_bytep data, std::size_t size) {
+        [](png_structp writer, png_bytep data, size_t size) {
             auto *target = static_cast<Bytes *>(png_get_io_ptr(writer));
             target->insert(target->end(), data, data + size);
         },
@@ -103,7 +102,7 @@ Bytes pngImage(std::uint32_t width, std::uint32_t height, int bitDepth, int colo
     png_write_info(png, info);
     std::vector<png_bytep> pointers;
     Bytes copy = rows;
-    for (std::size_t row = 0; row < height; ++row)
+    for (size_t row = 0; row < height; ++row)
         pointers.push_back(copy.data() + row * (rows.size() / height));
     png_write_image(png, pointers.data());
     png_write_end(png, info);

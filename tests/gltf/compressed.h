@@ -16,14 +16,13 @@ Bytes dracoTriangles(const std::vector<std::array<float, 3>> &positions, const s
                      bool sequential = false);
 
 // EXT_meshopt_compression's modes ATTRIBUTES, TRIANGLES and INDICES.
-Bytes meshoptAttributes(const Bytes &vertices, std::size_t stride);
-Bytes meshoptTriangles(const std::vector<std::uint32_t> &indices);
-Bytes meshoptIndices(const std::vector<std::uint32_t> &indices);
+Bytes meshoptAttributes(const Bytes &vertices, size_t stride);
+Bytes meshoptTriangles(const std::vector<uint32_t> &indices);
+Bytes meshoptIndices(const std::vector<uint32_t> &indices);
 
-Bytes webpImage(std::uint32_t width, std::uint32_t height, const Bytes &rgba);
-Bytes jpegImage(std::uint32_t width, std::uint32_t height, const Bytes &rgb);
+Bytes webpImage(uint32_t width, uint32_t height, const Bytes &rgba);
+Bytes jpegImage(uint32_t width, uint32_t height, const Bytes &rgb);
 // `rows` are as they stand in the file, 16-bit values with the upper byte first.
-Bytes pngImage(std::uint32_t width, std::uint32_t height, int bitDepth, int colorType, bool interlaced,
-               const Bytes &rows);
+Bytes pngImage(uint32_t width, uint32_t height, int bitDepth, int colorType, bool interlaced, const Bytes &rows);
 
 } // namespace vellum::test

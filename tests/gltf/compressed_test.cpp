@@ -17,7 +17,7 @@ const std::vector<std::array<float, 3>> kPositions = {{0, 0, 0}, {1, 0, 0}, {0, 
 const std::vector<std::array<float, 2>> kUvs = {{0, 0}, {1, 0}, {0, 1}, {1, 0}, {1, 1}, {0, 1}};
 
 std::string glbOf(const std::string &primitive, const std::string &accessors, const std::string &views,
-                  std::size_t binaryBytes, std::size_t fallbackBytes)
+                  size_t binaryBytes, size_t fallbackBytes)
 {
     return R"({"asset": {"version": "2.0"}, "meshes": [{"primitives": [)" + primitive +
            R"(]}], "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}], "textures": [{"source": 0}],
@@ -46,7 +46,7 @@ std::string errorOf(const std::string &json, const Bytes &binary)
     return "none";
 }
 
-std::string dracoJson(std::size_t bytes, const std::string &ids = R"({"POSITION": 0, "TEXCOORD_0": 1})")
+std::string dracoJson(size_t bytes, const std::string &ids = R"({"POSITION": 0, "TEXCOORD_0": 1})")
 {
     return glbOf(
         R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0, "extensions":
@@ -62,10 +62,10 @@ using Corner = std::array<float, 5>;
 std::vector<std::array<Corner, 3>> trianglesOf(const Primitive &primitive)
 {
     std::vector<std::array<Corner, 3>> triangles;
-    for (std::size_t t = 0; t < primitive.triangleCount(); ++t) {
+    for (size_t t = 0; t < primitive.triangleCount(); ++t) {
         std::array<Corner, 3> corners{};
-        for (std::size_t c = 0; c < 3; ++c) {
-            const std::size_t i = primitive.indices[3 * t + c];
+        for (size_t c = 0; c < 3; ++c) {
+            const size_t i = primitive.indices[3 * t + c];
             const Vec3 &p = primitive.positions[i];
             corners[c] = {p[0], p[1], p[2], primitive.uvs[i].u, primitive.uvs[i].v};
         }
@@ -79,10 +79,10 @@ std::vector<std::array<Corner, 3>> trianglesOf(const Primitive &primitive)
 Primitive uncompressed()
 {
     Primitive primitive;
-    for (std::size_t i = 0; i < kPositions.size(); ++i) {
+    for (size_t i = 0; i < kPositions.size(); ++i) {
         primitive.positions.push_back(kPositions[i]);
         primitive.uvs.push_back({kUvs[i][0], kUvs[i][1]});
-        primitive.indices.push_back(static_cast<std::uint32_t>(i));
+        primitive.indices.push_back(static_cast<uint32_t>(i));
     }
     return primitive;
 }
@@ -90,7 +90,7 @@ Primitive uncompressed()
 template <typename T>
 void append(Bytes &bytes, const std::vector<T> &values)
 {
-    const std::size_t old = bytes.size();
+    const size_t old = bytes.size();
     bytes.resize(old + values.size() * sizeof(T));
     std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
 }
@@ -115,7 +115,7 @@ TEST(GltfCompressed, EveryAttributeOfDraco)
     const Primitive primitive = readPrimitive(document, {0, 0}, Positions::Read);
     const std::vector<float> values = readAttribute(document, {0, 0}, "TEXCOORD_0", 2);
     ASSERT_EQ(values.size(), 2 * primitive.uvs.size());
-    for (std::size_t i = 0; i < primitive.uvs.size(); ++i)
+    for (size_t i = 0; i < primitive.uvs.size(); ++i)
         EXPECT_EQ((TexCoord{values[2 * i], values[2 * i + 1]}), primitive.uvs[i]);
     EXPECT_THROW(static_cast<void>(readAttribute(document, {0, 0}, "JOINTS_0", 4)), GltfError);
 }
@@ -133,16 +133,15 @@ TEST(GltfCompressed, DamagedDraco)
     EXPECT_EQ(errorOf(json, changed), "unsupported: mesh 0 primitive 0: Draco's version 2.1 is not 2.2");
     changed[0] = 'd';
     EXPECT_EQ(errorOf(json, changed), "mesh 0 primitive 0: what it is compressed to is not Draco's");
-    for (std::size_t length = 11; length < encoded.size(); ++length)
-        EXPECT_NE(
-            errorOf(dracoJson(length), Bytes(encoded.begin(), encoded.begin() + static_cast<std::ptrdiff_t>(length))),
-            "none");
+    for (size_t length = 11; length < encoded.size(); ++length)
+        EXPECT_NE(errorOf(dracoJson(length), Bytes(encoded.begin(), encoded.begin() + static_cast<ptrdiff_t>(length))),
+                  "none");
     // Numbers of vertices and faces that the bytes cannot be worth, where the connectivity begins.
-    for (const std::size_t place : {12u, 13u}) {
+    for (const size_t place : {12u, 13u}) {
         changed = encoded;
-        changed.erase(changed.begin() + static_cast<std::ptrdiff_t>(place));
-        const std::uint8_t many[] = {0xff, 0xff, 0xff, 0xff, 0x04};
-        changed.insert(changed.begin() + static_cast<std::ptrdiff_t>(place), std::begin(many), std::end(many));
+        changed.erase(changed.begin() + static_cast<ptrdiff_t>(place));
+        const uint8_t many[] = {0xff, 0xff, 0xff, 0xff, 0x04};
+        changed.insert(changed.begin() + static_cast<ptrdiff_t>(place), std::begin(many), std::end(many));
         EXPECT_EQ(errorOf(dracoJson(changed.size()), changed),
                   "mesh 0 primitive 0: what it is compressed to by Draco cannot be decoded");
     }
@@ -151,16 +150,16 @@ TEST(GltfCompressed, DamagedDraco)
 TEST(GltfCompressed, Meshopt)
 {
     Bytes vertices;
-    for (std::size_t i = 0; i < kPositions.size(); ++i) {
+    for (size_t i = 0; i < kPositions.size(); ++i) {
         append<float>(vertices, {kPositions[i][0], kPositions[i][1], kPositions[i][2], kUvs[i][0], kUvs[i][1]});
     }
     for (const char *spelling : {"EXT_meshopt_compression", "KHR_meshopt_compression"}) {
         for (const bool triangles : {false, true}) {
             Bytes binary = meshoptAttributes(vertices, 20);
-            const std::size_t first = binary.size();
-            const std::vector<std::uint32_t> indices = {0, 1, 2, 3, 4, 5};
+            const size_t first = binary.size();
+            const std::vector<uint32_t> indices = {0, 1, 2, 3, 4, 5};
             append(binary, triangles ? meshoptTriangles(indices) : meshoptIndices(indices));
-            const auto view = [&](std::size_t offset, std::size_t end, int stride, const char *mode, const char *more) {
+            const auto view = [&](size_t offset, size_t end, int stride, const char *mode, const char *more) {
                 return "{\"buffer\": 1, \"byteLength\": " + std::to_string(6 * stride) + ", " + more +
                        "\"extensions\": {\"" + spelling +
                        "\": {\"buffer\": 0, \"byteOffset\": " + std::to_string(offset) +
@@ -217,9 +216,9 @@ std::string leftFor(std::string json, const Bytes &binary)
 }
 
 // A file whose primitive is compressed by Draco and is there uncompressed, too.
-std::string bothJson(std::size_t dracoBytes, int indices, bool required)
+std::string bothJson(size_t dracoBytes, int indices, bool required)
 {
-    const std::size_t at = (dracoBytes + 3) / 4 * 4;
+    const size_t at = (dracoBytes + 3) / 4 * 4;
     std::string json = glbOf(
         R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0, "extensions":
             {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0, "TEXCOORD_0": 1}}}})",
@@ -231,7 +230,7 @@ std::string bothJson(std::size_t dracoBytes, int indices, bool required)
             std::to_string(at) + ", \"byteLength\": 72}, {\"buffer\": 0, \"byteOffset\": " + std::to_string(at + 72) +
             ", \"byteLength\": 48}, {\"buffer\": 0, \"byteOffset\": " + std::to_string(at + 120) +
             ", \"byteLength\": " + std::to_string(4 * indices) + "}",
-        at + 120 + 4 * static_cast<std::size_t>(indices), 1);
+        at + 120 + 4 * static_cast<size_t>(indices), 1);
     if (required)
         json.replace(1, 0, "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], ");
     return json;
@@ -249,7 +248,7 @@ TEST(GltfCompressed, UncompressedDataThatDiffersIsNotBaked)
     binary.resize((binary.size() + 3) / 4 * 4);
     std::vector<float> positions;
     std::vector<float> uvs;
-    for (const std::uint32_t i : decoded.indices) { // a vertex of its own for each corner
+    for (const uint32_t i : decoded.indices) { // a vertex of its own for each corner
         positions.insert(positions.end(), decoded.positions[i].begin(), decoded.positions[i].end());
         uvs.insert(uvs.end(), {decoded.uvs[i].u, decoded.uvs[i].v});
     }
@@ -257,7 +256,7 @@ TEST(GltfCompressed, UncompressedDataThatDiffersIsNotBaked)
     append(binary, positions);
     append(binary, uvs);
     Bytes turned = binary;
-    std::vector<std::uint32_t> indices = {0, 1, 2, 3, 4, 5};
+    std::vector<uint32_t> indices = {0, 1, 2, 3, 4, 5};
     append(binary, indices);
     std::rotate(indices.begin(), indices.begin() + 1, indices.begin() + 3);
     append(turned, indices);
@@ -272,16 +271,16 @@ TEST(GltfCompressed, UncompressedDataThatDiffersIsNotBaked)
 
 TEST(GltfCompressed, UncompressedDataThatDiffersFromMeshoptIsNotBaked)
 {
-    const std::vector<std::uint32_t> indices = {0, 1, 2, 3, 4, 5};
+    const std::vector<uint32_t> indices = {0, 1, 2, 3, 4, 5};
     Bytes binary = meshoptIndices(indices);
-    const std::size_t encoded = binary.size();
+    const size_t encoded = binary.size();
     binary.resize((binary.size() + 3) / 4 * 4);
-    const std::size_t at = binary.size();
-    for (std::size_t i = 0; i < 6; ++i)
+    const size_t at = binary.size();
+    for (size_t i = 0; i < 6; ++i)
         append<float>(binary, {kPositions[i][0], kPositions[i][1], kPositions[i][2], kUvs[i][0], kUvs[i][1]});
     Bytes turned = binary;
-    append<std::uint16_t>(binary, {0, 1, 2, 3, 4, 5});
-    append<std::uint16_t>(turned, {1, 2, 0, 3, 4, 5});
+    append<uint16_t>(binary, {0, 1, 2, 3, 4, 5});
+    append<uint16_t>(turned, {1, 2, 0, 3, 4, 5});
     std::string json = glbOf(
         R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})",
         R"({"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"},

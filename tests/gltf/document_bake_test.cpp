@@ -15,7 +15,7 @@ using namespace vellum::test;
 namespace
 {
 
-DocumentBakeOptions optionsOf(std::uint32_t level = 4)
+DocumentBakeOptions optionsOf(uint32_t level = 4)
 {
     DocumentBakeOptions options;
     options.bake.level = level;
@@ -51,23 +51,23 @@ DocumentBake bakeColored(const std::array<float, 4> &alphas, const DocumentBakeO
                                  R"("count": 3, "type": "VEC3"},
                                  {"bufferView": 4, "componentType": 5126, "count": 4, "type": "VEC4"}],)"},
                                 {"\"bufferViews\": [", "\"bufferViews\": [COLORS"}});
-    std::uint32_t length = 0;
+    uint32_t length = 0;
     std::memcpy(&length, &card[12], sizeof length);
     std::string json(card.begin() + 20, card.begin() + 20 + length);
     json.resize(json.find_last_not_of(' ') + 1);
     json.erase(json.find("COLORS"), 6);
-    const std::size_t end = json.find("],\n\"buffers\"");
+    const size_t end = json.find("],\n\"buffers\"");
     json.insert(end, R"(, {"buffer": 1, "byteLength": 64})");
     std::string base64;
     Bytes bytes;
     for (const float alpha : alphas) {
         const std::array<float, 4> color = {1, 1, 1, alpha};
-        const std::size_t old = bytes.size();
+        const size_t old = bytes.size();
         bytes.resize(old + sizeof color);
         std::memcpy(bytes.data() + old, color.data(), sizeof color);
     }
     bytes.resize(66);
-    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    for (size_t i = 0; i < bytes.size(); i += 3) {
         const auto word = static_cast<unsigned>(bytes[i] << 16 | bytes[i + 1] << 8 | bytes[i + 2]);
         for (int shift = 18; shift >= 0; shift -= 6)
             base64 += "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"[word >> shift & 63];
@@ -122,12 +122,12 @@ TEST(DocumentBake, BlendOnRequest)
     options.blend = true;
     // Only what has an alpha of 0 is known: the factor of the base colour is 0.75.
     const DocumentBake blended = bakeCard(blend, options);
-    std::array<std::size_t, 4> states{};
+    std::array<size_t, 4> states{};
     for (const MicromapTriangle &t : blended.micromaps.at(0).triangles)
-        for (std::uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i)
-            ++states[static_cast<std::size_t>(readState(&blended.micromaps[0].data[t.dataOffset], i, t.format))];
-    EXPECT_GT(states[static_cast<std::size_t>(State::Transparent)], 10u);
-    EXPECT_EQ(states[static_cast<std::size_t>(State::Opaque)], 0u);
+        for (uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i)
+            ++states[static_cast<size_t>(readState(&blended.micromaps[0].data[t.dataOffset], i, t.format))];
+    EXPECT_GT(states[static_cast<size_t>(State::Transparent)], 10u);
+    EXPECT_EQ(states[static_cast<size_t>(State::Opaque)], 0u);
     EXPECT_EQ(blended.primitives.at(0).caution, "");
     options.blendCutoff = 0.5f;
     expectSame(bakeCard(blend, options), bakeDirectly(0.5));
@@ -165,7 +165,7 @@ TEST(DocumentBake, EqualAlphaSharesAMicromap)
     options.bake.budget = 100;
     const DocumentBake small = bakeCard(other, options);
     ASSERT_EQ(small.micromaps.size(), 2u);
-    std::size_t bytes = 0;
+    size_t bytes = 0;
     for (const StoredMicromap &micromap : small.micromaps)
         for (const MicromapTriangle &triangle : micromap.triangles)
             bytes += 8 + packedBytes(triangle.subdivisionLevel, triangle.format);
@@ -178,7 +178,7 @@ TEST(DocumentBake, AMaterialWithoutTextureIsOneStateAllOver)
     const Replacements bare = {{R"(, "baseColorTexture": {"index": 0})", ""}};
     const DocumentBake bake = bakeCard(bare); // alpha 0.75, cutoff 0.25
     ASSERT_EQ(bake.primitives.size(), 1u);
-    EXPECT_EQ(bake.primitives[0].micromap.indices, (std::vector<std::int32_t>(2, specialIndex(State::Opaque))));
+    EXPECT_EQ(bake.primitives[0].micromap.indices, (std::vector<int32_t>(2, specialIndex(State::Opaque))));
     // The extension wants a triangle in every micromap.
     EXPECT_EQ(bake.micromaps.at(0).triangles.size(), 1u);
 }
@@ -241,24 +241,24 @@ TEST(DocumentBake, TransformsAreAsExactAsTheirTerms)
                       R"("baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [)" +
                           std::to_string(-shift) + ", 0]}}}"}});
         const std::array<float, 8> uvs = {0, 1, 1, 1, 1, 0, 0, 0};
-        const auto *first = reinterpret_cast<const std::uint8_t *>(uvs.data());
+        const auto *first = reinterpret_cast<const uint8_t *>(uvs.data());
         const auto found = std::search(bytes.begin(), bytes.end(), first, first + sizeof uvs);
-        for (std::ptrdiff_t i = 0; i < 8; i += 2) {
-            const float moved = uvs[static_cast<std::size_t>(i)] + shift;
+        for (ptrdiff_t i = 0; i < 8; i += 2) {
+            const float moved = uvs[static_cast<size_t>(i)] + shift;
             std::memcpy(&found[4 * i], &moved, sizeof moved);
         }
         const TemporaryFolder folder;
         writeFile(folder / "test.glb", bytes);
         const DocumentBake bake = bakeDocument(Document(folder / "test.glb"), optionsOf());
-        std::size_t known = 0;
-        for (const std::int32_t index : bake.primitives.at(0).micromap.indices) {
+        size_t known = 0;
+        for (const int32_t index : bake.primitives.at(0).micromap.indices) {
             if (const auto state = specialState(index)) {
                 known += *state == State::Opaque || *state == State::Transparent ? 256u : 0u;
                 continue;
             }
             const StoredMicromap &micromap = bake.micromaps.at(0);
-            const MicromapTriangle &t = micromap.triangles.at(static_cast<std::size_t>(index));
-            for (std::uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i) {
+            const MicromapTriangle &t = micromap.triangles.at(static_cast<size_t>(index));
+            for (uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i) {
                 const State state = readState(&micromap.data[t.dataOffset], i, t.format);
                 known += state == State::Opaque || state == State::Transparent ? 1u : 0u;
             }
@@ -332,8 +332,8 @@ TEST(DocumentBake, WhereTheAlphaOfVerticesVariesNothingIsKnown)
 
 TEST(DocumentBake, NoAlphaIsNoAlphaWhateverTheTexture)
 {
-    const std::vector<std::int32_t> transparent(2, specialIndex(State::Transparent));
-    const std::vector<std::int32_t> opaque(2, specialIndex(State::Opaque));
+    const std::vector<int32_t> transparent(2, specialIndex(State::Transparent));
+    const std::vector<int32_t> opaque(2, specialIndex(State::Opaque));
     EXPECT_EQ(bakeColored({0, 0, 0, 0}).primitives[0].micromap.indices, transparent);
     EXPECT_EQ(bakeColored({0, 0, 0, 0}, optionsOf(), "0.0").primitives[0].micromap.indices, opaque);
 }

@@ -18,15 +18,15 @@ using namespace vellum::test;
 namespace
 {
 
-std::uint32_t wordAt(const Bytes &bytes, std::size_t offset)
+uint32_t wordAt(const Bytes &bytes, size_t offset)
 {
-    std::uint32_t word = 0;
+    uint32_t word = 0;
     std::memcpy(&word, bytes.data() + offset, sizeof word);
     return word;
 }
 
 struct Chunk {
-    std::uint32_t type;
+    uint32_t type;
     Bytes bytes;
 };
 
@@ -34,11 +34,11 @@ std::vector<Chunk> chunksOf(const Bytes &glb)
 {
     EXPECT_EQ(wordAt(glb, 8), glb.size());
     std::vector<Chunk> chunks;
-    for (std::size_t at = 12; at < glb.size();) {
-        const std::size_t length = wordAt(glb, at);
+    for (size_t at = 12; at < glb.size();) {
+        const size_t length = wordAt(glb, at);
         EXPECT_EQ(length % 4, 0u);
-        const auto begin = glb.begin() + static_cast<std::ptrdiff_t>(at) + 8;
-        chunks.push_back({wordAt(glb, at + 4), {begin, begin + static_cast<std::ptrdiff_t>(length)}});
+        const auto begin = glb.begin() + static_cast<ptrdiff_t>(at) + 8;
+        chunks.push_back({wordAt(glb, at + 4), {begin, begin + static_cast<ptrdiff_t>(length)}});
         at += 8 + length;
     }
     return chunks;
@@ -52,7 +52,7 @@ std::string textOf(const Bytes &bytes)
 
 void replaceOnce(std::string &text, const std::string &from, const std::string &to)
 {
-    const std::size_t place = text.find(from);
+    const size_t place = text.find(from);
     ASSERT_NE(place, std::string::npos) << from;
     ASSERT_EQ(text.find(from, place + 1), std::string::npos) << from;
     text.replace(place, from.size(), to);
@@ -98,7 +98,7 @@ Split splitCard(const Replacements &replacements = {})
     const std::vector<Chunk> chunks = chunksOf(cardGlb(replacements));
     Split split{textOf(chunks[0].bytes), chunks[1].bytes};
     const JsonTree tree(split.json);
-    split.binary.resize(static_cast<std::size_t>(*tree.root()["buffers"].children().at(0)["byteLength"].integer()));
+    split.binary.resize(static_cast<size_t>(*tree.root()["buffers"].children().at(0)["byteLength"].integer()));
     replaceOnce(split.json, R"("buffers": [{)", R"("buffers": [{"uri": "card%20data.bin", )");
     return split;
 }
@@ -128,7 +128,7 @@ TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
     replaceOnce(text, R"(,"extensions":{"EXT_mesh_opacity_micromap":{"micromap":0,"micromapIndices":4}})", "");
     replaceOnce(text, R"(,{"bufferView":6,"componentType":5123,"count":2,"type":"SCALAR"})", "");
     // The chunk is aligned to 256 bytes for each of data and records.
-    const std::size_t begin = (before[1].bytes.size() + 255) / 256 * 256;
+    const size_t begin = (before[1].bytes.size() + 255) / 256 * 256;
     const std::string views = R"(,{"buffer":0,"byteOffset":)" + std::to_string(begin) +
                               R"(,"byteLength":32},{"buffer":0,"byteOffset":)" + std::to_string(begin + 256) +
                               R"(,"byteLength":16},{"buffer":0,"byteOffset":)" + std::to_string(begin + 272) +
@@ -136,7 +136,7 @@ TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
     replaceOnce(text, views, "");
     const JsonTree tree(text);
     const JsonValue length = tree.root()["buffers"].children().at(0)["byteLength"];
-    EXPECT_EQ(length.integer(), static_cast<std::int64_t>(begin + 276));
+    EXPECT_EQ(length.integer(), static_cast<int64_t>(begin + 276));
     std::string original = textOf(before[0].bytes);
     const JsonTree originalTree(original);
     const JsonValue originalLength = originalTree.root()["buffers"].children().at(0)["byteLength"];
@@ -161,7 +161,7 @@ TEST(DocumentWriter, OtherChunksStay)
     Bytes input = cardGlb();
     const Bytes extra = {8, 0, 0, 0, 'A', 'C', 'M', 'E', 1, 2, 3, 4, 5, 6, 7, 8};
     input.insert(input.end(), extra.begin(), extra.end());
-    const auto size = static_cast<std::uint32_t>(input.size());
+    const auto size = static_cast<uint32_t>(input.size());
     std::memcpy(input.data() + 8, &size, 4);
     const std::vector<Chunk> chunks = chunksOf(bench.bake(input));
     ASSERT_EQ(chunks.size(), 3u);
@@ -264,7 +264,7 @@ TEST(DocumentWriter, AGlbWhoseFirstBufferIsElsewhereGetsADataUri)
     writeFile(bench.folder / "card data.bin", split.binary);
     Bytes input = packGlb(split.json, {});
     input.resize(input.size() - 8); // no binary chunk
-    const auto size = static_cast<std::uint32_t>(input.size());
+    const auto size = static_cast<uint32_t>(input.size());
     std::memcpy(input.data() + 8, &size, 4);
     const std::vector<Chunk> chunks = chunksOf(bench.bake(input));
     ASSERT_EQ(chunks.size(), 1u);
@@ -282,8 +282,7 @@ TEST(DocumentWriter, StripsAndFansBecomeLists)
         const Document after(bench.folder / "out.glb");
         EXPECT_EQ(readPrimitive(after, {0, 0}, Positions::Read).indices,
                   readPrimitive(before, {0, 0}, Positions::Read).indices);
-        EXPECT_EQ(after.root()["meshes"].children()[0]["primitives"].children()[0]["mode"].integer(),
-                  4);
+        EXPECT_EQ(after.root()["meshes"].children()[0]["primitives"].children()[0]["mode"].integer(), 4);
         EXPECT_EQ(readMicromaps(after).primitives.at({0, 0}).indices.size(), 2u);
     }
 }
@@ -308,7 +307,7 @@ TEST(DocumentWriter, TheEarlierSpellingIsReplaced)
 {
     Bench bench;
     Bytes once = bench.bake(cardGlb());
-    for (std::size_t i = 0; i + 3 < once.size(); ++i)
+    for (size_t i = 0; i + 3 < once.size(); ++i)
         if (std::memcmp(&once[i], "EXT_mesh", 8) == 0)
             std::memcpy(&once[i], "KHR", 3);
     writeFile(bench.folder / "khr.glb", once);

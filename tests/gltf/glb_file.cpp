@@ -12,24 +12,24 @@ namespace vellum::test
 namespace
 {
 
-constexpr std::size_t kImageOffset = 92;
+constexpr size_t kImageOffset = 92;
 
 template <typename T>
 void append(Bytes &bytes, const std::vector<T> &values)
 {
-    const std::size_t old = bytes.size();
+    const size_t old = bytes.size();
     bytes.resize(old + values.size() * sizeof(T));
     std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
 }
 
-void appendWord(Bytes &bytes, std::size_t word)
+void appendWord(Bytes &bytes, size_t word)
 {
-    append(bytes, std::vector<std::uint32_t>{static_cast<std::uint32_t>(word)});
+    append(bytes, std::vector<uint32_t>{static_cast<uint32_t>(word)});
 }
 
 void replaceOnce(std::string &text, const std::string &from, const std::string &to)
 {
-    const std::size_t place = text.find(from);
+    const size_t place = text.find(from);
     if (place == std::string::npos || text.find(from, place + 1) != std::string::npos)
         throw std::logic_error("\"" + from + "\" is not exactly once in the test's JSON");
     text.replace(place, from.size(), to);
@@ -39,12 +39,12 @@ void replaceOnce(std::string &text, const std::string &from, const std::string &
 
 Bytes discPng()
 {
-    constexpr std::uint32_t kSize = 16;
+    constexpr uint32_t kSize = 16;
     Bytes rgba;
-    for (std::uint32_t i = 0; i < kSize * kSize; ++i) {
+    for (uint32_t i = 0; i < kSize * kSize; ++i) {
         const int x = static_cast<int>(i % kSize) - 8;
         const int y = static_cast<int>(i / kSize) - 8;
-        const std::uint8_t alpha = x * x + y * y < 36 ? 255 : 0;
+        const uint8_t alpha = x * x + y * y < 36 ? 255 : 0;
         rgba.insert(rgba.end(), {255, 255, 255, alpha});
     }
     png_image image{};
@@ -59,7 +59,7 @@ Bytes discPng()
     return file;
 }
 
-std::string cardJson(std::size_t imageBytes, std::size_t binaryBytes)
+std::string cardJson(size_t imageBytes, size_t binaryBytes)
 {
     std::string json = R"({
 "asset": {"version": "2.0"},
@@ -113,7 +113,7 @@ Bytes cardGlb(const Replacements &replacements)
     Bytes binary;
     append<float>(binary, {-1, 0, 0, 1, 0, 0, 1, 2, 0, -1, 2, 0});
     append<float>(binary, {0, 1, 1, 1, 1, 0, 0, 0});
-    append<std::uint16_t>(binary, {0, 1, 2, 0, 2, 3});
+    append<uint16_t>(binary, {0, 1, 2, 0, 2, 3});
     const Bytes png = discPng();
     if (binary.size() != kImageOffset)
         throw std::logic_error("the test's JSON does not fit its binary chunk");
@@ -127,11 +127,11 @@ Bytes cardGlb(const Replacements &replacements)
 std::string writeCardGltf(const std::filesystem::path &path, const Bytes &png, const Replacements &replacements)
 {
     const Bytes glb = cardGlb(replacements);
-    std::uint32_t length = 0;
+    uint32_t length = 0;
     std::memcpy(&length, &glb[12], sizeof length);
     std::string json(glb.begin() + 20, glb.begin() + 20 + length);
-    const std::size_t view = json.rfind("\"byteLength\": ") + 14;
-    const auto bytes = static_cast<std::ptrdiff_t>(std::stoul(json.substr(view)));
+    const size_t view = json.rfind("\"byteLength\": ") + 14;
+    const auto bytes = static_cast<ptrdiff_t>(std::stoul(json.substr(view)));
     replaceOnce(json, R"("buffers": [{)", R"("buffers": [{"uri": "data.bin", )");
     replaceOnce(json, R"({"mimeType": "image/png", "bufferView": 3})", R"({"uri": "disc.png"})");
     std::filesystem::create_directories(path.parent_path());
@@ -162,13 +162,13 @@ TemporaryFolder::TemporaryFolder()
     std::string name = (std::filesystem::temp_directory_path() / "vellum-test-XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr)
         throw std::runtime_error("no temporary folder");
-    m_path = name;
+    path_ = name;
 }
 
 TemporaryFolder::~TemporaryFolder()
 {
     std::error_code ignored;
-    std::filesystem::remove_all(m_path, ignored);
+    std::filesystem::remove_all(path_, ignored);
 }
 
 } // namespace vellum::test

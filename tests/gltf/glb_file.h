@@ -10,7 +10,7 @@
 namespace vellum::test
 {
 
-using Bytes = std::vector<std::uint8_t>;
+using Bytes = std::vector<uint8_t>;
 
 // Text to replace in the file's JSON, each exactly once (anything else is an error of the test).
 using Replacements = std::vector<std::pair<std::string, std::string>>;
@@ -19,7 +19,7 @@ using Replacements = std::vector<std::pair<std::string, std::string>>;
 Bytes discPng();
 
 // The JSON of the card with an image of `imageBytes` bytes in its binary chunk.
-std::string cardJson(std::size_t imageBytes, std::size_t binaryBytes);
+std::string cardJson(size_t imageBytes, size_t binaryBytes);
 
 // Packs a GLB. The chunks are padded.
 Bytes packGlb(std::string json, Bytes binary);
@@ -41,11 +41,11 @@ public:
     ~TemporaryFolder();
     TemporaryFolder(const TemporaryFolder &) = delete;
     TemporaryFolder &operator=(const TemporaryFolder &) = delete;
-    [[nodiscard]] std::filesystem::path operator/(const std::string &name) const { return m_path / name; }
-    [[nodiscard]] const std::filesystem::path &path() const { return m_path; }
+    [[nodiscard]] std::filesystem::path operator/(const std::string &name) const { return path_ / name; }
+    [[nodiscard]] const std::filesystem::path &path() const { return path_; }
 
 private:
-    std::filesystem::path m_path;
+    std::filesystem::path path_;
 };
 
 } // namespace vellum::test

@@ -29,9 +29,9 @@ std::string errorOf(const Bytes &encoded)
 
 TEST(GltfImage, PngOfEveryKind)
 {
-    using Texels = std::vector<std::uint8_t>;
+    using Texels = std::vector<uint8_t>;
     for (const bool interlaced : {false, true}) {
-        const auto read = [&](int bits, int type, const Bytes &rows, std::uint32_t width) {
+        const auto read = [&](int bits, int type, const Bytes &rows, uint32_t width) {
             const Image image = decodeImage(pngImage(width, 1, bits, type, interlaced, rows), "image 0");
             EXPECT_EQ(image.width, width);
             EXPECT_EQ(image.height, 1u);
@@ -53,7 +53,7 @@ TEST(GltfImage, WebpAndJpeg)
     EXPECT_EQ(decodeImage(webpImage(2, 1, rgba), "image 0").rgba, rgba);
     const Image jpeg = decodeImage(jpegImage(2, 1, {100, 100, 100, 100, 100, 100}), "image 0");
     ASSERT_EQ(jpeg.rgba.size(), 8u);
-    for (const std::size_t i : {0u, 1u, 2u, 4u})
+    for (const size_t i : {0u, 1u, 2u, 4u})
         EXPECT_NEAR(jpeg.rgba[i], 100, 3);
     EXPECT_EQ(jpeg.rgba[3], 255);
 }
@@ -70,7 +70,7 @@ TEST(GltfImage, WhatIsNotSupportedIsKnown)
               "unsupported: image 0 is an AVIF file, which is not supported");
     EXPECT_EQ(errorOf(padded("DDS ")), "unsupported: image 0 is a DDS file, which is not supported");
     Bytes jpeg = jpegImage(8, 8, Bytes(192));
-    for (std::size_t i = 0; i + 1 < jpeg.size(); ++i)
+    for (size_t i = 0; i + 1 < jpeg.size(); ++i)
         if (jpeg[i] == 0xff && jpeg[i + 1] == 0xc0) {
             Bytes lossless = jpeg;
             lossless[i + 1] = 0xc3;
@@ -90,9 +90,8 @@ TEST(GltfImage, DamagedImages)
                            jpegImage(64, 64, rgba)};
     for (const Bytes &image : whole) {
         EXPECT_EQ(errorOf(image), "none");
-        for (std::size_t length = 0; length + 12 < image.size(); ++length) {
-            const std::string error =
-                errorOf(Bytes(image.begin(), image.begin() + static_cast<std::ptrdiff_t>(length)));
+        for (size_t length = 0; length + 12 < image.size(); ++length) {
+            const std::string error = errorOf(Bytes(image.begin(), image.begin() + static_cast<ptrdiff_t>(length)));
             if (image[0] != 0xff || length < 20) {
                 EXPECT_NE(error, "none") << length << " of " << image.size() << " bytes";
             }
@@ -107,7 +106,7 @@ TEST(GltfImage, SmallFilesAreNoHugeImages)
     png[18] = 0x40;
     EXPECT_NE(errorOf(png), "none");
     // Sizes that are believed, of one colour.
-    const Bytes webp = webpImage(16383, 1025, Bytes(std::size_t{16383} * 1025 * 4));
+    const Bytes webp = webpImage(16383, 1025, Bytes(size_t{16383} * 1025 * 4));
     EXPECT_LT(webp.size(), 4096u);
     EXPECT_EQ(errorOf(webp), "image 0 has 16383 x 1025 texels in " + std::to_string(webp.size()) + " bytes");
 }

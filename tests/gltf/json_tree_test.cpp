@@ -28,10 +28,10 @@ TEST(JsonTree, KnowsWhereEverythingIs)
 TEST(JsonTree, ReadsIntegersAndNothingElse)
 {
     const JsonTree tree("[0, -7, 9007199254740993, 2.0, 3e2, 2.5, 1e300, 99999999999999999999, \"1\", true, [1]]");
-    std::vector<std::int64_t> integers;
+    std::vector<int64_t> integers;
     for (const JsonValue &element : tree.root().children())
         integers.push_back(element.integer().value_or(-1));
-    EXPECT_EQ(integers, (std::vector<std::int64_t>{0, -7, 9007199254740993, 2, 300, -1, -1, -1, -1, -1, -1}));
+    EXPECT_EQ(integers, (std::vector<int64_t>{0, -7, 9007199254740993, 2, 300, -1, -1, -1, -1, -1, -1}));
 }
 
 TEST(JsonTree, FindsEscapedNamesAndTheLastOfSeveral)

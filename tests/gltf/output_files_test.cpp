@@ -25,10 +25,10 @@ std::string textOf(const std::filesystem::path &path)
     return {bytes.begin(), bytes.end()};
 }
 
-std::size_t entries(const std::filesystem::path &folder)
+size_t entries(const std::filesystem::path &folder)
 {
     const std::filesystem::directory_iterator begin(folder);
-    return static_cast<std::size_t>(std::distance(begin, {}));
+    return static_cast<size_t>(std::distance(begin, {}));
 }
 
 const std::function<bool()> kNever;

@@ -15,7 +15,7 @@ namespace
 template <typename T>
 void append(Bytes &bytes, const std::vector<T> &values)
 {
-    const std::size_t old = bytes.size();
+    const size_t old = bytes.size();
     bytes.resize(old + values.size() * sizeof(T));
     std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
 }
@@ -41,14 +41,14 @@ struct Sample {
     {
         Bytes binary;
         std::string viewText;
-        for (std::size_t i = 0; i < views.size(); ++i) {
+        for (size_t i = 0; i < views.size(); ++i) {
             viewText += (i == 0 ? "" : ", ") + std::string("{\"buffer\": 0, \"byteOffset\": ") +
                         std::to_string(binary.size()) + ", \"byteLength\": " + std::to_string(views[i].size()) +
                         (i < viewMembers.size() ? viewMembers[i] : "") + "}";
             append(binary, views[i]);
         }
         std::string accessorText;
-        for (std::size_t i = 0; i < accessors.size(); ++i)
+        for (size_t i = 0; i < accessors.size(); ++i)
             accessorText += (i == 0 ? "" : ", ") + accessors[i];
         return packGlb(R"({"asset": {"version": "2.0"}, "meshes": [{"name": "leaf", "primitives": [)" + primitive +
                            R"(]}], "materials": [{"pbrMetallicRoughness": {"baseColorTexture": )" + baseColorTexture +
@@ -72,7 +72,7 @@ struct Sample {
         } catch (const GltfError &error) {
             const std::string text = error.what();
             const std::string where = "test.glb: mesh 0 \"leaf\" primitive 0";
-            const std::size_t begin = text.find(where);
+            const size_t begin = text.find(where);
             return begin == std::string::npos ? text : text.substr(begin + where.size());
         }
         return "none";
@@ -103,22 +103,22 @@ TEST(GltfPrimitive, EveryTypeOfTextureCoordinates)
         return read(changed);
     };
     using Uvs = std::vector<TexCoord>;
-    EXPECT_EQ(with(std::vector<std::uint8_t>{0, 255, 51, 102, 1, 2}, "\"componentType\": 5121, " + normalized),
+    EXPECT_EQ(with(std::vector<uint8_t>{0, 255, 51, 102, 1, 2}, "\"componentType\": 5121, " + normalized),
               (Uvs{{0, 1}, {0.2f, 0.4f}, {1 / 255.0f, 2 / 255.0f}}));
-    EXPECT_EQ(with(std::vector<std::uint8_t>{0, 255, 51, 102, 1, 2}, "\"componentType\": 5121, " + two),
+    EXPECT_EQ(with(std::vector<uint8_t>{0, 255, 51, 102, 1, 2}, "\"componentType\": 5121, " + two),
               (Uvs{{0, 255}, {51, 102}, {1, 2}}));
-    EXPECT_EQ(with(std::vector<std::int8_t>{-128, -127, 127, 0, 1, -1}, "\"componentType\": 5120, " + normalized),
+    EXPECT_EQ(with(std::vector<int8_t>{-128, -127, 127, 0, 1, -1}, "\"componentType\": 5120, " + normalized),
               (Uvs{{-1, -1}, {1, 0}, {1 / 127.0f, -1 / 127.0f}}));
-    EXPECT_EQ(with(std::vector<std::int8_t>{-128, -127, 127, 0, 1, -1}, "\"componentType\": 5120, " + two),
+    EXPECT_EQ(with(std::vector<int8_t>{-128, -127, 127, 0, 1, -1}, "\"componentType\": 5120, " + two),
               (Uvs{{-128, -127}, {127, 0}, {1, -1}}));
-    EXPECT_EQ(with(std::vector<std::uint16_t>{0, 65535, 13107, 1, 2, 3}, "\"componentType\": 5123, " + normalized),
+    EXPECT_EQ(with(std::vector<uint16_t>{0, 65535, 13107, 1, 2, 3}, "\"componentType\": 5123, " + normalized),
               (Uvs{{0, 1}, {0.2f, 1 / 65535.0f}, {2 / 65535.0f, 3 / 65535.0f}}));
-    EXPECT_EQ(with(std::vector<std::int16_t>{-32768, 32767, 0, 1, 2, 3}, "\"componentType\": 5122, " + normalized),
+    EXPECT_EQ(with(std::vector<int16_t>{-32768, 32767, 0, 1, 2, 3}, "\"componentType\": 5122, " + normalized),
               (Uvs{{-1, 1}, {0, 1 / 32767.0f}, {2 / 32767.0f, 3 / 32767.0f}}));
-    EXPECT_EQ(with(std::vector<std::int16_t>{-32768, 32767, 0, 1, 2, 3}, "\"componentType\": 5122, " + two),
+    EXPECT_EQ(with(std::vector<int16_t>{-32768, 32767, 0, 1, 2, 3}, "\"componentType\": 5122, " + two),
               (Uvs{{-32768, 32767}, {0, 1}, {2, 3}}));
     Sample wrong = file;
-    wrong.add<std::uint32_t>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5125, " + two);
+    wrong.add<uint32_t>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5125, " + two);
     EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: 32-bit integers are for indices only");
     wrong = file;
     wrong.add<double>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5130, " + two);
@@ -130,7 +130,7 @@ TEST(GltfPrimitive, QuantizedPositions)
 {
     Sample file = sample();
     file.views[0].clear();
-    append<std::int8_t>(file.views[0], {9, 9, 9, 9, -127, 0, 127, 9, 1, 2, 3, 9, 4, 5, 6, 9});
+    append<int8_t>(file.views[0], {9, 9, 9, 9, -127, 0, 127, 9, 1, 2, 3, 9, 4, 5, 6, 9});
     file.viewMembers = {", \"byteStride\": 4"};
     const std::string rest = R"("bufferView": 0, "byteOffset": 4, "componentType": 5120, "count": 3, "type": "VEC3")";
     file.accessors[0] = "{" + rest + "}";
@@ -209,15 +209,15 @@ TEST(GltfPrimitive, Strides)
 // fans.
 TEST(GltfPrimitive, StripsAndFans)
 {
-    const auto trianglesOf = [](int mode, const std::vector<std::uint16_t> &corners) {
+    const auto trianglesOf = [](int mode, const std::vector<uint16_t> &corners) {
         Sample file = sample();
         file.primitive =
             R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "mode": )" + std::to_string(mode) + "}";
-        file.add<std::uint16_t>(corners, R"("componentType": 5123, "type": "SCALAR", "count": )" +
-                                             std::to_string(corners.size()));
+        file.add<uint16_t>(corners,
+                           R"("componentType": 5123, "type": "SCALAR", "count": )" + std::to_string(corners.size()));
         return file.read().indices;
     };
-    using Indices = std::vector<std::uint32_t>;
+    using Indices = std::vector<uint32_t>;
     EXPECT_EQ(trianglesOf(5, {0, 1, 2, 1, 0}), (Indices{0, 1, 2, 1, 1, 2, 2, 1, 0}));
     EXPECT_EQ(trianglesOf(6, {0, 1, 2, 1, 0}), (Indices{1, 2, 0, 2, 1, 0, 1, 0, 0}));
     EXPECT_EQ(trianglesOf(5, {0, 1}), Indices{});
@@ -231,7 +231,7 @@ TEST(GltfPrimitive, WithoutPositionsOtherAttributesTellTheVertices)
     file.primitive = R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})";
     const Primitive primitive = file.read(Positions::Leave);
     EXPECT_EQ(primitive.uvs.size(), 3u);
-    EXPECT_EQ(primitive.indices, (std::vector<std::uint32_t>{0, 1, 2}));
+    EXPECT_EQ(primitive.indices, (std::vector<uint32_t>{0, 1, 2}));
     EXPECT_EQ(file.error(), " has no positions");
     EXPECT_THROW(static_cast<void>(file.read()), GltfUnsupported);
     file.primitive = R"({"attributes": {}, "material": 0})";
@@ -269,7 +269,7 @@ TEST(GltfPrimitive, Colors)
         file.primitive = R"({"attributes": {"POSITION": 0, "COLOR_0": 2}})";
         return file;
     };
-    const std::vector<std::uint8_t> bytes = {1, 2, 3, 255, 4, 5, 6, 51, 7, 8, 9, 0};
+    const std::vector<uint8_t> bytes = {1, 2, 3, 255, 4, 5, 6, 51, 7, 8, 9, 0};
     EXPECT_EQ(with(bytes, R"("componentType": 5121, "normalized": true, )" + three).read().alphas,
               (std::vector<float>{1, 0.2f, 0}));
     EXPECT_EQ(with(bytes, R"("componentType": 5121, )" + three).error(),

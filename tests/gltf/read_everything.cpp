@@ -39,12 +39,12 @@ void rewrite(const Document &document, const DocumentBake &bake)
     } catch (const GltfError &) {
         return; // it would be too large
     }
-    std::vector<std::uint8_t> bytes;
+    std::vector<uint8_t> bytes;
     for (const auto &piece : written.file.pieces())
         bytes.insert(bytes.end(), piece.begin(), piece.end());
     std::string_view json(reinterpret_cast<const char *>(bytes.data()), bytes.size());
     if (document.binary()) {
-        std::uint32_t length = 0;
+        uint32_t length = 0;
         std::memcpy(&length, bytes.data() + 12, sizeof length);
         json = json.substr(20, length);
     }

@@ -8,10 +8,10 @@ namespace vellum::test
 {
 
 struct Reading {
-    std::size_t primitives = 0; // read
-    std::size_t images = 0;     // read
-    std::string error;          // the first, in one line; empty where all was read
-    std::string unsupported;    // the first GltfUnsupported of a primitive, material or image
+    size_t primitives = 0;   // read
+    size_t images = 0;       // read
+    std::string error;       // the first, in one line; empty where all was read
+    std::string unsupported; // the first GltfUnsupported of a primitive, material or image
 };
 
 // The document, then every primitive, material and image, whether a scene uses them or not, the micromaps, and the

@@ -21,33 +21,33 @@ namespace
 constexpr const char *kExtension = "EXT_mesh_opacity_micromap";
 
 struct Usage {
-    std::uint32_t count, level, format;
+    uint32_t count, level, format;
 };
 
 struct Input { // of a micromap build
-    std::span<const std::uint8_t> data;
-    std::span<const std::uint8_t> triangles;
-    std::size_t stride = 0;
+    std::span<const uint8_t> data;
+    std::span<const uint8_t> triangles;
+    size_t stride = 0;
     std::vector<Usage> usages;
 };
 
 struct Link { // of a primitive
-    std::size_t micromap = 0;
-    std::uint32_t baseTriangle = 0;
-    std::uint32_t indexBytes = 0;
-    std::vector<std::uint8_t> indices;
+    size_t micromap = 0;
+    uint32_t baseTriangle = 0;
+    uint32_t indexBytes = 0;
+    std::vector<uint8_t> indices;
 };
 
 class Renderer
 {
 public:
-    explicit Renderer(const std::filesystem::path &path) : m_file(readFile(path))
+    explicit Renderer(const std::filesystem::path &path) : file_(readFile(path))
     {
-        std::uint32_t length = 0;
-        std::memcpy(&length, &m_file[12], sizeof length);
-        m_json.Parse(reinterpret_cast<const char *>(m_file.data()) + 20, length);
-        EXPECT_FALSE(m_json.HasParseError());
-        m_binary = std::span(m_file).subspan(28 + length);
+        uint32_t length = 0;
+        std::memcpy(&length, &file_[12], sizeof length);
+        json_.Parse(reinterpret_cast<const char *>(file_.data()) + 20, length);
+        EXPECT_FALSE(json_.HasParseError());
+        binary_ = std::span(file_).subspan(28 + length);
         readMicromaps();
         readPrimitives();
     }
@@ -58,32 +58,32 @@ public:
 private:
     using Json = rapidjson::Value;
 
-    [[nodiscard]] static std::size_t number(const Json &object, const char *name, std::size_t otherwise)
+    [[nodiscard]] static size_t number(const Json &object, const char *name, size_t otherwise)
     {
         return object.HasMember(name) ? object[name].GetUint64() : otherwise;
     }
     // An element of an array of the root, by its index; null where there is none.
     [[nodiscard]] const Json *element(const char *array, const Json &index) const
     {
-        if (!index.IsUint() || !m_json.HasMember(array) || index.GetUint() >= m_json[array].Size())
+        if (!index.IsUint() || !json_.HasMember(array) || index.GetUint() >= json_[array].Size())
             return nullptr;
-        return &m_json[array][index.GetUint()];
+        return &json_[array][index.GetUint()];
     }
     // All of these files have one buffer, the binary chunk.
-    [[nodiscard]] std::span<const std::uint8_t> bytes(const Json &view) const
+    [[nodiscard]] std::span<const uint8_t> bytes(const Json &view) const
     {
         EXPECT_EQ(view["buffer"].GetUint(), 0u);
-        const std::size_t offset = number(view, "byteOffset", 0);
-        const std::size_t length = view["byteLength"].GetUint64();
-        EXPECT_LE(offset + length, m_json["buffers"][0]["byteLength"].GetUint64());
-        return m_binary.subspan(offset, length);
+        const size_t offset = number(view, "byteOffset", 0);
+        const size_t length = view["byteLength"].GetUint64();
+        EXPECT_LE(offset + length, json_["buffers"][0]["byteLength"].GetUint64());
+        return binary_.subspan(offset, length);
     }
 
     void readMicromaps()
     {
-        ASSERT_TRUE(m_json.HasMember("extensions") && m_json["extensions"].HasMember(kExtension));
-        ASSERT_TRUE(m_json["extensions"][kExtension].HasMember("micromaps"));
-        for (const Json &micromap : m_json["extensions"][kExtension]["micromaps"].GetArray()) {
+        ASSERT_TRUE(json_.HasMember("extensions") && json_["extensions"].HasMember(kExtension));
+        ASSERT_TRUE(json_["extensions"][kExtension].HasMember("micromaps"));
+        for (const Json &micromap : json_["extensions"][kExtension]["micromaps"].GetArray()) {
             for (const char *name : {"data", "triangles", "usageCounts", "usageLevels", "usageFormats"})
                 ASSERT_TRUE(micromap.HasMember(name)) << name;
             const Json *data = element("bufferViews", micromap["data"]);
@@ -107,7 +107,7 @@ private:
 
     void readPrimitives()
     {
-        for (const Json &mesh : m_json["meshes"].GetArray())
+        for (const Json &mesh : json_["meshes"].GetArray())
             for (const Json &primitive : mesh["primitives"].GetArray())
                 if (primitive.HasMember("extensions") && primitive["extensions"].HasMember(kExtension))
                     readPrimitive(primitive, primitive["extensions"][kExtension]);
@@ -116,22 +116,22 @@ private:
     void readPrimitive(const Json &primitive, const Json &extension)
     {
         ASSERT_TRUE(extension.HasMember("micromap"));
-        const std::size_t micromap = extension["micromap"].GetUint();
+        const size_t micromap = extension["micromap"].GetUint();
         ASSERT_LT(micromap, micromaps.size());
-        const std::size_t base = number(extension, "micromapBaseTriangle", 0);
+        const size_t base = number(extension, "micromapBaseTriangle", 0);
         ASSERT_TRUE(extension.HasMember("micromapIndices"));
         const Json *accessor = element("accessors", extension["micromapIndices"]);
         ASSERT_NE(accessor, nullptr);
         // Of the types that it takes, those that VK_EXT_opacity_micromap does, too.
         const unsigned type = (*accessor)["componentType"].GetUint();
         ASSERT_TRUE(type == 5123 || type == 5125);
-        const std::uint32_t size = type == 5123 ? 2 : 4;
+        const uint32_t size = type == 5123 ? 2 : 4;
         const Json *source = element("bufferViews", (*accessor)["bufferView"]);
         ASSERT_NE(source, nullptr);
-        const std::size_t stride = number(*source, "byteStride", size);
-        const std::size_t offset = number(*accessor, "byteOffset", 0);
-        const std::size_t count = (*accessor)["count"].GetUint64();
-        const std::span<const std::uint8_t> elements = bytes(*source);
+        const size_t stride = number(*source, "byteStride", size);
+        const size_t offset = number(*accessor, "byteOffset", 0);
+        const size_t count = (*accessor)["count"].GetUint64();
+        const std::span<const uint8_t> elements = bytes(*source);
         ASSERT_GT(count, 0u);
         ASSERT_LE(offset + (count - 1) * stride + size, elements.size());
         EXPECT_EQ((number(*source, "byteOffset", 0) + offset) % size, 0u);
@@ -140,20 +140,20 @@ private:
         ASSERT_NE(corners, nullptr);
         EXPECT_EQ(count, (*corners)["count"].GetUint64() / 3);
         EXPECT_EQ(number(primitive, "mode", 4), 4u);
-        Link link{micromap, static_cast<std::uint32_t>(base), size, {}};
-        for (std::size_t e = 0; e < count; ++e)
+        Link link{micromap, static_cast<uint32_t>(base), size, {}};
+        for (size_t e = 0; e < count; ++e)
             link.indices.insert(link.indices.end(), &elements[offset + e * stride],
                                 &elements[offset + e * stride] + size);
         links.push_back(std::move(link));
     }
 
-    Bytes m_file;
-    std::span<const std::uint8_t> m_binary;
-    rapidjson::Document m_json;
+    Bytes file_;
+    std::span<const uint8_t> binary_;
+    rapidjson::Document json_;
 };
 
 template <typename T>
-T load(const std::uint8_t *bytes)
+T load(const uint8_t *bytes)
 {
     T value;
     std::memcpy(&value, bytes, sizeof value);
@@ -164,16 +164,16 @@ T load(const std::uint8_t *bytes)
 void expectBuildable(const Input &input)
 {
     ASSERT_TRUE(input.stride >= 8 && input.stride % 4 == 0);
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint64_t> counts;
+    std::map<std::pair<uint32_t, uint32_t>, uint64_t> counts;
     for (const Usage &usage : input.usages)
         counts[{usage.level, usage.format}] += usage.count;
-    for (std::size_t at = 0; at + 8 <= input.triangles.size(); at += input.stride) {
-        const auto offset = load<std::uint32_t>(&input.triangles[at]);
-        const auto level = load<std::uint16_t>(&input.triangles[at + 4]);
-        const auto format = load<std::uint16_t>(&input.triangles[at + 6]);
+    for (size_t at = 0; at + 8 <= input.triangles.size(); at += input.stride) {
+        const auto offset = load<uint32_t>(&input.triangles[at]);
+        const auto level = load<uint16_t>(&input.triangles[at + 4]);
+        const auto format = load<uint16_t>(&input.triangles[at + 6]);
         ASSERT_LE(level, 12u);
         ASSERT_TRUE(format == 1 || format == 2);
-        const std::uint64_t bits = (std::uint64_t{1} << (2 * level)) * format;
+        const uint64_t bits = (uint64_t{1} << (2 * level)) * format;
         EXPECT_LE(offset + (bits + 7) / 8, input.data.size());
         --counts[{level, format}];
     }
@@ -182,22 +182,21 @@ void expectBuildable(const Input &input)
 }
 
 // The state that Vulkan finds for a point of a triangle; the special indices by their unsigned bits.
-State stateAt(const Renderer &renderer, const Link &link, std::size_t triangle, float u, float v)
+State stateAt(const Renderer &renderer, const Link &link, size_t triangle, float u, float v)
 {
-    const std::uint8_t *at = &link.indices[triangle * link.indexBytes];
-    const std::uint32_t index = link.indexBytes == 2 ? load<std::uint16_t>(at) : load<std::uint32_t>(at);
-    const std::uint32_t last = link.indexBytes == 2 ? 0xffffu : 0xffffffffu;
+    const uint8_t *at = &link.indices[triangle * link.indexBytes];
+    const uint32_t index = link.indexBytes == 2 ? load<uint16_t>(at) : load<uint32_t>(at);
+    const uint32_t last = link.indexBytes == 2 ? 0xffffu : 0xffffffffu;
     if (index > last - 4)
         return static_cast<State>(last - index);
     const Input &input = renderer.micromaps[link.micromap];
-    const std::uint8_t *record = &input.triangles[(index + link.baseTriangle) * input.stride];
-    return readState(&input.data[load<std::uint32_t>(record)],
-                     shared::curveIndex(u, v, load<std::uint16_t>(record + 4)),
-                     static_cast<Format>(load<std::uint16_t>(record + 6)));
+    const uint8_t *record = &input.triangles[(index + link.baseTriangle) * input.stride];
+    return readState(&input.data[load<uint32_t>(record)], shared::curveIndex(u, v, load<uint16_t>(record + 4)),
+                     static_cast<Format>(load<uint16_t>(record + 6)));
 }
 
 // Bakes, reads, and compares with what our own reader makes of the file.
-void expectRead(const Bytes &file, const FileBakeOptions &options, std::size_t primitives)
+void expectRead(const Bytes &file, const FileBakeOptions &options, size_t primitives)
 {
     const TemporaryFolder folder;
     writeFile(folder / "in.glb", file);
@@ -208,10 +207,10 @@ void expectRead(const Bytes &file, const FileBakeOptions &options, std::size_t p
     for (const Input &input : renderer.micromaps)
         expectBuildable(input);
     const StoredMicromaps stored = readMicromaps(Document(folder / "out.glb"));
-    std::size_t link = 0;
+    size_t link = 0;
     for (const auto &[place, primitive] : stored.primitives) {
         const Micromap micromap = *stored.of(place);
-        for (std::uint32_t t = 0; t < micromap.indices.size(); ++t)
+        for (uint32_t t = 0; t < micromap.indices.size(); ++t)
             for (float u = 0.01f; u < 1; u += 0.07f)
                 for (float v = 0.01f; u + v < 1; v += 0.07f)
                     ASSERT_EQ(stateAt(renderer, renderer.links[link], t, u, v), micromap.stateAt(t, u, v));
@@ -226,7 +225,7 @@ TEST(RendererRules, HoldForABakedFile)
 {
     FileBakeOptions options;
     expectRead(cardGlb(), options, 1);
-    for (const std::uint32_t level : {0u, 1u, 2u, 5u, 9u}) {
+    for (const uint32_t level : {0u, 1u, 2u, 5u, 9u}) {
         options.bake.level = level;
         options.bake.format = level % 2 == 0 ? Format::FourState : Format::TwoState;
         expectRead(cardGlb(), options, 1);

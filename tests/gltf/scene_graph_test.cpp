@@ -17,17 +17,17 @@ namespace
 class SceneGraph : public testing::Test
 {
 private: // above what is initialized with it
-    Bytes m_binary;
-    std::string m_accessors, m_views;
-    int m_count = 0;
+    Bytes binary_;
+    std::string accessors_, views_;
+    int count_ = 0;
 
 protected:
     // Adds data to the buffer and returns the number of its accessor.
-    int add(const std::vector<float> &values, const char *type, std::size_t count)
+    int add(const std::vector<float> &values, const char *type, size_t count)
     {
         return addBytes(values.data(), values.size() * sizeof(float), type, 5126, count);
     }
-    int addJoints(const std::vector<std::uint8_t> &values)
+    int addJoints(const std::vector<uint8_t> &values)
     {
         return addBytes(values.data(), values.size(), "VEC4", 5121, values.size() / 4);
     }
@@ -35,9 +35,9 @@ protected:
     Scene read()
     {
         const std::string json = "{\"asset\": {\"version\": \"2.0\"}, \"meshes\": " + meshes + ", \"nodes\": " + nodes +
-                                 ", " + more + "\"accessors\": [" + m_accessors + "], \"bufferViews\": [" + m_views +
-                                 "], \"buffers\": [{\"byteLength\": " + std::to_string(m_binary.size()) + "}]}";
-        writeFile(folder / "test.glb", packGlb(json, m_binary));
+                                 ", " + more + "\"accessors\": [" + accessors_ + "], \"bufferViews\": [" + views_ +
+                                 "], \"buffers\": [{\"byteLength\": " + std::to_string(binary_.size()) + "}]}";
+        writeFile(folder / "test.glb", packGlb(json, binary_));
         return readGltf(folder / "test.glb");
     }
     std::string errorOf()
@@ -59,22 +59,22 @@ protected:
     TemporaryFolder folder;
 
 private:
-    int addBytes(const void *values, std::size_t bytes, const std::string &type, int component, std::size_t count)
+    int addBytes(const void *values, size_t bytes, const std::string &type, int component, size_t count)
     {
-        const std::string comma = m_count == 0 ? "" : ", ";
-        m_views += comma + "{\"buffer\": 0, \"byteOffset\": " + std::to_string(m_binary.size()) +
-                   ", \"byteLength\": " + std::to_string(bytes) + "}";
-        m_accessors += comma + "{\"bufferView\": " + std::to_string(m_count) +
-                       ", \"componentType\": " + std::to_string(component) + ", \"count\": " + std::to_string(count) +
-                       ", \"type\": \"" + type + "\"}";
-        const std::size_t old = m_binary.size();
-        m_binary.resize((old + bytes + 3) / 4 * 4);
-        std::memcpy(m_binary.data() + old, values, bytes);
-        return m_count++;
+        const std::string comma = count_ == 0 ? "" : ", ";
+        views_ += comma + "{\"buffer\": 0, \"byteOffset\": " + std::to_string(binary_.size()) +
+                  ", \"byteLength\": " + std::to_string(bytes) + "}";
+        accessors_ += comma + "{\"bufferView\": " + std::to_string(count_) +
+                      ", \"componentType\": " + std::to_string(component) + ", \"count\": " + std::to_string(count) +
+                      ", \"type\": \"" + type + "\"}";
+        const size_t old = binary_.size();
+        binary_.resize((old + bytes + 3) / 4 * 4);
+        std::memcpy(binary_.data() + old, values, bytes);
+        return count_++;
     }
 };
 
-Vec3 cornerOf(const Scene &scene, std::size_t instance, std::size_t vertex)
+Vec3 cornerOf(const Scene &scene, size_t instance, size_t vertex)
 {
     const MeshInstance &i = scene.instances.at(instance);
     return transformed(i.transform, scene.geometries.at(scene.meshes.at(i.mesh).firstGeometry).positions.at(vertex));
@@ -82,7 +82,7 @@ Vec3 cornerOf(const Scene &scene, std::size_t instance, std::size_t vertex)
 
 void expectNear(const Vec3 &found, const Vec3 &expected)
 {
-    for (std::size_t i = 0; i < 3; ++i)
+    for (size_t i = 0; i < 3; ++i)
         EXPECT_NEAR(found[i], expected[i], 1e-5) << "coordinate " << i;
 }
 

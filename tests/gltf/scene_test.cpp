@@ -54,7 +54,7 @@ TEST(Gltf, ReadsACard)
     EXPECT_EQ(image.rgba[3], 0);
     EXPECT_EQ(image.rgba[4 * (8 * 16 + 8) + 3], 255);
     const Geometry &card = scene.geometries[0];
-    EXPECT_EQ(card.indices, (std::vector<std::uint32_t>{0, 1, 2, 0, 2, 3}));
+    EXPECT_EQ(card.indices, (std::vector<uint32_t>{0, 1, 2, 0, 2, 3}));
     EXPECT_EQ(card.positions[2], (Vec3{1, 2, 0}));
     EXPECT_EQ(card.place, (PrimitivePlace{0, 0}));
     ASSERT_EQ(scene.meshes.size(), 1u);
@@ -63,7 +63,7 @@ TEST(Gltf, ReadsACard)
     EXPECT_EQ(transformed(scene.instances[0].transform, card.positions[2]), (Vec3{1, 4, 0})); // moved by its node
     EXPECT_EQ(card.uvs[0], (TexCoord{0, 1}));
     EXPECT_FALSE(scene.materials[1].masked());
-    EXPECT_EQ(scene.geometries[1].indices, (std::vector<std::uint32_t>{0, 1, 2}));
+    EXPECT_EQ(scene.geometries[1].indices, (std::vector<uint32_t>{0, 1, 2}));
 }
 
 TEST(Gltf, AppliesTransforms)
@@ -93,9 +93,9 @@ TEST(Gltf, ReadsTextFilesWithFilesBesideThem)
     json.insert(json.find("\"byteLength\": " + std::to_string(92 + png.size())), "\"uri\": \"card.bin\", ");
     writeFile(folder / "card.gltf", Bytes(json.begin(), json.end()));
     EXPECT_THROW(readGltf(folder / "card.gltf"), GltfError);
-    const std::size_t jsonChunk = glb[12] + 256u * glb[13];
-    const auto binary = glb.begin() + static_cast<std::ptrdiff_t>(28 + jsonChunk);
-    writeFile(folder / "card.bin", Bytes(binary, binary + static_cast<std::ptrdiff_t>(92 + png.size())));
+    const size_t jsonChunk = glb[12] + 256u * glb[13];
+    const auto binary = glb.begin() + static_cast<ptrdiff_t>(28 + jsonChunk);
+    writeFile(folder / "card.bin", Bytes(binary, binary + static_cast<ptrdiff_t>(92 + png.size())));
     EXPECT_THROW(readGltf(folder / "card.gltf"), GltfError);
     writeFile(folder / "disc.png", png);
     EXPECT_EQ(readGltf(folder / "card.gltf").images[0].width, 16u);
@@ -107,8 +107,8 @@ TEST(Gltf, MaskedWithoutTexture)
     const Scene scene = read(cardGlb({{", \"baseColorTexture\": {\"index\": 0}", ""}}));
     const Material &leaf = scene.materials[0];
     ASSERT_GE(leaf.image, 0);
-    EXPECT_EQ(scene.images[static_cast<std::size_t>(leaf.image)].rgba, (std::vector<std::uint8_t>{255, 255, 255, 255}));
-    EXPECT_EQ(alphaTexture(leaf, scene.images[static_cast<std::size_t>(leaf.image)]).alpha,
+    EXPECT_EQ(scene.images[static_cast<size_t>(leaf.image)].rgba, (std::vector<uint8_t>{255, 255, 255, 255}));
+    EXPECT_EQ(alphaTexture(leaf, scene.images[static_cast<size_t>(leaf.image)]).alpha,
               std::vector<float>{leaf.baseColor[3]});
 }
 
@@ -176,15 +176,15 @@ TEST(Gltf, NestingIsLimited)
 TEST(Gltf, EveryTruncationIsAnError)
 {
     const Bytes whole = cardGlb();
-    for (std::size_t length = 0; length < whole.size(); length += length < 64 ? 1 : 13) {
-        EXPECT_THROW(read(Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length))), GltfError)
+    for (size_t length = 0; length < whole.size(); length += length < 64 ? 1 : 13) {
+        EXPECT_THROW(read(Bytes(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length))), GltfError)
             << length << " bytes";
         // The header's length adapted, so that more than the header has to notice.
-        Bytes cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length));
+        Bytes cut(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length));
         if (length < 12)
             continue;
-        cut[8] = static_cast<std::uint8_t>(length);
-        cut[9] = static_cast<std::uint8_t>(length >> 8);
+        cut[8] = static_cast<uint8_t>(length);
+        cut[9] = static_cast<uint8_t>(length >> 8);
         EXPECT_THROW(read(cut), GltfError) << length << " bytes";
     }
 }
@@ -196,7 +196,7 @@ TEST(Gltf, RandomDamageNeverCrashes)
     for (int i = 0; i < 3000; ++i) {
         Bytes damaged = whole;
         for (unsigned k = 0; k < 1 + random() % 4; ++k)
-            damaged[random() % damaged.size()] = static_cast<std::uint8_t>(random());
+            damaged[random() % damaged.size()] = static_cast<uint8_t>(random());
         try {
             read(damaged);
         } catch (const GltfError &error) {

@@ -28,19 +28,19 @@ struct Sample {
     std::string extension = "EXT_mesh_opacity_micromap";
     std::string root; // instead of the whole extension of the root
     std::string used; // instead of the extension's name
-    std::size_t recordStride = 8;
+    size_t recordStride = 8;
 
     [[nodiscard]] Bytes file() const;
-    [[nodiscard]] std::vector<MicromapOffence> offences(std::size_t most = 100) const;
+    [[nodiscard]] std::vector<MicromapOffence> offences(size_t most = 100) const;
     [[nodiscard]] StoredMicromaps read() const;
     // The first offence; readMicromaps must say the same.
     [[nodiscard]] std::string complaint() const;
 };
 
-void append(Bytes &bytes, std::uint64_t value, std::size_t count)
+void append(Bytes &bytes, uint64_t value, size_t count)
 {
-    for (std::size_t i = 0; i < count; ++i)
-        bytes.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+    for (size_t i = 0; i < count; ++i)
+        bytes.push_back(static_cast<uint8_t>(value >> (8 * i)));
 }
 
 Bytes Sample::file() const
@@ -49,11 +49,11 @@ Bytes Sample::file() const
     for (const MicromapTriangle &record : records) {
         append(binary, record.dataOffset, 4);
         append(binary, record.subdivisionLevel, 2);
-        append(binary, static_cast<std::uint16_t>(record.format), 2);
+        append(binary, static_cast<uint16_t>(record.format), 2);
         append(binary, 0, recordStride - 8);
     }
     std::string views;
-    const auto view = [&](std::size_t offset, std::size_t bytes, const std::string &more) {
+    const auto view = [&](size_t offset, size_t bytes, const std::string &more) {
         views += std::string(views.empty() ? "" : ",") + R"({"buffer": 0, "byteOffset": )" + std::to_string(offset) +
                  R"(, "byteLength": )" + std::to_string(bytes) + more + "}";
     };
@@ -80,7 +80,7 @@ Bytes Sample::file() const
                    binary);
 }
 
-std::vector<MicromapOffence> Sample::offences(std::size_t most) const
+std::vector<MicromapOffence> Sample::offences(size_t most) const
 {
     const TemporaryFolder folder;
     writeFile(folder / "test.glb", file());
@@ -123,7 +123,7 @@ TEST(StoredMicromaps, ReadsWhatTheFileHas)
     EXPECT_EQ(stored.micromaps[0].triangles[1].dataOffset, 4u);
     ASSERT_EQ(stored.primitives.size(), 1u);
     const PrimitiveMicromap &primitive = stored.primitives.at({0, 0});
-    EXPECT_EQ(primitive.indices, (std::vector<std::int32_t>{0, 1}));
+    EXPECT_EQ(primitive.indices, (std::vector<int32_t>{0, 1}));
     EXPECT_EQ(primitive.baseTriangle, 0u);
     EXPECT_FALSE(stored.of({0, 1}));
 }
@@ -154,7 +154,7 @@ TEST(StoredMicromaps, OneOfAPrimitiveHasOnlyWhatItUses)
     const auto micromap = sample.read().of({0, 0});
     ASSERT_TRUE(micromap);
     EXPECT_EQ(micromap->validate(), std::nullopt);
-    EXPECT_EQ(micromap->indices, (std::vector<std::int32_t>{0, -2}));
+    EXPECT_EQ(micromap->indices, (std::vector<int32_t>{0, -2}));
     ASSERT_EQ(micromap->triangles.size(), 1u);
     EXPECT_EQ(micromap->triangles[0].dataOffset, 0u);
     EXPECT_EQ(micromap->triangles[0].format, Format::TwoState);
@@ -173,7 +173,7 @@ TEST(StoredMicromaps, ReadsEveryTypeOfIndexWithItsSpecialIndices)
         Sample sample;
         sample.componentType = type;
         sample.indices = indices;
-        EXPECT_EQ(sample.read().primitives.at({0, 0}).indices, (std::vector<std::int32_t>{1, -4})) << type;
+        EXPECT_EQ(sample.read().primitives.at({0, 0}).indices, (std::vector<int32_t>{1, -4})) << type;
     }
 }
 
@@ -181,7 +181,7 @@ TEST(StoredMicromaps, WithoutIndicesATriangleIsItsOwnIndex)
 {
     Sample sample;
     sample.primitive = R"("micromap": 0)";
-    EXPECT_EQ(sample.read().primitives.at({0, 0}).indices, (std::vector<std::int32_t>{0, 1}));
+    EXPECT_EQ(sample.read().primitives.at({0, 0}).indices, (std::vector<int32_t>{0, 1}));
     sample.primitive = R"("micromap": 0, "micromapBaseTriangle": 1)";
     EXPECT_EQ(sample.complaint(), "mesh 0 \"leaves\" primitive 0: its 2 triangles from base triangle 1 on are outside "
                                   "of the micromap's 2 triangles");
@@ -364,7 +364,7 @@ TEST(StoredMicromaps, EveryOffenceIsListed)
 TEST(StoredMicromaps, AFewBytesDoNotBecomeMany)
 {
     Sample sample;
-    sample.data.resize(std::size_t{1} << 20);
+    sample.data.resize(size_t{1} << 20);
     sample.root = R"({"micromaps": [)";
     for (int i = 0; i < 100; ++i)
         sample.root += std::string(i == 0 ? "{" : ",{") + sample.micromap + ", " + sample.usage + "}";

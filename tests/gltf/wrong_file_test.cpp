@@ -49,7 +49,7 @@ std::string errorWithinLimits(const std::filesystem::path &path)
     std::string text;
     std::array<char, 4096> part{};
     for (ssize_t size = 0; (size = read(ends[0], part.data(), part.size())) > 0;)
-        text.append(part.data(), static_cast<std::size_t>(size));
+        text.append(part.data(), static_cast<size_t>(size));
     close(ends[0]);
     int status = 0;
     waitpid(child, &status, 0);
@@ -91,11 +91,11 @@ void expectErrorsOfJson(const std::vector<std::pair<std::string, std::string>> &
         EXPECT_EQ(errorOf(Bytes(text.begin(), text.end()), "test.gltf").substr(0, error.size()), error) << text;
 }
 
-std::string repeated(const std::string &text, std::size_t count)
+std::string repeated(const std::string &text, size_t count)
 {
     std::string result;
     result.reserve(text.size() * count);
-    for (std::size_t i = 0; i < count; ++i)
+    for (size_t i = 0; i < count; ++i)
         result += text;
     return result;
 }
@@ -125,10 +125,10 @@ std::string errorOfImage(const Bytes &image)
     const std::string text(file.begin(), file.end());
     const Bytes png = discPng();
     const std::string length = "\"byteLength\": " + std::to_string(png.size()) + "}]";
-    const std::size_t jsonBytes = file[12] + 256u * file[13];
+    const size_t jsonBytes = file[12] + 256u * file[13];
     std::string json = text.substr(20, jsonBytes);
-    Bytes binary(file.begin() + 28 + static_cast<std::ptrdiff_t>(jsonBytes),
-                 file.begin() + 28 + static_cast<std::ptrdiff_t>(jsonBytes) + 92);
+    Bytes binary(file.begin() + 28 + static_cast<ptrdiff_t>(jsonBytes),
+                 file.begin() + 28 + static_cast<ptrdiff_t>(jsonBytes) + 92);
     binary.insert(binary.end(), image.begin(), image.end());
     json.replace(json.find(length), length.size(), "\"byteLength\": " + std::to_string(image.size()) + "}]");
     const std::string total = "\"byteLength\": " + std::to_string(92 + png.size()) + "}]";
@@ -136,10 +136,10 @@ std::string errorOfImage(const Bytes &image)
     return errorOf(packGlb(json, binary));
 }
 
-std::uint32_t crc(const Bytes &bytes, std::size_t begin, std::size_t end)
+uint32_t crc(const Bytes &bytes, size_t begin, size_t end)
 {
-    std::uint32_t value = 0xffffffff;
-    for (std::size_t i = begin; i < end; ++i) {
+    uint32_t value = 0xffffffff;
+    for (size_t i = begin; i < end; ++i) {
         value ^= bytes[i];
         for (int bit = 0; bit < 8; ++bit)
             value = value >> 1 ^ (value & 1 ? 0xedb88320 : 0);
@@ -148,26 +148,26 @@ std::uint32_t crc(const Bytes &bytes, std::size_t begin, std::size_t end)
 }
 
 // With another size in its header, and the checksum for it.
-Bytes resizedPng(Bytes png, std::uint32_t width, std::uint32_t height)
+Bytes resizedPng(Bytes png, uint32_t width, uint32_t height)
 {
-    for (std::size_t i = 0; i < 4; ++i) {
-        png[16 + i] = static_cast<std::uint8_t>(width >> (24 - 8 * i));
-        png[20 + i] = static_cast<std::uint8_t>(height >> (24 - 8 * i));
+    for (size_t i = 0; i < 4; ++i) {
+        png[16 + i] = static_cast<uint8_t>(width >> (24 - 8 * i));
+        png[20 + i] = static_cast<uint8_t>(height >> (24 - 8 * i));
     }
-    const std::uint32_t sum = crc(png, 12, 29);
-    for (std::size_t i = 0; i < 4; ++i)
-        png[29 + i] = static_cast<std::uint8_t>(sum >> (24 - 8 * i));
+    const uint32_t sum = crc(png, 12, 29);
+    for (size_t i = 0; i < 4; ++i)
+        png[29 + i] = static_cast<uint8_t>(sum >> (24 - 8 * i));
     return png;
 }
 
-Bytes resizedJpeg(Bytes jpeg, std::uint32_t width, std::uint32_t height)
+Bytes resizedJpeg(Bytes jpeg, uint32_t width, uint32_t height)
 {
-    for (std::size_t i = 0; i + 8 < jpeg.size(); ++i)
+    for (size_t i = 0; i + 8 < jpeg.size(); ++i)
         if (jpeg[i] == 0xff && jpeg[i + 1] == 0xc0) {
-            jpeg[i + 5] = static_cast<std::uint8_t>(height >> 8);
-            jpeg[i + 6] = static_cast<std::uint8_t>(height);
-            jpeg[i + 7] = static_cast<std::uint8_t>(width >> 8);
-            jpeg[i + 8] = static_cast<std::uint8_t>(width);
+            jpeg[i + 5] = static_cast<uint8_t>(height >> 8);
+            jpeg[i + 6] = static_cast<uint8_t>(height);
+            jpeg[i + 7] = static_cast<uint8_t>(width >> 8);
+            jpeg[i + 8] = static_cast<uint8_t>(width);
             return jpeg;
         }
     throw std::logic_error("the test's JPEG has no frame");
@@ -178,18 +178,17 @@ Bytes resizedJpeg(Bytes jpeg, std::uint32_t width, std::uint32_t height)
 TEST(GltfWrongFile, Truncations)
 {
     const Bytes whole = cardGlb();
-    const std::size_t jsonEnd = 20 + whole[12] + 256u * whole[13];
-    for (const std::size_t length :
-         {std::size_t{0}, std::size_t{3}, std::size_t{4}, std::size_t{11}, std::size_t{19}, std::size_t{20},
-          std::size_t{500}, jsonEnd - 1, jsonEnd, jsonEnd + 4, jsonEnd + 50, whole.size() - 1}) {
-        Bytes cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length));
+    const size_t jsonEnd = 20 + whole[12] + 256u * whole[13];
+    for (const size_t length : {size_t{0}, size_t{3}, size_t{4}, size_t{11}, size_t{19}, size_t{20}, size_t{500},
+                                jsonEnd - 1, jsonEnd, jsonEnd + 4, jsonEnd + 50, whole.size() - 1}) {
+        Bytes cut(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length));
         EXPECT_EQ(errorOf(cut).find("without the path"), std::string::npos) << length;
         EXPECT_NE(errorOf(cut), "none") << length;
         if (length < 12)
             continue;
         // With a header that knows it, so that what is behind the header has to notice.
-        for (std::size_t i = 0; i < 4; ++i)
-            cut[8 + i] = static_cast<std::uint8_t>(length >> (8 * i));
+        for (size_t i = 0; i < 4; ++i)
+            cut[8 + i] = static_cast<uint8_t>(length >> (8 * i));
         EXPECT_EQ(errorOf(cut).find("without the path"), std::string::npos) << length;
     }
 }
@@ -199,7 +198,7 @@ TEST(GltfWrongFile, ShortLengthInTheHeader)
 {
     Bytes file = cardGlb();
     for (const int length : {0, 12, 19}) {
-        file[8] = static_cast<std::uint8_t>(length);
+        file[8] = static_cast<uint8_t>(length);
         file[9] = file[10] = file[11] = 0;
         file[14] = 0x7f;
         EXPECT_EQ(errorOf(file), "truncated: the header announces " + std::to_string(length) + " bytes");
@@ -213,8 +212,8 @@ TEST(GltfWrongFile, BytesBehindTheGlb)
         [{"buffer": 0, "byteLength": 536870912}], "accessors": [{"bufferView": 0, "componentType": 5126,
         "count": 40000000, "type": "VEC3"}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]})";
     Bytes file = packGlb(json, {});
-    for (std::size_t i = 0; i < 4; ++i) // without its empty second chunk
-        file[8 + i] = static_cast<std::uint8_t>((file.size() - 8) >> (8 * i));
+    for (size_t i = 0; i < 4; ++i) // without its empty second chunk
+        file[8 + i] = static_cast<uint8_t>((file.size() - 8) >> (8 * i));
     const Bytes chunk = {0xff, 0xff, 0xff, 0x7f, 'B', 'I', 'N', 0};
     std::copy(chunk.begin(), chunk.end(), file.end() - 8);
     EXPECT_EQ(errorOf(file), "buffer 0: has 536870912 bytes, the GLB's binary chunk 0");
@@ -338,8 +337,8 @@ TEST(GltfWrongFile, Images)
     const Bytes png = pngImage(64, 64, 8, 6, false, rgba);
     const Bytes webp = webpImage(64, 64, rgba);
     const Bytes jpeg = jpegImage(64, 64, rgba);
-    const auto cut = [](const Bytes &bytes, std::size_t length) {
-        return Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(length));
+    const auto cut = [](const Bytes &bytes, size_t length) {
+        return Bytes(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(length));
     };
     Bytes badSum = png;
     badSum[40] ^= 1;
@@ -365,32 +364,32 @@ TEST(GltfWrongFile, ImagesThatAnnounceHugeSizes)
     const Bytes rgba(16 * 16 * 4, 200);
     const Bytes png = pngImage(16, 16, 8, 6, false, rgba);
     const Bytes jpeg = jpegImage(16, 16, rgba);
-    for (const auto &[width, height] : std::vector<std::pair<std::uint32_t, std::uint32_t>>{{16384, 16384},
-                                                                                            {16384, 1025},
-                                                                                            {8192, 8192},
-                                                                                            {4096, 4096},
-                                                                                            {16384, 16},
-                                                                                            {0xffffffff, 0xffffffff},
-                                                                                            {0, 16},
-                                                                                            {16, 0},
-                                                                                            {0x7fffffff, 1},
-                                                                                            {100000, 100000},
-                                                                                            {20000, 1}})
+    for (const auto &[width, height] : std::vector<std::pair<uint32_t, uint32_t>>{{16384, 16384},
+                                                                                  {16384, 1025},
+                                                                                  {8192, 8192},
+                                                                                  {4096, 4096},
+                                                                                  {16384, 16},
+                                                                                  {0xffffffff, 0xffffffff},
+                                                                                  {0, 16},
+                                                                                  {16, 0},
+                                                                                  {0x7fffffff, 1},
+                                                                                  {100000, 100000},
+                                                                                  {20000, 1}})
         EXPECT_EQ(errorOfImage(resizedPng(png, width, height)).substr(0, 7), "image 0") << width << " x " << height;
-    for (const auto &[width, height] : std::vector<std::pair<std::uint32_t, std::uint32_t>>{
+    for (const auto &[width, height] : std::vector<std::pair<uint32_t, uint32_t>>{
              {16384, 16384}, {65535, 65535}, {16384, 1025}, {8192, 8192}, {65535, 1}, {0, 16}})
         EXPECT_EQ(errorOfImage(resizedJpeg(jpeg, width, height)).substr(0, 7), "image 0") << width << " x " << height;
-    for (const std::uint32_t height : {1025u, 4000u})
-        EXPECT_EQ(errorOfImage(webpImage(16383, height, Bytes(std::size_t{16383} * height * 4))).substr(0, 11),
+    for (const uint32_t height : {1025u, 4000u})
+        EXPECT_EQ(errorOfImage(webpImage(16383, height, Bytes(size_t{16383} * height * 4))).substr(0, 11),
                   "image 0 has");
 }
 
 // A stream that is decompressed to far more than the image's size: what is too much is not looked at.
 TEST(GltfWrongFile, PngThatInflatesHugely)
 {
-    const Bytes huge = pngImage(4096, 4096, 8, 6, false, Bytes(std::size_t{4096} * 4096 * 4));
+    const Bytes huge = pngImage(4096, 4096, 8, 6, false, Bytes(size_t{4096} * 4096 * 4));
     EXPECT_LT(huge.size(), 100000u);
-    for (const std::uint32_t size : {1u, 16u, 4095u}) {
+    for (const uint32_t size : {1u, 16u, 4095u}) {
         const std::string error = errorOfImage(resizedPng(huge, size, size));
         EXPECT_TRUE(error == "without the path: none" || error.starts_with("image 0 cannot be decoded")) << error;
     }

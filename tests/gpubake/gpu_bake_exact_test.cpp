@@ -41,11 +41,11 @@ TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSo)
         const auto &[texture, triangles, options] = c;
         const GpuBaked baked = runner_.bake(texture, triangles, onGpu(options));
         ASSERT_EQ(baked.micromap().validate(), std::nullopt);
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
-            for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
+            for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
                 Oracle<long double> oracle(texture);
                 oracle.addPolygon(test::cornersOf<long double>(texture, triangles[k], i, *options.level));
-                const std::size_t wrong = sum.wrong;
+                const size_t wrong = sum.wrong;
                 test::tally<long double>(sum, baked.stateOf(k, i), oracle.least(), oracle.most(), options.cutoff,
                                          options.cutoff, 1e-11L);
                 ASSERT_EQ(sum.wrong, wrong)
@@ -70,8 +70,8 @@ TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSoOnGrids)
         SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
         const auto &[texture, triangles, options] = c;
         const GpuBaked baked = runner_.bake(texture, triangles, onGpu(options));
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
-            for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
+            for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
                 Oracle<Rational> oracle(texture);
                 oracle.addPolygon(test::cornersOf<Rational>(texture, triangles[k], i, *options.level));
                 const Rational cutoff = Rational::of(options.cutoff);
@@ -97,9 +97,9 @@ TEST_F(GpuBakeExact, TolerancesCostNoMoreThanTheyAskFor)
         SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
         const auto &[texture, triangles, options] = c;
         const GpuBaked baked = runner_.bake(texture, triangles, onGpu(options));
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
             const std::array<long double, 2> margins = test::marginsOf(options, texture, triangles[k]);
-            for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+            for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
                 Oracle<long double> oracle(texture);
                 oracle.addPolygon(test::widened(test::cornersOf<long double>(texture, triangles[k], i, *options.level),
                                                 margins[0], margins[1]));

@@ -20,7 +20,7 @@ protected:
         // A disc on nothing.
         texture_.width = 32;
         texture_.height = 24;
-        for (std::uint32_t i = 0; i < 32 * 24; ++i)
+        for (uint32_t i = 0; i < 32 * 24; ++i)
             texture_.alpha.push_back(std::hypot(i % 32 - 15.7, i / 32 - 11.2) < 9 ? 1.0f : 0.0f);
         options_.level = 3;
         triangles_ = {
@@ -36,8 +36,8 @@ protected:
     void expectSame(const GpuBaked &baked)
     {
         const GpuBaked expected = bake(Mesh::of(triangles_));
-        for (std::uint32_t t = 0; t < triangles_.size(); ++t)
-            for (std::uint32_t i = 0; i < microTriangleCount(options_.level); ++i)
+        for (uint32_t t = 0; t < triangles_.size(); ++t)
+            for (uint32_t i = 0; i < microTriangleCount(options_.level); ++i)
                 ASSERT_EQ(baked.stateOf(t, i), expected.stateOf(t, i)) << t << ' ' << i;
     }
 
@@ -47,17 +47,17 @@ protected:
 };
 
 template <typename T>
-void append(std::vector<std::uint8_t> &bytes, T value)
+void append(std::vector<uint8_t> &bytes, T value)
 {
-    const auto *raw = reinterpret_cast<const std::uint8_t *>(&value);
+    const auto *raw = reinterpret_cast<const uint8_t *>(&value);
     bytes.insert(bytes.end(), raw, raw + sizeof value);
 }
 
 // Exact for k/64, 0 <= k <= 64.
-std::uint16_t halfOf(float value)
+uint16_t halfOf(float value)
 {
-    const std::uint32_t bits = std::bit_cast<std::uint32_t>(value);
-    return bits == 0 ? std::uint16_t{0} : static_cast<std::uint16_t>((bits >> 13) - ((127u - 15u) << 10));
+    const uint32_t bits = std::bit_cast<uint32_t>(value);
+    return bits == 0 ? uint16_t{0} : static_cast<uint16_t>((bits >> 13) - ((127u - 15u) << 10));
 }
 
 } // namespace
@@ -74,11 +74,11 @@ TEST_F(GpuBakeInputs, IndicesOfAllTypes)
         std::reverse(uvs.begin(), uvs.end());
         std::memcpy(mesh.uvs.data(), uvs.data(), mesh.uvs.size());
         mesh.indexType = type;
-        for (std::uint32_t i = 9; i-- > 0;) {
+        for (uint32_t i = 9; i-- > 0;) {
             if (type == VK_INDEX_TYPE_UINT8_EXT)
-                append(mesh.indices, static_cast<std::uint8_t>(i));
+                append(mesh.indices, static_cast<uint8_t>(i));
             else if (type == VK_INDEX_TYPE_UINT16)
-                append(mesh.indices, static_cast<std::uint16_t>(i));
+                append(mesh.indices, static_cast<uint16_t>(i));
             else
                 append(mesh.indices, i);
         }
@@ -88,19 +88,19 @@ TEST_F(GpuBakeInputs, IndicesOfAllTypes)
 
 TEST_F(GpuBakeInputs, IndicesOutOfRangeMakeUnknownTriangles)
 {
-    for (const std::uint32_t wrong : {9u, 1000000u, 0x7fffffffu, 0xffffffffu}) {
+    for (const uint32_t wrong : {9u, 1000000u, 0x7fffffffu, 0xffffffffu}) {
         SCOPED_TRACE(wrong);
         Mesh mesh = Mesh::of(triangles_);
         mesh.indexType = VK_INDEX_TYPE_UINT32;
         mesh.triangles = 6;
-        for (std::uint32_t i = 0; i < 9; ++i)
+        for (uint32_t i = 0; i < 9; ++i)
             append(mesh.indices, i);
-        for (std::uint32_t t = 0; t < 3; ++t)
-            for (std::uint32_t corner = 0; corner < 3; ++corner)
+        for (uint32_t t = 0; t < 3; ++t)
+            for (uint32_t corner = 0; corner < 3; ++corner)
                 append(mesh.indices, corner == t ? wrong : corner);
         const GpuBaked baked = bake(mesh);
         expectSame(baked);
-        for (std::uint32_t t = 3; t < 6; ++t)
+        for (uint32_t t = 3; t < 6; ++t)
             EXPECT_EQ(baked.indices[t], specialIndex(State::UnknownOpaque));
     }
 }
@@ -111,7 +111,7 @@ TEST_F(GpuBakeInputs, TextureCoordinatesThatAreNotFinite)
                                 -std::numeric_limits<float>::infinity(), 3e38f, -524288.0f};
     std::vector<TriangleUvs> all = triangles_;
     for (const float wrong : kWrong) {
-        for (std::size_t k = 0; k < 6; ++k) {
+        for (size_t k = 0; k < 6; ++k) {
             TriangleUvs uvs = triangles_[0];
             (k % 2 == 0 ? uvs[k / 2].u : uvs[k / 2].v) = wrong;
             if (wrong == -524288.0f) // times 24 that is near enough
@@ -121,7 +121,7 @@ TEST_F(GpuBakeInputs, TextureCoordinatesThatAreNotFinite)
     }
     const GpuBaked baked = bake(Mesh::of(all));
     expectSame(baked);
-    for (std::size_t t = triangles_.size(); t < all.size(); ++t)
+    for (size_t t = triangles_.size(); t < all.size(); ++t)
         EXPECT_EQ(baked.indices[t], specialIndex(State::UnknownOpaque)) << t;
 }
 
@@ -129,7 +129,7 @@ TEST_F(GpuBakeInputs, FormatsAndStridesOfTextureCoordinates)
 {
     const GpuBaked expected = bake(Mesh::of(triangles_));
     for (const VkFormat format : {VK_FORMAT_R32G32_SFLOAT, VK_FORMAT_R16G16_SFLOAT}) {
-        for (const std::uint32_t gap : {0u, 4u, 6u}) {
+        for (const uint32_t gap : {0u, 4u, 6u}) {
             if (format == VK_FORMAT_R32G32_SFLOAT && gap == 6)
                 continue; // not a multiple of a component
             SCOPED_TRACE(testing::Message() << format << " with " << gap);
@@ -160,7 +160,7 @@ TEST_F(GpuBakeInputs, FormatsAndStridesOfTextureCoordinates)
     for (const TriangleUvs &triangle : triangles_)
         for (const TexCoord &uv : triangle)
             for (const float c : {uv.u, uv.v})
-                append(mesh.uvs, static_cast<std::uint16_t>(std::lround(c * 65535.0f)));
+                append(mesh.uvs, static_cast<uint16_t>(std::lround(c * 65535.0f)));
     expectSame(bake(mesh));
     // A denormal half is not nothing.
     mesh.uvFormat = VK_FORMAT_R16G16_SFLOAT;
@@ -168,7 +168,7 @@ TEST_F(GpuBakeInputs, FormatsAndStridesOfTextureCoordinates)
     mesh.vertices = 3;
     mesh.uvs.clear();
     for (const unsigned half : {0x0000u, 0x8001u, 0x03ffu, 0x83ffu, 0x0001u, 0x0000u})
-        append(mesh.uvs, static_cast<std::uint16_t>(half));
+        append(mesh.uvs, static_cast<uint16_t>(half));
     texture_.wrapU = texture_.wrapV = Wrap::Border;
     texture_.border = 1; // and the corner of the texture is 0: nothing but 0.5 at its very corner
     texture_.filter = Filter::Nearest;
@@ -191,9 +191,9 @@ TEST_F(GpuBakeInputs, TexelsOfFourComponents)
     const GpuBaked expected = runner_.bake(floats, Mesh::of(triangles), options_);
     const GpuBaked baked = runner_.bake(bytes, Mesh::of(triangles), options_);
     EXPECT_EQ(baked.indices, expected.indices);
-    std::size_t different = 0;
-    for (std::uint32_t k = 0; k < triangles.size(); ++k)
-        for (std::uint32_t i = 0; i < 64; ++i)
+    size_t different = 0;
+    for (uint32_t k = 0; k < triangles.size(); ++k)
+        for (uint32_t i = 0; i < 64; ++i)
             different += baked.stateOf(k, i) != expected.stateOf(k, i) ? 1u : 0u;
     EXPECT_LE(different, 2u) << "a driver may turn bytes into floats in a way of its own";
 }
@@ -202,10 +202,10 @@ TEST_F(GpuBakeInputs, TexelsOfFourComponents)
 TEST_F(GpuBakeInputs, MipLevels)
 {
     test::TestRandom random(5);
-    std::size_t known = 0;
+    size_t known = 0;
     for (int round = 0; round < 10; ++round) {
         std::vector<AlphaTexture> levels;
-        for (std::uint32_t n = 0; n < 4; ++n) {
+        for (uint32_t n = 0; n < 4; ++n) {
             levels.push_back(test::smoothTexture(random, 27u >> n, 40u >> n));
             levels.back().wrapU = test::kWraps[round % 5];
             levels.back().wrapV = test::kWraps[round / 2 % 5];
@@ -222,8 +222,8 @@ TEST_F(GpuBakeInputs, MipLevels)
         const vellum::Micromap cpu = vellum::bake(std::span(&input, 1), options).micromap;
         const AlphaImage image(gpu(), levels, AlphaImage::Format::Float);
         const GpuBaked baked = runner_.bake(image, Mesh::of(triangles), onGpu(options));
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
-            for (std::uint32_t i = 0; i < 256; ++i) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
+            for (uint32_t i = 0; i < 256; ++i) {
                 const auto corners = microTriangleCorners(i, 4);
                 const State expected = cpu.stateAt(k, (corners[0].u + corners[1].u + corners[2].u) / 3,
                                                    (corners[0].v + corners[1].v + corners[2].v) / 3);
@@ -244,7 +244,7 @@ TEST_F(GpuBakeInputs, AnyNumbersAreSafe)
 {
     test::TestRandom random(9);
     const auto anyFloat = [&] {
-        const std::uint32_t bits = random();
+        const uint32_t bits = random();
         switch (random() % 4) {
         case 0: return static_cast<float>(random.uniform(-3, 3));
         case 1: return std::bit_cast<float>(bits);
@@ -252,8 +252,8 @@ TEST_F(GpuBakeInputs, AnyNumbersAreSafe)
         default: return static_cast<float>(bits % 9) / 4 - 1;
         }
     };
-    std::size_t known = 0;
-    std::size_t unlike = 0;
+    size_t known = 0;
+    size_t unlike = 0;
     for (unsigned round = 0; round < 150; ++round) {
         SCOPED_TRACE(round);
         AlphaTexture t;
@@ -264,7 +264,7 @@ TEST_F(GpuBakeInputs, AnyNumbersAreSafe)
         t.filter = random() % 2 == 0 ? Filter::Nearest : Filter::Bilinear;
         t.border = anyFloat();
         const bool tame = random() % 2 == 0;
-        for (std::uint32_t i = 0; i < t.width * t.height; ++i)
+        for (uint32_t i = 0; i < t.width * t.height; ++i)
             t.alpha.push_back(tame ? static_cast<float>(random() % 3) / 2 : anyFloat());
         std::vector<TriangleUvs> triangles(8);
         for (TriangleUvs &uvs : triangles)
@@ -282,8 +282,8 @@ TEST_F(GpuBakeInputs, AnyNumbersAreSafe)
         const GpuBaked baked = runner_.bake(t, triangles, onGpu(o));
         ASSERT_EQ(baked.micromap().validate(), std::nullopt);
         const bool swapped = o.test == AlphaTest::Less || o.test == AlphaTest::LessOrEqual;
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
-            for (std::uint32_t i = 0; i < microTriangleCount(*o.level); ++i) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
+            for (uint32_t i = 0; i < microTriangleCount(*o.level); ++i) {
                 const State state = baked.stateOf(k, i);
                 if (state != State::Opaque && state != State::Transparent)
                     continue;

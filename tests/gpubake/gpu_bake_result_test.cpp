@@ -29,10 +29,10 @@ protected:
     {
         return runner_.bake(texture_, triangles_, options, steps);
     }
-    void expectSameStates(const GpuBaked &a, const GpuBaked &b, std::uint32_t level)
+    void expectSameStates(const GpuBaked &a, const GpuBaked &b, uint32_t level)
     {
-        for (std::uint32_t t = 0; t < triangles_.size(); ++t)
-            for (std::uint32_t i = 0; i < microTriangleCount(level); ++i)
+        for (uint32_t t = 0; t < triangles_.size(); ++t)
+            for (uint32_t i = 0; i < microTriangleCount(level); ++i)
                 ASSERT_EQ(a.stateOf(t, i), b.stateOf(t, i)) << t << ' ' << i;
     }
 
@@ -52,29 +52,29 @@ TEST_F(GpuBakeResults, UniformTrianglesAreSpecialIndices)
     const GpuBaked plain = bake(all);
     EXPECT_EQ(baked.micromap().validate(), std::nullopt);
     expectSameStates(baked, plain, 3);
-    std::array<std::uint32_t, 4> special{};
-    std::int32_t next = 0;
-    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
-        ASSERT_EQ(plain.indices[t], static_cast<std::int32_t>(t));
+    std::array<uint32_t, 4> special{};
+    int32_t next = 0;
+    for (uint32_t t = 0; t < triangles_.size(); ++t) {
+        ASSERT_EQ(plain.indices[t], static_cast<int32_t>(t));
         bool uniform = true;
-        for (std::uint32_t i = 1; i < 64; ++i)
+        for (uint32_t i = 1; i < 64; ++i)
             uniform = uniform && plain.stateOf(t, i) == plain.stateOf(t, 0);
         ASSERT_EQ(baked.indices[t], uniform ? specialIndex(plain.stateOf(t, 0)) : next++);
         if (uniform)
-            ++special[static_cast<std::size_t>(plain.stateOf(t, 0))];
+            ++special[static_cast<size_t>(plain.stateOf(t, 0))];
     }
     EXPECT_EQ(baked.result.status, 0u);
-    EXPECT_EQ(baked.result.triangles[3], static_cast<std::uint32_t>(next));
+    EXPECT_EQ(baked.result.triangles[3], static_cast<uint32_t>(next));
     EXPECT_EQ(baked.result.special, special);
     EXPECT_GT(next, 100);
     EXPECT_GT(special[0] + special[1], 100u);
     EXPECT_EQ(plain.result.triangles[3], triangles_.size());
-    EXPECT_EQ(plain.result.special, (std::array<std::uint32_t, 4>{}));
+    EXPECT_EQ(plain.result.special, (std::array<uint32_t, 4>{}));
     // Records without a triangle are as good as others.
     ASSERT_EQ(baked.records.size(), triangles_.size());
-    for (std::size_t i = 0; i < baked.records.size(); ++i) {
+    for (size_t i = 0; i < baked.records.size(); ++i) {
         const VkMicromapTriangleEXT &record = baked.records[i];
-        EXPECT_EQ(record.dataOffset, i < static_cast<std::size_t>(next) ? 16 * i : 0);
+        EXPECT_EQ(record.dataOffset, i < static_cast<size_t>(next) ? 16 * i : 0);
         EXPECT_EQ(record.subdivisionLevel, 3);
         EXPECT_EQ(record.format, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT);
     }
@@ -90,24 +90,24 @@ TEST_F(GpuBakeResults, TwoStepsAreAsOne)
         EXPECT_EQ(one.result.triangles, two.result.triangles);
         EXPECT_EQ(one.result.special, two.result.special);
         EXPECT_EQ(two.result.status, 0u);
-        EXPECT_EQ(two.records.size(), static_cast<std::size_t>(std::count_if(two.indices.begin(), two.indices.end(),
-                                                                             [](std::int32_t i) { return i >= 0; })));
+        EXPECT_EQ(two.records.size(), static_cast<size_t>(std::count_if(two.indices.begin(), two.indices.end(),
+                                                                        [](int32_t i) { return i >= 0; })));
         EXPECT_EQ(two.micromap().validate(), std::nullopt);
-        for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+        for (uint32_t t = 0; t < triangles_.size(); ++t) {
             if (one.indices[t] < 0) {
                 ASSERT_EQ(one.indices[t], two.indices[t]);
                 continue;
             }
-            const VkMicromapTriangleEXT &record = one.records[static_cast<std::size_t>(one.indices[t])];
-            for (std::uint32_t i = 0; i < microTriangleCount(record.subdivisionLevel); ++i)
+            const VkMicromapTriangleEXT &record = one.records[static_cast<size_t>(one.indices[t])];
+            for (uint32_t i = 0; i < microTriangleCount(record.subdivisionLevel); ++i)
                 ASSERT_EQ(one.stateOf(t, i), two.stateOf(t, i)) << t << ' ' << i;
         }
         // What the usage counts say of the room.
         GpuBakeRoom room;
         room.triangles = two.result.triangles;
-        std::uint32_t records = 0;
+        uint32_t records = 0;
         for (const VkMicromapUsageEXT &usage : GpuBaker::usage(room, options_.format)) {
-            EXPECT_EQ(usage.count, static_cast<std::uint32_t>(std::count_if(
+            EXPECT_EQ(usage.count, static_cast<uint32_t>(std::count_if(
                                        two.records.begin(), two.records.end(), [&](const VkMicromapTriangleEXT &r) {
                                            return r.subdivisionLevel == usage.subdivisionLevel;
                                        })));
@@ -123,7 +123,7 @@ TEST_F(GpuBakeResults, RoomThatIsTooSmall)
     const AlphaImage image(gpu(), std::span(&texture_, 1), AlphaImage::Format::Float);
     const Mesh mesh = Mesh::of(triangles_);
     const GpuBaked enough = runner_.bake(image, mesh, options_);
-    for (const std::uint32_t few : {0u, 1u, 37u}) {
+    for (const uint32_t few : {0u, 1u, 37u}) {
         GpuBakeRoom room;
         room.triangles[3] = few;
         room.triangles[5] = 2; // of no use, but valid
@@ -132,10 +132,10 @@ TEST_F(GpuBakeResults, RoomThatIsTooSmall)
         EXPECT_EQ(baked.result.triangles, enough.result.triangles) << "what would do";
         EXPECT_EQ(baked.records.size(), few + 2);
         EXPECT_EQ(baked.micromap().validate(), std::nullopt);
-        for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
-            const bool fits = enough.indices[t] < static_cast<std::int32_t>(few);
+        for (uint32_t t = 0; t < triangles_.size(); ++t) {
+            const bool fits = enough.indices[t] < static_cast<int32_t>(few);
             ASSERT_EQ(baked.indices[t], fits ? enough.indices[t] : specialIndex(State::UnknownOpaque)) << t;
-            for (std::uint32_t i = 0; i < 64 && fits; ++i)
+            for (uint32_t i = 0; i < 64 && fits; ++i)
                 ASSERT_EQ(baked.stateOf(t, i), enough.stateOf(t, i)) << t << ' ' << i;
         }
     }
@@ -148,15 +148,15 @@ TEST_F(GpuBakeResults, NoTriangles)
         const GpuBaked baked = bake(options_, steps);
         EXPECT_TRUE(baked.indices.empty() && baked.records.empty());
         EXPECT_EQ(baked.result.status, 0u);
-        EXPECT_EQ(baked.result.triangles, (std::array<std::uint32_t, kGpuBakeLevels>{}));
-        EXPECT_EQ(baked.result.special, (std::array<std::uint32_t, 4>{}));
+        EXPECT_EQ(baked.result.triangles, (std::array<uint32_t, kGpuBakeLevels>{}));
+        EXPECT_EQ(baked.result.special, (std::array<uint32_t, 4>{}));
     }
 }
 
 // 2-state data is the 4-state data with a rule.
 TEST_F(GpuBakeResults, TwoStates)
 {
-    for (const std::uint32_t level : {0u, 2u, 3u, 4u}) {
+    for (const uint32_t level : {0u, 2u, 3u, 4u}) {
         options_.level = level;
         options_.format = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
         const GpuBaked four = bake(options_);
@@ -166,8 +166,8 @@ TEST_F(GpuBakeResults, TwoStates)
             options_.twoStateRule = rule;
             const GpuBaked two = bake(options_);
             EXPECT_EQ(two.micromap().validate(), std::nullopt);
-            for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
-                for (std::uint32_t i = 0; i < microTriangleCount(level); ++i) {
+            for (uint32_t t = 0; t < triangles_.size(); ++t) {
+                for (uint32_t i = 0; i < microTriangleCount(level); ++i) {
                     const State state = four.stateOf(t, i);
                     State expected = state;
                     if (state == State::UnknownOpaque || state == State::UnknownTransparent)
@@ -185,8 +185,8 @@ TEST_F(GpuBakeResults, TwoStates)
 // Levels, and all four alpha tests, as on the CPU; the guesses are nearly all the same.
 TEST_F(GpuBakeResults, AsOnTheCpu)
 {
-    std::size_t guesses = 0;
-    std::size_t unlike = 0;
+    size_t guesses = 0;
+    size_t unlike = 0;
     for (const AlphaTest test :
          {AlphaTest::GreaterOrEqual, AlphaTest::Greater, AlphaTest::LessOrEqual, AlphaTest::Less}) {
         BakeOptions options;
@@ -197,14 +197,14 @@ TEST_F(GpuBakeResults, AsOnTheCpu)
         options.disallowMixedSpecialIndices = true; // so that all triangles with states of several kinds have records
         const vellum::Micromap cpu = vellum::bake(texture_, triangles_, options).micromap;
         const GpuBaked baked = bake(onGpu(options));
-        for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+        for (uint32_t t = 0; t < triangles_.size(); ++t) {
             ASSERT_GE(baked.indices[t], 0);
-            const std::uint32_t level = baked.records[static_cast<std::size_t>(baked.indices[t])].subdivisionLevel;
-            const MicromapTriangle &other = cpu.triangles[static_cast<std::size_t>(cpu.indices[t])];
+            const uint32_t level = baked.records[static_cast<size_t>(baked.indices[t])].subdivisionLevel;
+            const MicromapTriangle &other = cpu.triangles[static_cast<size_t>(cpu.indices[t])];
             if (other.subdivisionLevel != 0) { // special indices of the CPU baker became triangles of level 0
                 ASSERT_EQ(level, other.subdivisionLevel) << t;
             }
-            for (std::uint32_t i = 0; i < microTriangleCount(level); ++i) {
+            for (uint32_t i = 0; i < microTriangleCount(level); ++i) {
                 const auto corners = microTriangleCorners(i, level);
                 const State expected = cpu.stateAt(t, (corners[0].u + corners[1].u + corners[2].u) / 3,
                                                    (corners[0].v + corners[1].v + corners[2].v) / 3);
@@ -256,8 +256,8 @@ TEST_F(GpuBakeResults, HighLevels)
     options.level = 8;
     const vellum::Micromap cpu = vellum::bake(texture_, triangles_, options).micromap;
     const GpuBaked baked = bake(options_, Steps::Two);
-    std::size_t known = 0;
-    for (std::uint32_t i = 0; i < microTriangleCount(8); ++i) {
+    size_t known = 0;
+    for (uint32_t i = 0; i < microTriangleCount(8); ++i) {
         const auto corners = microTriangleCorners(i, 8);
         const State state = baked.stateOf(0, i);
         if (state != State::Opaque && state != State::Transparent)

@@ -27,7 +27,7 @@ AlphaImage::AlphaImage(Gpu &gpu, std::span<const vellum::AlphaTexture> levels, F
     const vellum::AlphaTexture &first = levels.front();
     info_.width = first.width;
     info_.height = first.height;
-    info_.mipLevels = static_cast<std::uint32_t>(levels.size());
+    info_.mipLevels = static_cast<uint32_t>(levels.size());
     info_.component = format == Format::Float ? 0 : 3;
     info_.wrapU = addressMode(first.wrapU);
     info_.wrapV = addressMode(first.wrapV);
@@ -56,9 +56,9 @@ AlphaImage::AlphaImage(Gpu &gpu, std::span<const vellum::AlphaTexture> levels, F
 
 void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format format, VkFormat texels)
 {
-    std::vector<std::uint8_t> bytes;
+    std::vector<uint8_t> bytes;
     std::vector<VkBufferImageCopy> regions;
-    for (std::uint32_t level = 0; level < levels.size(); ++level) {
+    for (uint32_t level = 0; level < levels.size(); ++level) {
         VkBufferImageCopy region{};
         region.bufferOffset = bytes.size();
         region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, level, 0, 1};
@@ -66,17 +66,17 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
         regions.push_back(region);
         for (const float alpha : levels[level].alpha) {
             if (format == Format::Float) {
-                const auto *raw = reinterpret_cast<const std::uint8_t *>(&alpha);
+                const auto *raw = reinterpret_cast<const uint8_t *>(&alpha);
                 bytes.insert(bytes.end(), raw, raw + 4);
             } else {
                 // The other components are what alpha is not.
-                const auto byte = static_cast<std::uint8_t>(std::lround(alpha * 255.0f));
-                const auto other = static_cast<std::uint8_t>(255 - byte);
+                const auto byte = static_cast<uint8_t>(std::lround(alpha * 255.0f));
+                const auto other = static_cast<uint8_t>(255 - byte);
                 bytes.insert(bytes.end(), {other, other, other, byte});
             }
         }
     }
-    const Buffer staging = gpu_.upload(std::span<const std::uint8_t>(bytes), VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+    const Buffer staging = gpu_.upload(std::span<const uint8_t>(bytes), VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
     gpu_.submit([&](VkCommandBuffer commands) {
         VkImageMemoryBarrier barrier{};
         barrier.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER;
@@ -88,7 +88,7 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 0, nullptr,
                              0, nullptr, 1, &barrier);
         vkCmdCopyBufferToImage(commands, staging.handle(), image_, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
-                               static_cast<std::uint32_t>(regions.size()), regions.data());
+                               static_cast<uint32_t>(regions.size()), regions.data());
         barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
         barrier.dstAccessMask = VK_ACCESS_SHADER_READ_BIT;
         barrier.oldLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
@@ -115,18 +115,18 @@ AlphaImage::~AlphaImage()
 Mesh Mesh::of(std::span<const vellum::TriangleUvs> triangles)
 {
     Mesh mesh;
-    const auto *raw = reinterpret_cast<const std::uint8_t *>(triangles.data());
+    const auto *raw = reinterpret_cast<const uint8_t *>(triangles.data());
     mesh.uvs.assign(raw, raw + triangles.size_bytes());
-    mesh.triangles = static_cast<std::uint32_t>(triangles.size());
+    mesh.triangles = static_cast<uint32_t>(triangles.size());
     mesh.vertices = 3 * mesh.triangles;
     return mesh;
 }
 
-vellum::State GpuBaked::stateOf(std::uint32_t triangle, std::uint32_t microTriangle) const
+vellum::State GpuBaked::stateOf(uint32_t triangle, uint32_t microTriangle) const
 {
     if (const auto special = vellum::specialState(indices[triangle]))
         return *special;
-    const VkMicromapTriangleEXT &record = records.at(static_cast<std::size_t>(indices[triangle]));
+    const VkMicromapTriangleEXT &record = records.at(static_cast<size_t>(indices[triangle]));
     return vellum::readState(data.data() + record.dataOffset, microTriangle,
                              static_cast<vellum::Format>(record.format));
 }
@@ -145,7 +145,7 @@ vellum::Micromap GpuBaked::micromap() const
 vellum::GpuBakeRoom roomForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options)
 {
     vellum::GpuBakeRoom room;
-    for (std::uint32_t level = options.automatic ? 0 : options.level; level <= options.level; ++level)
+    for (uint32_t level = options.automatic ? 0 : options.level; level <= options.level; ++level)
         room.triangles[level] = mesh.triangles;
     return room;
 }
@@ -153,8 +153,8 @@ vellum::GpuBakeRoom roomForAll(const Mesh &mesh, const vellum::GpuBakeOptions &o
 BakeJob::BakeJob(Gpu &gpu, const vellum::GpuBaker &baker, const AlphaImage &image, const Mesh &mesh,
                  const vellum::GpuBakeOptions &options)
     : baker_(baker), options_(options),
-      uvs_(gpu.upload(std::span<const std::uint8_t>(mesh.uvs), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT)),
-      meshIndices_(gpu.upload(std::span<const std::uint8_t>(mesh.indices), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT)),
+      uvs_(gpu.upload(std::span<const uint8_t>(mesh.uvs), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT)),
+      meshIndices_(gpu.upload(std::span<const uint8_t>(mesh.indices), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT)),
       scratch_(gpu, vellum::GpuBaker::scratchBytes(image.info(), mesh.triangles), 4,
                kBakeStorage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT),
       result_(gpu, sizeof(vellum::GpuBakeResult), 4, kBakeStorage), gpu_(gpu)
@@ -221,10 +221,10 @@ GpuBaked BakeJob::read() const
     GpuBaked baked;
     baked.result = result();
     baked.data.assign(data_.bytes(), data_.bytes() + data_.size());
-    baked.records.resize(static_cast<std::size_t>(records_.size() / sizeof(VkMicromapTriangleEXT)));
-    std::memcpy(baked.records.data(), records_.bytes(), static_cast<std::size_t>(records_.size()));
-    baked.indices.resize(static_cast<std::size_t>(indices_.size() / 4));
-    std::memcpy(baked.indices.data(), indices_.bytes(), static_cast<std::size_t>(indices_.size()));
+    baked.records.resize(static_cast<size_t>(records_.size() / sizeof(VkMicromapTriangleEXT)));
+    std::memcpy(baked.records.data(), records_.bytes(), static_cast<size_t>(records_.size()));
+    baked.indices.resize(static_cast<size_t>(indices_.size() / 4));
+    std::memcpy(baked.indices.data(), indices_.bytes(), static_cast<size_t>(indices_.size()));
     return baked;
 }
 
@@ -278,7 +278,7 @@ vellum::GpuBakeOptions onGpu(const vellum::BakeOptions &options)
     gpu.cutoff = options.cutoff;
     constexpr VkCompareOp kTests[] = {VK_COMPARE_OP_GREATER_OR_EQUAL, VK_COMPARE_OP_GREATER,
                                       VK_COMPARE_OP_LESS_OR_EQUAL, VK_COMPARE_OP_LESS};
-    gpu.test = kTests[static_cast<std::size_t>(options.test)];
+    gpu.test = kTests[static_cast<size_t>(options.test)];
     gpu.valueTolerance = options.valueTolerance;
     gpu.subtexelTolerance = options.subtexelTolerance;
     gpu.barycentricTolerance = options.barycentricTolerance;

@@ -37,13 +37,13 @@ private:
 
 // Vertices as an application has them.
 struct Mesh {
-    std::vector<std::uint8_t> uvs;
-    std::uint32_t uvStride = 8;
+    std::vector<uint8_t> uvs;
+    uint32_t uvStride = 8;
     VkFormat uvFormat = VK_FORMAT_R32G32_SFLOAT;
-    std::uint32_t vertices = 0;
-    std::vector<std::uint8_t> indices;
+    uint32_t vertices = 0;
+    std::vector<uint8_t> indices;
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
-    std::uint32_t triangles = 0;
+    uint32_t triangles = 0;
 
     // Three vertices for each.
     static Mesh of(std::span<const vellum::TriangleUvs> triangles);
@@ -51,11 +51,11 @@ struct Mesh {
 
 struct GpuBaked {
     vellum::GpuBakeResult result{};
-    std::vector<std::int32_t> indices;
+    std::vector<int32_t> indices;
     std::vector<VkMicromapTriangleEXT> records;
-    std::vector<std::uint8_t> data;
+    std::vector<uint8_t> data;
 
-    [[nodiscard]] vellum::State stateOf(std::uint32_t triangle, std::uint32_t microTriangle) const;
+    [[nodiscard]] vellum::State stateOf(uint32_t triangle, uint32_t microTriangle) const;
     // What a micromap build makes of it.
     [[nodiscard]] vellum::Micromap micromap() const;
 };

@@ -21,27 +21,27 @@
 namespace
 {
 
-constexpr std::uint32_t kOpExecutionMode = 16;
-constexpr std::uint32_t kOpCapability = 17;
-constexpr std::uint32_t kLocalSize = 17;
-constexpr std::uint32_t kCapabilityShader = 1;
-constexpr std::uint32_t kCapabilityPhysicalStorageBufferAddresses = 5347;
+constexpr uint32_t kOpExecutionMode = 16;
+constexpr uint32_t kOpCapability = 17;
+constexpr uint32_t kLocalSize = 17;
+constexpr uint32_t kCapabilityShader = 1;
+constexpr uint32_t kCapabilityPhysicalStorageBufferAddresses = 5347;
 
-constexpr std::array<std::span<const std::uint32_t>, 12> kShaders = {
-    bake_begin, bake_blocks, bake_cells, bake_count,   bake_measure, bake_params,
-    bake_place, bake_plan,   bake_probe, bake_records, bake_scan,    bake_write};
+constexpr std::array<std::span<const uint32_t>, 12> kShaders = {bake_begin,   bake_blocks,  bake_cells, bake_count,
+                                                                bake_measure, bake_params,  bake_place, bake_plan,
+                                                                bake_probe,   bake_records, bake_scan,  bake_write};
 
 } // namespace
 
 TEST(GpuBakeShaders, NeedNothingOptional)
 {
-    for (std::size_t s = 0; s < kShaders.size(); ++s) {
+    for (size_t s = 0; s < kShaders.size(); ++s) {
         SCOPED_TRACE(s);
-        const std::span<const std::uint32_t> words = kShaders[s];
+        const std::span<const uint32_t> words = kShaders[s];
         bool sized = false;
-        for (std::size_t i = 5; i < words.size(); i += words[i] >> 16) {
+        for (size_t i = 5; i < words.size(); i += words[i] >> 16) {
             ASSERT_GT(words[i] >> 16, 0u);
-            const std::uint32_t op = words[i] & 0xffffu;
+            const uint32_t op = words[i] & 0xffffu;
             if (op == kOpCapability) {
                 EXPECT_TRUE(words[i + 1] == kCapabilityShader ||
                             words[i + 1] == kCapabilityPhysicalStorageBufferAddresses)

@@ -25,9 +25,9 @@ protected:
         // A micromap for the usage of the room. What it was made with is not what it is built from.
         MicromapInput input;
         for (const VkMicromapUsageEXT &usage : GpuBaker::usage(room, options.format)) {
-            const std::vector<std::uint8_t> none(microTriangleCount(usage.subdivisionLevel));
-            for (std::uint32_t i = 0; i < usage.count; ++i)
-                input.add(usage.subdivisionLevel, static_cast<std::uint16_t>(usage.format), none);
+            const std::vector<uint8_t> none(microTriangleCount(usage.subdivisionLevel));
+            for (uint32_t i = 0; i < usage.count; ++i)
+                input.add(usage.subdivisionLevel, static_cast<uint16_t>(usage.format), none);
         }
         vt::Micromap micromap(gpu(), input);
         VkMicromapBuildInfoEXT info = micromap.buildInfo();
@@ -44,7 +44,7 @@ protected:
         const GpuBaked baked = job.read();
 
         Geometry geometry;
-        geometry.vertices = triangleRow(static_cast<std::uint32_t>(triangles.size()));
+        geometry.vertices = triangleRow(static_cast<uint32_t>(triangles.size()));
         Attachment attachment;
         attachment.micromap = &micromap;
         attachment.indexType = VK_INDEX_TYPE_UINT32;
@@ -54,10 +54,10 @@ protected:
         const Tlas tlas(gpu(), {instance(blas, {}, 0)});
         std::vector<Ray> rays;
         std::vector<State> states;
-        for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-            const std::uint32_t level =
-                baked.indices[t] < 0 ? 2 : baked.records[static_cast<std::size_t>(baked.indices[t])].subdivisionLevel;
-            for (std::uint32_t i = 0; i < microTriangleCount(level); ++i) {
+        for (uint32_t t = 0; t < triangles.size(); ++t) {
+            const uint32_t level =
+                baked.indices[t] < 0 ? 2 : baked.records[static_cast<size_t>(baked.indices[t])].subdivisionLevel;
+            for (uint32_t i = 0; i < microTriangleCount(level); ++i) {
                 const auto [u, v] = microTriangleCentre(i, level);
                 Ray ray;
                 ray.origin = {1.5f * static_cast<float>(t) + static_cast<float>(u), static_cast<float>(v), 1};
@@ -67,15 +67,15 @@ protected:
         }
         Tracer tracer(gpu());
         const std::vector<Result> results = tracer.trace(tlas, rays);
-        std::array<std::size_t, 4> seen{};
-        for (std::size_t i = 0; i < rays.size(); ++i) {
+        std::array<size_t, 4> seen{};
+        for (size_t i = 0; i < rays.size(); ++i) {
             const State state = states[i];
-            ++seen[static_cast<std::size_t>(state)];
+            ++seen[static_cast<size_t>(state)];
             const bool unknown = state == State::UnknownOpaque || state == State::UnknownTransparent;
             ASSERT_EQ(results[i].committed, state == State::Opaque ? kTriangle : kNone) << i;
             ASSERT_EQ(results[i].candidateCount, unknown ? 1u : 0u) << i;
         }
-        for (const std::size_t count : seen)
+        for (const size_t count : seen)
             EXPECT_GT(count, 0u);
     }
 };
@@ -100,7 +100,7 @@ TEST_F(GpuBakeTrace, HitsAreThoseOfTheStates)
     options.automatic = true;
     options.level = 4;
     options.texelsPerEdge = 3;
-    for (std::uint32_t level = 0; level <= 4; ++level)
+    for (uint32_t level = 0; level <= 4; ++level)
         room.triangles[level] = 30;
     check(texture, triangles, options, room);
 }

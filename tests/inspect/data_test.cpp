@@ -28,19 +28,19 @@ std::string jsonString(std::string_view text)
 
 TEST(StateCounter, CountsEveryRange)
 {
-    std::vector<std::uint8_t> data(1000);
-    std::uint32_t random = 1;
-    for (std::uint8_t &byte : data)
-        byte = static_cast<std::uint8_t>((random = random * 1664525u + 1013904223u) >> 24);
+    std::vector<uint8_t> data(1000);
+    uint32_t random = 1;
+    for (uint8_t &byte : data)
+        byte = static_cast<uint8_t>((random = random * 1664525u + 1013904223u) >> 24);
     const StateCounter counter(data);
     for (const Format format : {Format::TwoState, Format::FourState})
-        for (std::uint16_t level = 0; level <= 5; ++level)
-            for (std::uint32_t offset = 0; offset + packedBytes(level, format) <= data.size(); offset += 61) {
+        for (uint16_t level = 0; level <= 5; ++level)
+            for (uint32_t offset = 0; offset + packedBytes(level, format) <= data.size(); offset += 61) {
                 const MicromapTriangle triangle{offset, level, format};
-                for (std::uint32_t first = 0, all = microTriangleCount(level); first < all; first += all / 4 + 1) {
+                for (uint32_t first = 0, all = microTriangleCount(level); first < all; first += all / 4 + 1) {
                     StateCounts expected{};
-                    for (std::uint32_t i = first; i < all; ++i)
-                        ++expected[static_cast<std::size_t>(readState(data.data() + offset, i, format))];
+                    for (uint32_t i = first; i < all; ++i)
+                        ++expected[static_cast<size_t>(readState(data.data() + offset, i, format))];
                     EXPECT_EQ(counter.count(triangle, first, all - first), expected) << offset << " " << level;
                 }
             }
@@ -48,7 +48,7 @@ TEST(StateCounter, CountsEveryRange)
 
 TEST(StateCounter, EndsWithTheData)
 {
-    const std::vector<std::uint8_t> data(128, 0xff);
+    const std::vector<uint8_t> data(128, 0xff);
     const StateCounter counter(data);
     EXPECT_EQ(counter.count({64, 4, Format::FourState}), (StateCounts{0, 0, 0, 256}));
     EXPECT_EQ(counter.count({96, 4, Format::TwoState}), (StateCounts{0, 256, 0, 0}));
@@ -61,7 +61,7 @@ TEST(InspectTally, CountsStatesLevelsAndBytes)
     EXPECT_EQ(tally.triangles, 5u);
     EXPECT_EQ(tally.levels[2][1], 1u);
     EXPECT_EQ(tally.levels[3][0], 2u);
-    EXPECT_EQ(tally.special, (std::array<std::uint64_t, 4>{0, 1, 1, 0}));
+    EXPECT_EQ(tally.special, (std::array<uint64_t, 4>{0, 1, 1, 0}));
     EXPECT_EQ(tally.recordsUsed, 2u);
     EXPECT_EQ(tally.sharing, 1u);
     EXPECT_EQ(tally.dataBytes, 4u + 8u);
@@ -76,15 +76,15 @@ TEST(PageData, EqualTrianglesAreOneShape)
 {
     const PageData data = makePageData(madeUpFile(), {});
     ASSERT_EQ(data.shapes.size(), 4u);
-    EXPECT_EQ(data.shapeOf, (std::vector<std::uint32_t>{0, 1, 1, 2, 3}));
+    EXPECT_EQ(data.shapeOf, (std::vector<uint32_t>{0, 1, 1, 2, 3}));
     EXPECT_EQ(data.shapes[2].record, -2);
-    EXPECT_EQ(data.firstShape, (std::vector<std::uint32_t>{0, 4}));
-    EXPECT_EQ(data.firstTriangle, (std::vector<std::uint32_t>{0, 5}));
+    EXPECT_EQ(data.firstShape, (std::vector<uint32_t>{0, 4}));
+    EXPECT_EQ(data.firstTriangle, (std::vector<uint32_t>{0, 5}));
     ASSERT_EQ(data.records.size(), 2u);
-    for (std::uint32_t i = 0; i < 16; ++i)
+    for (uint32_t i = 0; i < 16; ++i)
         EXPECT_EQ(readState(data.states.data() + data.records[0].firstByte, i, Format::FourState),
                   static_cast<State>(i % 4));
-    for (std::uint32_t i = 0; i < 64; ++i)
+    for (uint32_t i = 0; i < 64; ++i)
         EXPECT_EQ(readState(data.states.data() + data.records[1].firstByte, i, Format::FourState),
                   i < 32 ? State::Opaque : State::Transparent);
 }
@@ -92,7 +92,7 @@ TEST(PageData, EqualTrianglesAreOneShape)
 TEST(PageData, BytesAreThoseThatThePageReads)
 {
     const PageData data = makePageData(madeUpFile(), {});
-    const std::vector<std::uint8_t> bytes = data.bytes();
+    const std::vector<uint8_t> bytes = data.bytes();
     ASSERT_EQ(bytes.size(), 2u * 24 + 4 * 28 + 5 * 4 + 5 * 4 + data.states.size());
     EXPECT_EQ(bytes[0], 2);
     EXPECT_EQ(bytes[1], 2);
@@ -113,8 +113,8 @@ TEST(PageData, StatesAreCoarserWhereTheyWouldBeTooMany)
     EXPECT_LE(data.states.size(), limits.stateBytes);
     EXPECT_EQ(data.records[1].level, 3);
     ASSERT_EQ(data.records[1].pageLevel, 1);
-    const std::uint8_t *states = data.states.data() + data.records[1].firstByte;
-    for (std::uint32_t i = 0; i < 4; ++i)
+    const uint8_t *states = data.states.data() + data.records[1].firstByte;
+    for (uint32_t i = 0; i < 4; ++i)
         EXPECT_EQ(readState(states, i, Format::FourState), i < 2 ? State::Opaque : State::Transparent);
     EXPECT_EQ(data.records[1].states, (StateCounts{32, 32, 0, 0})) << "counted at its own level";
 }
@@ -127,11 +127,11 @@ TEST(PageData, AHundredThousandTriangles)
     primitive.numbers.clear();
     primitive.uvs.clear();
     primitive.records.clear();
-    for (std::uint32_t t = 0; t < 100'000; ++t) {
+    for (uint32_t t = 0; t < 100'000; ++t) {
         const auto u = static_cast<float>(t % 1000) / 1000;
         primitive.numbers.push_back(t);
         primitive.uvs.push_back({{{u, 0}, {u, 1}, {u + 0.001f, 0}}});
-        primitive.records.push_back(static_cast<std::int32_t>(t % 2));
+        primitive.records.push_back(static_cast<int32_t>(t % 2));
     }
     const PageData data = makePageData(file, {});
     EXPECT_EQ(data.shapes.size(), 1000u);
@@ -148,7 +148,7 @@ TEST(PageData, AHundredThousandTriangles)
 TEST(InspectEncoding, Base64)
 {
     const auto of = [](std::string_view text) {
-        return base64Encoded({reinterpret_cast<const std::uint8_t *>(text.data()), text.size()});
+        return base64Encoded({reinterpret_cast<const uint8_t *>(text.data()), text.size()});
     };
     EXPECT_EQ(of(""), "");
     EXPECT_EQ(of("f"), "Zg==");
@@ -182,9 +182,9 @@ TEST(InspectEncoding, WhatIsNoUtf8IsReplaced)
 TEST(InspectSelection, Ranges)
 {
     const std::vector<NumberRange> ranges = parseRanges("1,4-6", "--mesh");
-    for (const std::uint32_t number : {1u, 4u, 5u, 6u})
+    for (const uint32_t number : {1u, 4u, 5u, 6u})
         EXPECT_TRUE(contains(ranges, number));
-    for (const std::uint32_t number : {0u, 2u, 3u, 7u})
+    for (const uint32_t number : {0u, 2u, 3u, 7u})
         EXPECT_FALSE(contains(ranges, number));
     EXPECT_TRUE(contains({}, 7));
     for (const char *wrong : {"", "x", "1,", "3-", "-3", "5-4", "1 2", "4294967296", "1;2"})

@@ -10,9 +10,9 @@ cli::InspectedFile madeUpFile()
     StoredMicromap micromap;
     micromap.triangles = {{1, 2, Format::FourState}, {5, 3, Format::TwoState}};
     micromap.data.resize(13);
-    for (std::uint32_t i = 0; i < 16; ++i)
+    for (uint32_t i = 0; i < 16; ++i)
         writeState(micromap.data.data() + 1, i, Format::FourState, static_cast<State>(i % 4));
-    for (std::uint32_t i = 0; i < 64; ++i)
+    for (uint32_t i = 0; i < 64; ++i)
         writeState(micromap.data.data() + 5, i, Format::TwoState, i < 32 ? State::Opaque : State::Transparent);
     cli::InspectedFile file;
     file.name = "made up";

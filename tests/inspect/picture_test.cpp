@@ -18,15 +18,15 @@ namespace
 // Red less blue of a pixel: above 0 for unknown states, below 0 for known ones, 0 for what is grey.
 int warmth(const Picture &picture, double u, double v, const UvWindow &window)
 {
-    const auto x = static_cast<std::size_t>((u - window.left) * window.scale);
-    const auto y = static_cast<std::size_t>((v - window.top) * window.scale);
-    const std::uint32_t pixel = picture.pixels[y * picture.width + x];
+    const auto x = static_cast<size_t>((u - window.left) * window.scale);
+    const auto y = static_cast<size_t>((v - window.top) * window.scale);
+    const uint32_t pixel = picture.pixels[y * picture.width + x];
     return static_cast<int>(pixel & 255) - static_cast<int>((pixel >> 16) & 255);
 }
 
-int brightness(const Picture &picture, std::size_t x, std::size_t y)
+int brightness(const Picture &picture, size_t x, size_t y)
 {
-    const std::uint32_t pixel = picture.pixels[y * picture.width + x];
+    const uint32_t pixel = picture.pixels[y * picture.width + x];
     return static_cast<int>((pixel & 255) + ((pixel >> 8) & 255) + ((pixel >> 16) & 255));
 }
 
@@ -37,7 +37,7 @@ TEST(UvPicture, EachMicroTriangleHasItsState)
     const InspectedFile file = madeUpFile();
     const UvWindow window{0, 0, 400, 400, 400};
     const Picture picture = drawUvWindow(file, 0, window, true);
-    for (std::uint32_t i = 0; i < 16; ++i) { // of the lower triangle, whose UVs are its barycentrics
+    for (uint32_t i = 0; i < 16; ++i) { // of the lower triangle, whose UVs are its barycentrics
         const auto corners = microTriangleCorners(i, 2);
         const double u = (corners[0].u + corners[1].u + corners[2].u) / 3;
         const double v = (corners[0].v + corners[1].v + corners[2].v) / 3;
@@ -85,7 +85,7 @@ TEST(UvPicture, PanelsWithScalesAndALegend)
     const Picture picture = drawUvSpace(file, {.edge = 200, .outlines = true, .whole = true});
     EXPECT_GT(picture.width, 200u);
     EXPECT_GT(picture.height, 200u);
-    EXPECT_EQ(picture.pixels.size(), std::size_t{picture.width} * picture.height);
+    EXPECT_EQ(picture.pixels.size(), size_t{picture.width} * picture.height);
     // Coordinates from here to the ends of what a float can be are drawn, too.
     file.primitives[0].uvs[0] = {{{-3e38f, 3e38f}, {3e38f, 0}, {1e-38f, -3e38f}}};
     EXPECT_GT(drawUvSpace(file, {.edge = 200, .outlines = true, .whole = false}).width, 200u);
@@ -100,7 +100,7 @@ TEST(PictureText, WidthsAndFitting)
     const std::string fitting = fitText("a long name of a material", Font::Normal, 80);
     EXPECT_LE(textWidth(fitting, Font::Normal), 80);
     EXPECT_EQ(fitting.substr(fitting.size() - 3), "...");
-    Picture picture{20, 20, std::vector<std::uint32_t>(400, 0xffffffffu)};
+    Picture picture{20, 20, std::vector<uint32_t>(400, 0xffffffffu)};
     drawText(picture, -5, 18, "Vellum", Font::Title, 0xff000000u); // reaches over both sides
-    EXPECT_NE(picture.pixels, std::vector<std::uint32_t>(400, 0xffffffffu));
+    EXPECT_NE(picture.pixels, std::vector<uint32_t>(400, 0xffffffffu));
 }

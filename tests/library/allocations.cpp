@@ -12,7 +12,7 @@ std::atomic<long> allocationsAlive{0};
 namespace
 {
 
-void *allocate(std::size_t size)
+void *allocate(size_t size)
 {
     if (allocationsLeft >= 0 && allocationsLeft-- == 0)
         throw std::bad_alloc();
@@ -34,7 +34,7 @@ void release(void *memory)
 } // namespace
 } // namespace vellum::test
 
-void *operator new(std::size_t size)
+void *operator new(size_t size)
 {
     return vellum::test::allocate(size);
 }
@@ -42,7 +42,7 @@ void operator delete(void *memory) noexcept
 {
     vellum::test::release(memory);
 }
-void operator delete(void *memory, std::size_t) noexcept
+void operator delete(void *memory, size_t) noexcept
 {
     vellum::test::release(memory);
 }

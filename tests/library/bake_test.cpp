@@ -19,7 +19,7 @@ vellum::BakeResult bakeSample(const Sample &sample, const vellum::BakeOptions &o
                               const vellum::AlphaTexture &texture)
 {
     std::vector<vellum::TriangleUvs> triangles(sample.indices.size() / 3);
-    for (std::size_t i = 0; i < sample.indices.size(); ++i)
+    for (size_t i = 0; i < sample.indices.size(); ++i)
         triangles[i / 3][i % 3] = {sample.uvs[2u * sample.indices[i]], sample.uvs[2u * sample.indices[i] + 1]};
     return vellum::bake(texture, triangles, options);
 }
@@ -40,22 +40,22 @@ void expectSame(const Sample &sample, const vellum::BakeResult &expected)
 {
     const VellumMicromapInfo info = sample.info();
     const vellum::Micromap &m = expected.micromap;
-    EXPECT_EQ(std::vector<std::uint8_t>(info.data, info.data + info.dataSize), m.data);
-    EXPECT_EQ(std::vector<std::int32_t>(info.indices, info.indices + info.indexCount), m.indices);
+    EXPECT_EQ(std::vector<uint8_t>(info.data, info.data + info.dataSize), m.data);
+    EXPECT_EQ(std::vector<int32_t>(info.indices, info.indices + info.indexCount), m.indices);
     ASSERT_EQ(info.triangleCount, m.triangles.size());
-    for (std::size_t i = 0; i < info.triangleCount; ++i) {
+    for (size_t i = 0; i < info.triangleCount; ++i) {
         EXPECT_EQ(info.triangles[i].dataOffset, m.triangles[i].dataOffset);
         EXPECT_EQ(info.triangles[i].subdivisionLevel, m.triangles[i].subdivisionLevel);
         EXPECT_EQ(info.triangles[i].format, static_cast<unsigned>(m.triangles[i].format));
     }
     const auto usages = m.buildUsage();
     ASSERT_EQ(info.usageCount, usages.size());
-    for (std::size_t i = 0; i < info.usageCount; ++i) {
+    for (size_t i = 0; i < info.usageCount; ++i) {
         EXPECT_EQ(info.usages[i].count, usages[i].count);
         EXPECT_EQ(info.usages[i].subdivisionLevel, usages[i].subdivisionLevel);
         EXPECT_EQ(info.usages[i].format, static_cast<unsigned>(usages[i].format));
     }
-    for (std::size_t s = 0; s < 4; ++s) {
+    for (size_t s = 0; s < 4; ++s) {
         EXPECT_EQ(info.stateCounts[s], expected.statistics.states[s]);
         EXPECT_EQ(info.specialCounts[s], expected.statistics.special[s]);
     }
@@ -95,7 +95,7 @@ TEST(LibraryBake, TakesEveryOption)
             o.twoStateRule = rule;
         };
     };
-    const auto giveTwoState = [](std::uint32_t rule) {
+    const auto giveTwoState = [](uint32_t rule) {
         return [rule](Sample &s) {
             s.options.format = VELLUM_MICROMAP_FORMAT_2_STATE;
             s.options.twoStateRule = rule;
@@ -214,15 +214,15 @@ TEST(LibraryBake, ReadsEveryFormatOfAlpha)
     Sample sample;
     ASSERT_EQ(sample.bake(), VELLUM_SUCCESS);
     const auto expected = sample.bytes();
-    const std::size_t count = Sample::kSize * Sample::kSize;
+    const size_t count = Sample::kSize * Sample::kSize;
     // Values of 16 bits that are those of 8, and floats; rows lie apart, and nothing is aligned.
-    std::vector<std::uint8_t> bytes(1 + count * 8 + Sample::kSize);
-    for (const std::uint32_t format : {VELLUM_FORMAT_R16_UNORM, VELLUM_FORMAT_R32_SFLOAT}) {
-        for (std::size_t i = 0; i < count; ++i) {
-            const std::uint8_t alpha = sample.texels[4 * i + 3];
-            const auto wide = static_cast<std::uint16_t>(alpha * 257);
+    std::vector<uint8_t> bytes(1 + count * 8 + Sample::kSize);
+    for (const uint32_t format : {VELLUM_FORMAT_R16_UNORM, VELLUM_FORMAT_R32_SFLOAT}) {
+        for (size_t i = 0; i < count; ++i) {
+            const uint8_t alpha = sample.texels[4 * i + 3];
+            const auto wide = static_cast<uint16_t>(alpha * 257);
             const float single = static_cast<float>(alpha) / 255.0f;
-            std::uint8_t *to = &bytes[1 + i * 8 + i / Sample::kSize];
+            uint8_t *to = &bytes[1 + i * 8 + i / Sample::kSize];
             if (format == VELLUM_FORMAT_R16_UNORM)
                 std::memcpy(to, &wide, sizeof wide);
             else
@@ -239,8 +239,8 @@ TEST(LibraryBake, ReadsEveryFormatOfAlpha)
     }
     // Half precision cannot hold 255ths: one and zero.
     Sample half;
-    std::vector<std::uint16_t> halves(count);
-    for (std::size_t i = 0; i < count; ++i) {
+    std::vector<uint16_t> halves(count);
+    for (size_t i = 0; i < count; ++i) {
         halves[i] = half.texels[4 * i + 3] >= 128 ? 0x3c00 : 0;
         half.texels[4 * i + 3] = half.texels[4 * i + 3] >= 128 ? 255 : 0;
     }
@@ -264,11 +264,11 @@ TEST(LibraryBake, ReadsEveryFormOfCoordinates)
     ASSERT_EQ(sample.bake(), VELLUM_SUCCESS);
     const auto expected = sample.bytes();
 
-    std::vector<std::uint8_t> narrow;
-    std::vector<std::uint32_t> wide;
+    std::vector<uint8_t> narrow;
+    std::vector<uint32_t> wide;
     std::vector<float> straight;
-    for (const std::uint16_t index : sample.indices) {
-        narrow.push_back(static_cast<std::uint8_t>(index));
+    for (const uint16_t index : sample.indices) {
+        narrow.push_back(static_cast<uint8_t>(index));
         wide.push_back(index);
         straight.insert(straight.end(), {-1.0f, sample.uvs[2u * index], sample.uvs[2u * index + 1]});
     }
@@ -283,8 +283,8 @@ TEST(LibraryBake, ReadsEveryFormOfCoordinates)
     ASSERT_EQ(sample.bake(), VELLUM_SUCCESS) << sample.message;
     EXPECT_EQ(sample.bytes(), expected);
 
-    for (const std::uint32_t format : {VELLUM_FORMAT_R16G16_UNORM, VELLUM_FORMAT_R16G16_SFLOAT}) {
-        std::vector<std::uint16_t> uvs;
+    for (const uint32_t format : {VELLUM_FORMAT_R16G16_UNORM, VELLUM_FORMAT_R16G16_SFLOAT}) {
+        std::vector<uint16_t> uvs;
         for (const float value : sample.uvs)
             uvs.push_back(value == 0 ? 0 : format == VELLUM_FORMAT_R16G16_UNORM ? 0xffff : 0x3c00);
         sample.input.uvs = uvs.data();
@@ -308,7 +308,7 @@ TEST(LibraryBake, ReadsEveryFormOfCoordinates)
 
     // u and v exchanged, twice.
     std::vector<float> exchanged = sample.uvs;
-    for (std::size_t i = 0; i < exchanged.size(); i += 2)
+    for (size_t i = 0; i < exchanged.size(); i += 2)
         std::swap(exchanged[i], exchanged[i + 1]);
     Sample other;
     other.input.uvs = exchanged.data();
@@ -321,8 +321,8 @@ TEST(LibraryBake, ReadsEveryFormOfCoordinates)
 TEST(LibraryBake, SeveralInputs)
 {
     Sample sample;
-    const std::vector<std::uint8_t> levels = {1, 2, 3, 4, 5, 6};
-    const std::vector<std::uint8_t> formats = {1, 2, 1, 2, 1, 2};
+    const std::vector<uint8_t> levels = {1, 2, 3, 4, 5, 6};
+    const std::vector<uint8_t> formats = {1, 2, 1, 2, 1, 2};
     VellumBakeInput inputs[3] = {sample.input, sample.input, sample.input};
     inputs[1].levels = levels.data();
     inputs[1].formats = formats.data();
@@ -331,38 +331,38 @@ TEST(LibraryBake, SeveralInputs)
     const VellumMicromapInfo info = sample.info();
     ASSERT_EQ(info.indexCount, 18u);
     EXPECT_EQ(info.distinctCount, 5u + 6u + 5u);
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (size_t i = 0; i < 3; ++i) {
         VellumGeometryInfo geometry{};
         geometry.structSize = sizeof geometry;
         ASSERT_EQ(vellumGetGeometryInfo(sample.micromap, i, &geometry), VELLUM_SUCCESS);
         EXPECT_EQ(geometry.indices, info.indices + 6 * i);
         EXPECT_EQ(geometry.indexCount, 6u);
-        std::size_t used = 0;
-        for (std::size_t k = 0; k < geometry.usageCount; ++k) {
+        size_t used = 0;
+        for (size_t k = 0; k < geometry.usageCount; ++k) {
             used += geometry.usages[k].count;
-            const auto uses = std::count_if(geometry.indices, geometry.indices + 6, [&](std::int32_t index) {
+            const auto uses = std::count_if(geometry.indices, geometry.indices + 6, [&](int32_t index) {
                 return index >= 0 && info.triangles[index].format == geometry.usages[k].format &&
                        info.triangles[index].subdivisionLevel == geometry.usages[k].subdivisionLevel;
             });
             EXPECT_EQ(uses, geometry.usages[k].count);
         }
         EXPECT_EQ(static_cast<long>(used),
-                  std::count_if(geometry.indices, geometry.indices + 6, [](std::int32_t index) { return index >= 0; }));
-        for (std::size_t t = 0; t < 6; ++t) {
+                  std::count_if(geometry.indices, geometry.indices + 6, [](int32_t index) { return index >= 0; }));
+        for (size_t t = 0; t < 6; ++t) {
             if (geometry.indices[t] < 0)
                 continue;
             EXPECT_EQ(info.triangles[geometry.indices[t]].subdivisionLevel, i == 1 ? levels[t] : 3);
             EXPECT_EQ(info.triangles[geometry.indices[t]].format, i == 1 ? formats[t] : 2);
         }
     }
-    EXPECT_NE(std::vector<std::int32_t>(info.indices, info.indices + 6),
-              std::vector<std::int32_t>(info.indices + 12, info.indices + 18));
+    EXPECT_NE(std::vector<int32_t>(info.indices, info.indices + 6),
+              std::vector<int32_t>(info.indices + 12, info.indices + 18));
 }
 
 TEST(LibraryBake, MipChains)
 {
     Sample sample;
-    const std::vector<std::uint8_t> low = vellum::test::discTexels(8);
+    const std::vector<uint8_t> low = vellum::test::discTexels(8);
     VellumTexture levels[2] = {sample.texture, sample.texture};
     levels[1].texels = low.data();
     levels[1].texelsSize = low.size();
@@ -399,17 +399,17 @@ TEST(LibraryBake, StatesAtPoints)
     ASSERT_EQ(sample.bake(), VELLUM_SUCCESS);
     const vellum::Micromap expected = bakeSample(sample, sampleOptions(), sampleTexture(sample)).micromap;
     bool seen[4] = {};
-    for (std::uint32_t t = 0; t < 6; ++t)
+    for (uint32_t t = 0; t < 6; ++t)
         for (float u = -0.25f; u <= 1.25f; u += 0.125f)
             for (float v = -0.25f; v <= 1.25f; v += 0.125f) {
-                std::uint32_t state = 99;
+                uint32_t state = 99;
                 ASSERT_EQ(vellumGetState(sample.micromap, t, u, v, &state), VELLUM_SUCCESS);
                 ASSERT_LT(state, 4u);
-                EXPECT_EQ(state, static_cast<std::uint32_t>(expected.stateAt(t, u, v)));
+                EXPECT_EQ(state, static_cast<uint32_t>(expected.stateAt(t, u, v)));
                 seen[state] = true;
             }
     EXPECT_TRUE(seen[0] && seen[1] && (seen[2] || seen[3]));
-    std::uint32_t state = 0;
+    uint32_t state = 0;
     EXPECT_EQ(vellumGetState(sample.micromap, 0, std::nanf(""), 2, &state), VELLUM_SUCCESS);
     EXPECT_EQ(vellumGetState(sample.micromap, 6, 0, 0, &state), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(vellumGetState(nullptr, 0, 0, 0, &state), VELLUM_ERROR_INVALID_ARGUMENT);

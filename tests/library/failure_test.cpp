@@ -21,7 +21,7 @@ namespace
 template <typename T>
 struct Later {
     T known;
-    std::uint64_t more[2];
+    uint64_t more[2];
 };
 
 } // namespace
@@ -34,9 +34,9 @@ TEST(LibraryFailure, BadMembersAreNamed)
     };
     static const float nan = std::numeric_limits<float>::quiet_NaN();
     static const double infinite = std::numeric_limits<double>::infinity();
-    static std::uint8_t levels[] = {1, 1, 13, 1, 1, 1};
-    static std::uint8_t formats[] = {1, 2, 3, 2, 2, 2};
-    static std::uint16_t indices[] = {0, 1, 2, 0, 1, 7, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2};
+    static uint8_t levels[] = {1, 1, 13, 1, 1, 1};
+    static uint8_t formats[] = {1, 2, 3, 2, 2, 2};
+    static uint16_t indices[] = {0, 1, 2, 0, 1, 7, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2};
     const Mistake mistakes[] = {
         {"input 0: texture 0: width is 0", [](Sample &s) { s.texture.width = 0; }},
         {"width is 16777217", [](Sample &s) { s.texture.width = 16777217; }},
@@ -150,12 +150,12 @@ TEST(LibraryFailure, StructuresOfLaterVersions)
     EXPECT_EQ(options.more[0] | options.more[1] | inputs[1].more[1] | textures[0].more[0], 0u);
     EXPECT_EQ(options.known.structSize, sizeof options);
     for (auto &texture : textures) {
-        const std::size_t size = texture.known.structSize;
+        const size_t size = texture.known.structSize;
         texture.known = sample.texture;
         texture.known.structSize = size;
     }
     for (auto &input : inputs) {
-        const std::size_t size = input.known.structSize;
+        const size_t size = input.known.structSize;
         input.known = sample.input;
         input.known.structSize = size;
         input.known.textures = &textures[0].known;
@@ -180,7 +180,7 @@ TEST(LibraryFailure, StructuresOfLaterVersions)
     ASSERT_EQ(info.known.dataSize, plain.dataSize);
     EXPECT_EQ(std::memcmp(info.known.data, plain.data, plain.dataSize), 0);
 
-    for (std::uint64_t *member : {&textures[1].more[1], &inputs[1].more[0], &options.more[1]}) {
+    for (uint64_t *member : {&textures[1].more[1], &inputs[1].more[0], &options.more[1]}) {
         *member = 1;
         sample.messages = 0;
         EXPECT_EQ(bake(), VELLUM_ERROR_UNSUPPORTED);
@@ -211,7 +211,7 @@ TEST(LibraryFailure, InitializersWriteNoMoreThanTheyAreTold)
     vellumInitBakeOptions(options, 24);
     EXPECT_EQ(options->structSize, 24u);
     EXPECT_EQ(options->level, VELLUM_LEVEL_AUTOMATIC);
-    for (std::size_t i = 24; i < memory.size(); ++i)
+    for (size_t i = 24; i < memory.size(); ++i)
         EXPECT_EQ(memory[i], 0xcd);
     vellumInitBakeOptions(options, 3);
     EXPECT_EQ(options->structSize, 24u);
@@ -225,7 +225,7 @@ TEST(LibraryFailure, OutOfMemory)
 {
     Sample sample;
     sample.message.reserve(200);
-    const std::vector<std::uint8_t> formats = {1, 2, 1, 2, 1, 2};
+    const std::vector<uint8_t> formats = {1, 2, 1, 2, 1, 2};
     sample.input.formats = formats.data();
     sample.options.threads = 2;
     sample.options.budget = 400;
@@ -269,21 +269,21 @@ TEST(LibraryFailure, OutOfMemory)
 TEST(LibraryFailure, CancelledByProgress)
 {
     struct Counts {
-        std::uint64_t done = 0;
-        std::uint64_t total = 0;
-        std::uint64_t end = 0; // where to cancel
+        uint64_t done = 0;
+        uint64_t total = 0;
+        uint64_t end = 0; // where to cancel
     } counts;
     Sample sample;
     sample.options.message = nullptr;
     sample.options.userData = &counts;
-    sample.options.progress = [](void *data, std::uint64_t done, std::uint64_t total) {
+    sample.options.progress = [](void *data, uint64_t done, uint64_t total) {
         auto &c = *static_cast<Counts *>(data);
         EXPECT_GT(done, c.done);
         c.done = done;
         c.total = total;
         return done >= c.end ? -1 : 0;
     };
-    for (const std::uint64_t end : {2u, 6u}) { // in between, and at the last moment
+    for (const uint64_t end : {2u, 6u}) { // in between, and at the last moment
         counts = {0, 0, end};
         EXPECT_EQ(sample.bake(), VELLUM_CANCELLED);
         EXPECT_EQ(sample.micromap, nullptr);
@@ -330,7 +330,7 @@ TEST(LibraryFailure, ManyThreadsAtOnce)
     for (int t = 0; t < 4; ++t)
         threads.emplace_back([&expected, t] {
             Sample own;
-            own.options.threads = 1 + static_cast<std::uint32_t>(t);
+            own.options.threads = 1 + static_cast<uint32_t>(t);
             for (int i = 0; i < 5; ++i) {
                 own.texture.filter = VELLUM_FILTER_LINEAR;
                 EXPECT_EQ(own.bake(), VELLUM_SUCCESS);

@@ -62,20 +62,20 @@ struct Card {
         vellumDestroyGltf(gltf);
         return vellumReadGltf(path(name).c_str(), tell, this, &gltf);
     }
-    VellumResult check(const std::string &name, std::size_t most = 100)
+    VellumResult check(const std::string &name, size_t most = 100)
     {
         message.clear();
         notes.clear();
         return vellumCheckGltf(path(name).c_str(), most, note, tell, this);
     }
-    [[nodiscard]] VellumGltfPrimitiveInfo primitive(std::size_t number) const
+    [[nodiscard]] VellumGltfPrimitiveInfo primitive(size_t number) const
     {
         VellumGltfPrimitiveInfo found{};
         found.structSize = sizeof found;
         EXPECT_EQ(vellumGetGltfPrimitiveInfo(gltf, number, &found), VELLUM_SUCCESS);
         return found;
     }
-    [[nodiscard]] VellumGltfMicromapInfo micromap(std::size_t number) const
+    [[nodiscard]] VellumGltfMicromapInfo micromap(size_t number) const
     {
         VellumGltfMicromapInfo found{};
         found.structSize = sizeof found;
@@ -95,10 +95,10 @@ struct Card {
         writeFile(folder / "damaged.glb", bytes);
     }
     // What a failure must not leave: anything but the input.
-    [[nodiscard]] std::size_t files() const
+    [[nodiscard]] size_t files() const
     {
         const std::filesystem::directory_iterator entries(folder.path());
-        return static_cast<std::size_t>(std::distance(begin(entries), end(entries)));
+        return static_cast<size_t>(std::distance(begin(entries), end(entries)));
     }
 
     TemporaryFolder folder;
@@ -112,12 +112,12 @@ struct Card {
     std::vector<std::string> notes;
 };
 
-bool equal(const VellumMicromapUsage *usages, std::size_t count, const std::vector<MicromapUsage> &expected)
+bool equal(const VellumMicromapUsage *usages, size_t count, const std::vector<MicromapUsage> &expected)
 {
     return std::equal(usages, usages + count, expected.begin(), expected.end(),
                       [](const VellumMicromapUsage &a, const MicromapUsage &b) {
                           return a.count == b.count && a.subdivisionLevel == b.subdivisionLevel &&
-                                 a.format == static_cast<std::uint32_t>(b.format);
+                                 a.format == static_cast<uint32_t>(b.format);
                       });
 }
 
@@ -157,7 +157,7 @@ TEST(LibraryGltf, ReadsWhatItBaked)
     EXPECT_EQ(primitive.primitive, 0u);
     EXPECT_EQ(primitive.micromap, 0u);
     EXPECT_EQ(primitive.baseTriangle, 0u);
-    EXPECT_EQ(std::vector<std::int32_t>(primitive.indices, primitive.indices + primitive.indexCount), whole.indices);
+    EXPECT_EQ(std::vector<int32_t>(primitive.indices, primitive.indices + primitive.indexCount), whole.indices);
     EXPECT_EQ(primitive.indexCount, 2u);
     EXPECT_TRUE(equal(primitive.usages, primitive.usageCount, whole.geometryUsage()));
     EXPECT_GT(primitive.usageCount, 0u);
@@ -301,12 +301,11 @@ TEST(LibraryGltf, FilesThatCannotBeRead)
     Card card;
     const Bytes whole = readFile(card.folder / "card.glb");
     std::vector<std::string> names = {"missing.glb", "", "none/card.glb"};
-    for (const std::size_t size :
-         {std::size_t{0}, std::size_t{3}, std::size_t{19}, std::size_t{200}, whole.size() - 1}) {
+    for (const size_t size : {size_t{0}, size_t{3}, size_t{19}, size_t{200}, whole.size() - 1}) {
         names.push_back("short" + std::to_string(size) + ".glb");
-        writeFile(card.folder / names.back(), {whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)});
+        writeFile(card.folder / names.back(), {whole.begin(), whole.begin() + static_cast<ptrdiff_t>(size)});
     }
-    const std::size_t files = card.files();
+    const size_t files = card.files();
     for (const std::string &name : names) {
         SCOPED_TRACE(name);
         EXPECT_EQ(card.read(name), VELLUM_ERROR_FILE);
@@ -412,11 +411,11 @@ TEST(LibraryGltf, StructuresOfLaterVersions)
 {
     struct {
         VellumGltfBakeOptions known;
-        std::uint64_t more;
+        uint64_t more;
     } options;
     struct {
         VellumGltfBakeInfo known;
-        std::uint64_t more;
+        uint64_t more;
     } info{};
     Card card;
     const std::string input = card.path("card.glb");
@@ -443,7 +442,7 @@ TEST(LibraryGltf, CancelledLeavesNoFile)
     card.options.cancelled = [](void *) { return 1; };
     EXPECT_EQ(card.bake(), VELLUM_CANCELLED);
     card.options.cancelled = nullptr;
-    card.options.progress = [](void *, std::uint64_t done, std::uint64_t total) {
+    card.options.progress = [](void *, uint64_t done, uint64_t total) {
         return done == total ? 1 : 0; // at the last moment
     };
     EXPECT_EQ(card.bake(), VELLUM_CANCELLED);

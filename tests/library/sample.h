@@ -12,9 +12,9 @@ namespace vellum::test
 {
 
 // RGBA texels whose alpha is a soft disc with holes; the other channels are not it.
-inline std::vector<std::uint8_t> discTexels(int size)
+inline std::vector<uint8_t> discTexels(int size)
 {
-    std::vector<std::uint8_t> texels;
+    std::vector<uint8_t> texels;
     for (int y = 0; y < size; ++y)
         for (int x = 0; x < size; ++x) {
             const int dx = 2 * x - size + 1;
@@ -23,7 +23,7 @@ inline std::vector<std::uint8_t> discTexels(int size)
             const int soft = inside > 1000 ? 255 : inside < -1000 ? 0 : 128 + inside / 8;
             const int alpha = (x / 4 + y / 6) % 5 == 0 ? 0 : soft;
             for (const int value : {255 - alpha, 3, 200, alpha})
-                texels.push_back(static_cast<std::uint8_t>(value < 0 ? 0 : value > 255 ? 255 : value));
+                texels.push_back(static_cast<uint8_t>(value < 0 ? 0 : value > 255 ? 255 : value));
         }
     return texels;
 }
@@ -47,7 +47,7 @@ struct Sample {
         input.uvsSize = uvs.size() * sizeof(float);
         input.indexType = VELLUM_INDEX_TYPE_UINT16;
         input.indices = indices.data();
-        input.indicesSize = indices.size() * sizeof(std::uint16_t);
+        input.indicesSize = indices.size() * sizeof(uint16_t);
         input.triangleCount = indices.size() / 3;
         vellumInitBakeOptions(&options, sizeof options);
         options.level = 3;
@@ -79,12 +79,12 @@ struct Sample {
         return info;
     }
     // Everything that a renderer reads of the result, to compare.
-    std::vector<std::uint8_t> bytes() const
+    std::vector<uint8_t> bytes() const
     {
         const VellumMicromapInfo i = info();
-        std::vector<std::uint8_t> all;
-        const auto add = [&](const void *from, std::size_t size) {
-            const auto *first = static_cast<const std::uint8_t *>(from);
+        std::vector<uint8_t> all;
+        const auto add = [&](const void *from, size_t size) {
+            const auto *first = static_cast<const uint8_t *>(from);
             all.insert(all.end(), first, first + size);
         };
         add(i.data, i.dataSize);
@@ -93,10 +93,10 @@ struct Sample {
         return all;
     }
 
-    std::vector<std::uint8_t> texels = discTexels(kSize);
+    std::vector<uint8_t> texels = discTexels(kSize);
     std::vector<float> uvs = {0, 0, 1, 0, 0, 1, 1, 1, 0.4f, 0.3f, 1.7f, 0.2f, 0.9f, -0.8f};
     // The fourth triangle is a point, which has one state all over; the fifth is the first.
-    std::vector<std::uint16_t> indices = {0, 1, 2, 1, 3, 2, 0, 4, 5, 0, 0, 0, 0, 1, 2, 2, 3, 6};
+    std::vector<uint16_t> indices = {0, 1, 2, 1, 3, 2, 0, 4, 5, 0, 0, 0, 0, 1, 2, 2, 3, 6};
     VellumTexture texture{};
     VellumBakeInput input{};
     VellumBakeOptions options{};

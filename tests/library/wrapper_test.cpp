@@ -57,9 +57,9 @@ TEST(LibraryWrapper, SameAsC)
     EXPECT_FALSE(micromap.geometry(0).usages.empty());
     EXPECT_EQ(resultOf([&] { (void)micromap.geometry(1); }), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(resultOf([&] { (void)micromap.state(6, 0, 0); }), VELLUM_ERROR_INVALID_ARGUMENT);
-    std::uint32_t state = 9;
+    uint32_t state = 9;
     ASSERT_EQ(vellumGetState(micromap.get(), 1, 0.3f, 0.2f, &state), VELLUM_SUCCESS);
-    EXPECT_EQ(static_cast<std::uint32_t>(micromap.state(1, 0.3f, 0.2f)), state);
+    EXPECT_EQ(static_cast<uint32_t>(micromap.state(1, 0.3f, 0.2f)), state);
 }
 
 // What is written in bake.h is what the library says.
@@ -153,7 +153,7 @@ TEST(LibraryWrapper, MembersReachC)
     EXPECT_EQ(t.border, 9);
 
     const std::vector<VellumTexture> textures(2);
-    const std::vector<std::uint8_t> levels(5, 1);
+    const std::vector<uint8_t> levels(5, 1);
     const std::vector<MicromapFormat> formats(5, MicromapFormat::TwoState);
     BakeInput in{.uvs = bytes,
                  .uvStride = 9,
@@ -204,8 +204,8 @@ TEST(LibraryWrapper, Errors)
 TEST(LibraryWrapper, Callbacks)
 {
     Mesh mesh;
-    std::uint64_t last = 0;
-    BakeOptions options{.level = 3, .threads = 2, .progress = [&](std::uint64_t done, std::uint64_t) { last = done; }};
+    uint64_t last = 0;
+    BakeOptions options{.level = 3, .threads = 2, .progress = [&](uint64_t done, uint64_t) { last = done; }};
     bake(mesh.input, options);
     EXPECT_EQ(last, 6u);
     options.cancelled = [] { return true; };
@@ -213,7 +213,7 @@ TEST(LibraryWrapper, Callbacks)
     options.cancelled = []() -> bool { throw std::out_of_range("a poll"); };
     EXPECT_THROW(bake(mesh.input, options), std::out_of_range);
     options.cancelled = {};
-    options.progress = [](std::uint64_t, std::uint64_t) { throw std::logic_error("a report"); };
+    options.progress = [](uint64_t, uint64_t) { throw std::logic_error("a report"); };
     EXPECT_THROW(bake(mesh.input, options), std::logic_error);
 }
 

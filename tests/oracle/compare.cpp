@@ -6,13 +6,13 @@
 namespace oracle
 {
 
-std::uint32_t setting(const char *name, std::uint32_t otherwise)
+uint32_t setting(const char *name, uint32_t otherwise)
 {
     const char *value = std::getenv(name);
-    return value != nullptr ? static_cast<std::uint32_t>(std::strtoul(value, nullptr, 0)) : otherwise;
+    return value != nullptr ? static_cast<uint32_t>(std::strtoul(value, nullptr, 0)) : otherwise;
 }
 
-std::uint32_t recordOffset(const Scene &scene, std::uint32_t instance)
+uint32_t recordOffset(const Scene &scene, uint32_t instance)
 {
     const bool boxes = !scene.objects[scene.instances[instance].object].meshes[0].boxes.empty();
     return instance % kRecordOffsets + (boxes ? kBoxRecords : 0);
@@ -61,7 +61,7 @@ std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
         auto instance = vt::instance(*objects[from.object], {}, from.customIndex, from.flags, from.mask);
         instance.transform = from.transform;
         instance.instanceShaderBindingTableRecordOffset =
-            recordOffset(scene, static_cast<std::uint32_t>(instances.size())) & 0xffffffu;
+            recordOffset(scene, static_cast<uint32_t>(instances.size())) & 0xffffffu;
         if (from.inactive)
             instance.accelerationStructureReference = 0;
         instances.push_back(instance);
@@ -113,15 +113,14 @@ void showBeforeOthers(Scene &scene)
 
 } // namespace
 
-void compareScenes(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint64_t minimum,
-                   const TraceScene &trace)
+void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum, const TraceScene &trace)
 {
-    const std::uint32_t seed = setting("VELLUM_ORACLE_SEED", 20260519);
+    const uint32_t seed = setting("VELLUM_ORACLE_SEED", 20260519);
     scenes = setting("VELLUM_ORACLE_SCENES", scenes);
     std::printf("seed %u, %u scenes\n", seed, scenes);
-    std::uint64_t compared = 0, unsure = 0, handed = 0, hit = 0;
+    uint64_t compared = 0, unsure = 0, handed = 0, hit = 0;
     int faults = 0;
-    for (std::uint32_t s = 0; s < scenes; ++s) {
+    for (uint32_t s = 0; s < scenes; ++s) {
         Random random(seed + s);
         Scene scene = randomScene(random, limits);
         if (gpu.onLavapipe26())
@@ -130,7 +129,7 @@ void compareScenes(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std
         for (const vt::Ray &ray : scene.rays)
             hits.push_back(allHits(scene, ray));
         const std::vector<Traced> traced = trace(scene, hits);
-        for (std::size_t i = 0; i < traced.size(); ++i) {
+        for (size_t i = 0; i < traced.size(); ++i) {
             if (hits[i].unsure) {
                 ++unsure;
                 continue;

@@ -8,12 +8,12 @@
 namespace oracle
 {
 
-inline constexpr std::uint32_t kCapacity = 64; // candidates of a ray
+inline constexpr uint32_t kCapacity = 64; // candidates of a ray
 
 // A number from the environment:
 //   VELLUM_ORACLE_SEED    seed of the first scene (each scene has its own: this plus its number)
 //   VELLUM_ORACLE_SCENES  number of scenes
-std::uint32_t setting(const char *name, std::uint32_t otherwise);
+uint32_t setting(const char *name, uint32_t otherwise);
 
 // The scene on the device.
 struct Built {
@@ -23,9 +23,9 @@ struct Built {
 };
 
 // Instance i has the record offset i % kRecordOffsets, and kBoxRecords more where it is one of boxes.
-inline constexpr std::uint32_t kRecordOffsets = 6;
-inline constexpr std::uint32_t kBoxRecords = 8; // an object has up to three geometries
-std::uint32_t recordOffset(const Scene &scene, std::uint32_t instance);
+inline constexpr uint32_t kRecordOffsets = 6;
+inline constexpr uint32_t kBoxRecords = 8; // an object has up to three geometries
+uint32_t recordOffset(const Scene &scene, uint32_t instance);
 Built build(vt::Gpu &gpu, const Scene &scene);
 // The parts of that. makeMicromap is called for each geometry with a micromap.
 std::vector<vt::Geometry> geometriesOf(const Object &object,
@@ -47,12 +47,11 @@ bool names(const Hit &hit, const T &other)
 // Traces all rays of a scene and says of each what is wrong with its result (empty: nothing).
 struct Traced {
     std::string fault;
-    std::uint32_t candidates;
+    uint32_t candidates;
     bool hit;
 };
 using TraceScene = std::function<std::vector<Traced>(const Scene &, std::span<const Hits>)>;
 // Traces that many random scenes and expects no fault, and at least `minimum` rays that could be judged.
-void compareScenes(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint64_t minimum,
-                   const TraceScene &trace);
+void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum, const TraceScene &trace);
 
 } // namespace oracle

@@ -40,8 +40,8 @@ struct LocalRay {
 LocalRay toObject(const VkTransformMatrixKHR &transform, const vt::Ray &ray)
 {
     Point columns[3], place{};
-    for (std::size_t c = 0; c < 3; ++c) {
-        for (std::size_t r = 0; r < 3; ++r)
+    for (size_t c = 0; c < 3; ++c) {
+        for (size_t r = 0; r < 3; ++r)
             columns[c][r] = double{transform.matrix[r][c]};
         place[c] = double{transform.matrix[c][3]};
     }
@@ -57,18 +57,18 @@ LocalRay toObject(const VkTransformMatrixKHR &transform, const vt::Ray &ray)
 // Number of the micro-triangle at (u, v), by descending the curve: nearest vertex 0, middle with ordering flipped,
 // nearest vertex 1, nearest vertex 2 with ordering flipped. A flipped triangle is gone through from its vertex 2 to its
 // vertex 0. `edge`: how near the next line is.
-std::uint32_t microTriangleAt(double u, double v, std::uint32_t level, double &edge)
+uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
 {
     // Weights of the current sub-triangle's vertices 0, 1, 2, in the order the curve visits them.
     std::array<double, 3> weights{1 - u - v, u, v};
-    std::uint32_t index = 0;
+    uint32_t index = 0;
     double size = 1;
-    for (std::uint32_t l = 0; l < level; ++l) {
+    for (uint32_t l = 0; l < level; ++l) {
         size /= 2;
         for (const double w : weights)
             edge = std::min(edge, std::abs(w - 0.5) * 2 * size);
         const auto [w0, w1, w2] = weights;
-        std::uint32_t child = 1;
+        uint32_t child = 1;
         if (w0 > 0.5) {
             child = 0;
             weights = {2 * w0 - 1, 2 * w1, 2 * w2};
@@ -90,12 +90,12 @@ std::uint32_t microTriangleAt(double u, double v, std::uint32_t level, double &e
 }
 
 // The 4-state value at a place of a triangle.
-int stateAt(const MeshMicromap &micromap, std::uint32_t primitive, double u, double v, double &edge)
+int stateAt(const MeshMicromap &micromap, uint32_t primitive, double u, double v, double &edge)
 {
-    const std::int32_t index = micromap.indices[primitive];
+    const int32_t index = micromap.indices[primitive];
     if (index < 0)
         return -1 - index;
-    const MicromapTriangle &triangle = micromap.triangles[static_cast<std::uint32_t>(index) + micromap.base];
+    const MicromapTriangle &triangle = micromap.triangles[static_cast<uint32_t>(index) + micromap.base];
     return triangle.states[microTriangleAt(u, v, triangle.level, edge)];
 }
 
@@ -106,22 +106,22 @@ public:
 
     Hits run()
     {
-        for (std::uint32_t i = 0; i < scene_.instances.size(); ++i) {
+        for (uint32_t i = 0; i < scene_.instances.size(); ++i) {
             const Instance &instance = scene_.instances[i];
             if (instance.inactive || (instance.mask & ray_.cullMask & 0xff) == 0)
                 continue;
             local_ = toObject(instance.transform, ray_);
             const Object &object = scene_.objects[instance.object];
-            for (std::uint32_t g = 0; g < object.meshes.size(); ++g) {
+            for (uint32_t g = 0; g < object.meshes.size(); ++g) {
                 const Mesh &mesh = object.meshes[g];
-                for (std::uint32_t p = 0; p < mesh.boxes.size(); ++p)
+                for (uint32_t p = 0; p < mesh.boxes.size(); ++p)
                     box(instance, mesh, {i, g, p, instance.customIndex, true, {}, false, 0, 0, 0, false});
-                for (std::uint32_t p = 0; p < mesh.vertices.size() / 3; ++p)
+                for (uint32_t p = 0; p < mesh.vertices.size() / 3; ++p)
                     triangle(instance, mesh, {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true});
             }
         }
-        for (std::size_t i = 0; i < out_.hits.size(); ++i) {
-            for (std::size_t k = 0; k < i; ++k) {
+        for (size_t i = 0; i < out_.hits.size(); ++i) {
+            for (size_t k = 0; k < i; ++k) {
                 if (std::abs(out_.hits[i].t - out_.hits[k].t) < kDistance && !out_.hits[i].box && !out_.hits[k].box)
                     out_.unsure = true;
             }
@@ -195,7 +195,7 @@ private:
         const Point high{double{box.maxX}, double{box.maxY}, double{box.maxZ}};
         from = double{ray_.tMin};
         to = double{ray_.tMax};
-        for (std::size_t a = 0; a < 3; ++a) {
+        for (size_t a = 0; a < 3; ++a) {
             const double first = (low[a] - growth - local_.origin[a]) / local_.direction[a];
             const double second = (high[a] + growth - local_.origin[a]) / local_.direction[a];
             from = std::max(from, std::min(first, second));

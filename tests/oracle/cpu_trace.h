@@ -12,8 +12,8 @@ namespace oracle
 enum class Opacity { Opaque, NonOpaque };
 
 struct Hit {
-    std::uint32_t instance, geometry, primitive;
-    std::uint32_t customIndex;
+    uint32_t instance, geometry, primitive;
+    uint32_t customIndex;
     bool box;
     Opacity opacity;
     bool frontFace;

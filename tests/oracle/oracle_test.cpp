@@ -87,13 +87,13 @@ std::string fault(const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Re
 std::vector<Traced> judged(const Scene &scene, std::span<const Hits> hits, const std::vector<vt::Result> &results)
 {
     std::vector<Traced> traced;
-    for (std::size_t i = 0; i < results.size(); ++i)
+    for (size_t i = 0; i < results.size(); ++i)
         traced.push_back({fault(scene.rays[i], hits[i].hits, results[i]), results[i].candidateCount,
                           results[i].committed != vt::kNone});
     return traced;
 }
 
-void compare(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint64_t minimum)
+void compare(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum)
 {
     vt::Tracer tracer(gpu);
     compareScenes(gpu, limits, scenes, minimum, [&](const Scene &scene, std::span<const Hits> hits) {
@@ -122,18 +122,18 @@ protected:
     {
     }
 
-    void comparePacked(std::uint32_t scenes, std::uint64_t minimum)
+    void comparePacked(uint32_t scenes, uint64_t minimum)
     {
         vt::Tracer tracer(gpu());
         Random random(setting("VELLUM_ORACLE_SEED", 20260519));
-        std::uint64_t traces = 0;
+        uint64_t traces = 0;
         compareScenes(gpu(), {.rays = 160}, scenes, minimum, [&](const Scene &scene, std::span<const Hits> hits) {
             PackedScene packed(gpu(), scene, random);
             std::vector<Traced> all;
             for (int round = 0; round < 4; ++round, ++traces) {
                 packed.traceBesideBuild(tracer, scene.rays, kCapacity);
                 std::vector<Traced> traced = judged(scene, hits, tracer.results());
-                for (std::size_t i = 0; i < traced.size(); ++i) {
+                for (size_t i = 0; i < traced.size(); ++i) {
                     if (all.size() < traced.size() || all[i].fault.empty())
                         traced[i].fault += traced[i].fault.empty() ? "" : " after: " + packed.history();
                     else

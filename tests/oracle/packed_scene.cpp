@@ -9,7 +9,7 @@ namespace oracle
 namespace
 {
 
-constexpr std::size_t kThreads = 3;
+constexpr size_t kThreads = 3;
 constexpr VkBufferUsageFlags kSerializedUsage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 constexpr VkDeviceSize kHeaderSize = 40; // where the header of serialized data tells the size to deserialize to
@@ -65,17 +65,17 @@ private:
 // command buffer of its own. They are then executed together, on as many queues as there are: nothing orders what one
 // thread has recorded and another.
 void buildOnThreads(
-    vt::Gpu &gpu, const std::string &what, std::size_t count,
-    const std::function<std::vector<vt::Arena::Range>(std::size_t, VkCommandBuffer, vt::SharedScratch &)> &record)
+    vt::Gpu &gpu, const std::string &what, size_t count,
+    const std::function<std::vector<vt::Arena::Range>(size_t, VkCommandBuffer, vt::SharedScratch &)> &record)
 {
     std::vector<std::unique_ptr<Recording>> recordings(kThreads);
     std::array<std::vector<vt::Arena::Range>, kThreads> written;
     std::array<std::thread, kThreads> threads;
-    for (std::size_t t = 0; t < kThreads; ++t) {
+    for (size_t t = 0; t < kThreads; ++t) {
         threads[t] = std::thread([&, t] {
             recordings[t] = std::make_unique<Recording>(gpu);
             vt::SharedScratch scratch(gpu);
-            for (std::size_t i = t; i < count; i += kThreads) {
+            for (size_t i = t; i < count; i += kThreads) {
                 const auto writes = record(i, recordings[t]->commands(), scratch);
                 written[t].insert(written[t].end(), writes.begin(), writes.end());
                 vt::barrier(recordings[t]->commands());
@@ -89,7 +89,7 @@ void buildOnThreads(
     for (const auto &some : written)
         writes.insert(writes.end(), some.begin(), some.end());
     vt::Arena::Snapshot before(*gpu.arena());
-    for (std::size_t t = 0; t < kThreads; ++t)
+    for (size_t t = 0; t < kThreads; ++t)
         recordings[t]->submit(gpu.queues()[t % gpu.queues().size()]);
     VT_CHECK(vkDeviceWaitIdle(gpu.device()));
     before.expectOnlyChanged(writes, what);
@@ -114,18 +114,18 @@ void PackedScene::buildEverything()
         });
     }
     std::vector<VkBuildMicromapFlagsEXT> flags;
-    for (std::size_t i = 0; i < inputs.size(); ++i)
+    for (size_t i = 0; i < inputs.size(); ++i)
         flags.push_back(below(2) == 0 ? 0 : VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
     micromaps_.resize(inputs.size());
     buildOnThreads(gpu_, "micromap builds", inputs.size(),
-                   [&](std::size_t i, VkCommandBuffer commands, vt::SharedScratch &scratch) {
+                   [&](size_t i, VkCommandBuffer commands, vt::SharedScratch &scratch) {
                        micromaps_[i] = std::make_unique<vt::Micromap>(gpu_, inputs[i], flags[i], &scratch);
                        micromaps_[i]->record(commands);
                        return Writes{micromaps_[i]->range(), micromaps_[i]->scratchRange()};
                    });
-    std::size_t next = 0;
-    for (std::size_t o = 0; o < bottoms_.size(); ++o) {
-        for (std::size_t m = 0; m < bottoms_[o].geometries.size(); ++m) {
+    size_t next = 0;
+    for (size_t o = 0; o < bottoms_.size(); ++o) {
+        for (size_t m = 0; m < bottoms_[o].geometries.size(); ++m) {
             const auto &from = scene_.objects[o].meshes[m].micromap;
             if (from && !from->null)
                 bottoms_[o].geometries[m].micromap->micromap = micromaps_[next++].get();
@@ -135,7 +135,7 @@ void PackedScene::buildEverything()
     for (const auto &micromap : micromaps_)
         micromap->forgetInput();
     buildOnThreads(gpu_, "builds", bottoms_.size(),
-                   [&](std::size_t i, VkCommandBuffer commands, vt::SharedScratch &scratch) {
+                   [&](size_t i, VkCommandBuffer commands, vt::SharedScratch &scratch) {
                        bottoms_[i].structure = std::make_unique<vt::Blas>(gpu_);
                        vt::Blas &blas = *bottoms_[i].structure;
                        blas.shareScratch(&scratch);
@@ -156,7 +156,7 @@ void PackedScene::run(const std::string &what, const Writes &writes, const Recor
     before.expectOnlyChanged(writes, history_);
 }
 
-std::uint64_t PackedScene::asked(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &ask)
+uint64_t PackedScene::asked(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &ask)
 {
     const vt::QueryPool pool(gpu_, type);
     run("query", {}, [&](VkCommandBuffer commands) {
@@ -176,13 +176,13 @@ VkDeviceSize PackedScene::sizeOf(const vt::Structure &structure, VkQueryType typ
 
 void PackedScene::change()
 {
-    for (std::size_t o = 0; o < bottoms_.size(); ++o)
+    for (size_t o = 0; o < bottoms_.size(); ++o)
         changeObject(o);
     buildTop();
     copyTop(below(4));
 }
 
-void PackedScene::changeObject(std::size_t object)
+void PackedScene::changeObject(size_t object)
 {
     Bottom &bottom = bottoms_[object];
     history_ += "; object " + std::to_string(object) + ":";
@@ -196,7 +196,7 @@ void PackedScene::changeObject(std::size_t object)
     case 3: reloadObject(bottom); break;
     case 4: buildObject(bottom, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR); break;
     case 5: buildObject(bottom, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR); break;
-    case 6: moveAndBuildOver(bottom, bottoms_[below(static_cast<std::uint32_t>(bottoms_.size()))]); break;
+    case 6: moveAndBuildOver(bottom, bottoms_[below(static_cast<uint32_t>(bottoms_.size()))]); break;
     case 7:
         renameObject(bottom);
         if (below(2) == 0)
@@ -214,7 +214,7 @@ void PackedScene::changeObject(std::size_t object)
 
 // One micromap, if there are any, becomes a clone, a compacted one or a deserialized one. The old one is gone at once:
 // nobody traces until the structure is built with the new one.
-void PackedScene::changeMicromapOf(Bottom &bottom, std::uint32_t way)
+void PackedScene::changeMicromapOf(Bottom &bottom, uint32_t way)
 {
     std::vector<vt::Geometry *> with;
     for (vt::Geometry &geometry : bottom.geometries) {
@@ -223,8 +223,8 @@ void PackedScene::changeMicromapOf(Bottom &bottom, std::uint32_t way)
     }
     if (with.empty())
         return;
-    vt::Attachment &attachment = *with[below(static_cast<std::uint32_t>(with.size()))]->micromap;
-    std::size_t index = 0;
+    vt::Attachment &attachment = *with[below(static_cast<uint32_t>(with.size()))]->micromap;
+    size_t index = 0;
     while (micromaps_[index].get() != attachment.micromap)
         ++index;
     const vt::Micromap &source = *micromaps_[index];
@@ -246,7 +246,7 @@ void PackedScene::changeMicromapOf(Bottom &bottom, std::uint32_t way)
         const vt::Guarded data(gpu_, size(VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
         run("micromap serialized", {data.range()},
             [&](VkCommandBuffer commands) { vt::recordMicromapToMemory(gpu_, commands, handle, data.address()); });
-        std::uint64_t bytes = 0;
+        uint64_t bytes = 0;
         std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
         target = std::make_unique<vt::Micromap>(gpu_, source, bytes);
         run("micromap loaded", {target->range()}, [&](VkCommandBuffer commands) {
@@ -275,7 +275,7 @@ std::unique_ptr<vt::Structure> PackedScene::reloaded(const vt::Structure &source
                            kSerializedUsage);
     run("serialized", {data.range()},
         [&](VkCommandBuffer commands) { vt::recordSerialize(gpu_, commands, source, data.address()); });
-    std::uint64_t bytes = 0;
+    uint64_t bytes = 0;
     std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
     target->create(bytes);
     run("loaded", {target->range()}, [&](VkCommandBuffer commands) {
@@ -353,7 +353,7 @@ void PackedScene::buildTop()
 }
 
 // Clone, compacted copy, serialized and loaded again, or none of these.
-void PackedScene::copyTop(std::uint32_t way)
+void PackedScene::copyTop(uint32_t way)
 {
     if (way == 3)
         return;
@@ -372,9 +372,9 @@ void PackedScene::copyTop(std::uint32_t way)
     top_ = std::move(target);
 }
 
-void PackedScene::traceBesideBuild(vt::Tracer &tracer, std::span<const vt::Ray> rays, std::uint32_t capacity)
+void PackedScene::traceBesideBuild(vt::Tracer &tracer, std::span<const vt::Ray> rays, uint32_t capacity)
 {
-    Bottom &bottom = bottoms_[below(static_cast<std::uint32_t>(bottoms_.size()))];
+    Bottom &bottom = bottoms_[below(static_cast<uint32_t>(bottoms_.size()))];
     auto beside = std::make_unique<vt::Blas>(gpu_);
     beside->prepare(bottom.geometries, bottomFlags(gpu_));
     tracer.prepare(*top_, rays, capacity);

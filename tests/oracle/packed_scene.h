@@ -22,7 +22,7 @@ public:
     // Each of the objects has something done to it, and then the top level.
     void change();
     // Traces. Meanwhile one of the objects is built anew in another place, which the scene then uses.
-    void traceBesideBuild(vt::Tracer &tracer, std::span<const vt::Ray> rays, std::uint32_t capacity);
+    void traceBesideBuild(vt::Tracer &tracer, std::span<const vt::Ray> rays, uint32_t capacity);
     // What was done since the beginning, in words.
     [[nodiscard]] const std::string &history() const { return history_; }
 
@@ -35,23 +35,23 @@ private:
     using Writes = std::vector<vt::Arena::Range>;
 
     void buildEverything();
-    void changeObject(std::size_t object);
-    void changeMicromapOf(Bottom &bottom, std::uint32_t way);
+    void changeObject(size_t object);
+    void changeMicromapOf(Bottom &bottom, uint32_t way);
     void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
     void reloadObject(Bottom &bottom);
     void buildObject(Bottom &bottom, VkBuildAccelerationStructureModeKHR mode);
     void moveAndBuildOver(Bottom &moved, Bottom &built);
     void renameObject(Bottom &bottom);
     void buildTop();
-    void copyTop(std::uint32_t way);
+    void copyTop(uint32_t way);
     [[nodiscard]] std::unique_ptr<vt::Structure> reloaded(const vt::Structure &source,
                                                           std::unique_ptr<vt::Structure> target);
 
     // Executes, and expects that nothing else was written to.
     void run(const std::string &what, const Writes &writes, const Record &record);
-    [[nodiscard]] std::uint64_t asked(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &ask);
+    [[nodiscard]] uint64_t asked(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &ask);
     [[nodiscard]] VkDeviceSize sizeOf(const vt::Structure &structure, VkQueryType type);
-    [[nodiscard]] std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
+    [[nodiscard]] uint32_t below(uint32_t n) { return static_cast<uint32_t>(random_() % n); }
 
     vt::Gpu &gpu_;
     const Scene &scene_;

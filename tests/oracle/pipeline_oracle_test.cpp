@@ -13,8 +13,8 @@ namespace
 
 using namespace oracle;
 
-enum Group : std::uint32_t { kFull, kNoAnyHit, kNoClosestHit, kBoxFull, kBoxNoAnyHit };
-const std::array<std::optional<std::uint32_t>, 2 * kBoxRecords> kRecords{
+enum Group : uint32_t { kFull, kNoAnyHit, kNoClosestHit, kBoxFull, kBoxNoAnyHit };
+const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kRecords{
     // triangles
     kFull, kFull, kNoAnyHit, kFull, std::nullopt, kNoClosestHit, kFull, kNoAnyHit,
     // boxes
@@ -45,11 +45,8 @@ public:
     }
 
 private:
-    [[nodiscard]] std::uint32_t recordOf(const Hit &hit) const
-    {
-        return recordOffset(scene_, hit.instance) + hit.geometry;
-    }
-    [[nodiscard]] std::optional<std::uint32_t> groupOf(const Hit &hit) const { return kRecords[recordOf(hit)]; }
+    [[nodiscard]] uint32_t recordOf(const Hit &hit) const { return recordOffset(scene_, hit.instance) + hit.geometry; }
+    [[nodiscard]] std::optional<uint32_t> groupOf(const Hit &hit) const { return kRecords[recordOf(hit)]; }
     [[nodiscard]] bool asks(const Hit &hit) const
     {
         const auto group = groupOf(hit);
@@ -65,7 +62,7 @@ private:
         return hit == hits_.end() ? nullptr : &*hit;
     }
     template <class T>
-    [[nodiscard]] bool placed(const Hit &hit, const T &at, std::uint32_t hitKind) const
+    [[nodiscard]] bool placed(const Hit &hit, const T &at, uint32_t hitKind) const
     {
         if (hit.box)
             return !(at.t < ray_.generate || at.t > ray_.generate) && hitKind == 0x10 + (hit.primitive & 0xf);
@@ -110,7 +107,7 @@ private:
 
     std::string candidateFault()
     {
-        for (std::size_t i = 0; i < result_.candidates.size(); ++i) {
+        for (size_t i = 0; i < result_.candidates.size(); ++i) {
             const vt::Candidate &c = result_.candidates[i];
             const vt::CandidateNote &note = result_.notes[i];
             const Hit *hit = find(c, c.box());
@@ -206,7 +203,7 @@ private:
     double limit_ = 0;
 };
 
-void compare(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint64_t minimum)
+void compare(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum)
 {
     vt::PipelineTracer tracer(
         gpu, {.groups = {{}, {.anyHit = false}, {.closestHit = false}, {.box = true}, {.box = true, .anyHit = false}},
@@ -216,7 +213,7 @@ void compare(vt::Gpu &gpu, const Limits &limits, std::uint32_t scenes, std::uint
         const Built built = build(gpu, scene);
         const std::vector<vt::PipelineResult> results = tracer.trace(*built.scene, scene.rays, kCapacity);
         std::vector<Traced> traced;
-        for (std::size_t i = 0; i < results.size(); ++i) {
+        for (size_t i = 0; i < results.size(); ++i) {
             const std::string fault = Judge(scene, scene.rays[i], hits[i].hits, results[i]).fault();
             traced.push_back({fault, results[i].candidateCount, results[i].committed != vt::kNone});
         }

@@ -8,12 +8,12 @@ namespace oracle
 namespace
 {
 
-std::uint32_t below(Random &random, std::uint32_t n)
+uint32_t below(Random &random, uint32_t n)
 {
-    return static_cast<std::uint32_t>(random() % n);
+    return static_cast<uint32_t>(random() % n);
 }
 
-bool chance(Random &random, std::uint32_t percent)
+bool chance(Random &random, uint32_t percent)
 {
     return below(random, 100) < percent;
 }
@@ -28,19 +28,19 @@ vt::Vec3 point(Random &random, float size)
     return {between(random, -size, size), between(random, -size, size), between(random, -size, size)};
 }
 
-MicromapTriangle randomTriangle(Random &random, std::uint32_t maxLevel)
+MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel)
 {
     MicromapTriangle triangle;
     triangle.level = below(random, maxLevel + 1);
     triangle.format = chance(random, 40) ? vt::kTwoState : vt::kFourState;
-    const std::uint32_t values = triangle.format == vt::kTwoState ? 2 : 4;
-    triangle.states.resize(std::size_t{1} << (2 * triangle.level));
+    const uint32_t values = triangle.format == vt::kTwoState ? 2 : 4;
+    triangle.states.resize(size_t{1} << (2 * triangle.level));
     // Uniform triangles and uniform stretches are what a layer treats specially.
-    const std::uint32_t stretch = 1u << (2 * below(random, 4));
-    std::uint8_t state = 0;
-    for (std::size_t i = 0; i < triangle.states.size(); ++i) {
+    const uint32_t stretch = 1u << (2 * below(random, 4));
+    uint8_t state = 0;
+    for (size_t i = 0; i < triangle.states.size(); ++i) {
         if (i % stretch == 0)
-            state = static_cast<std::uint8_t>(below(random, values));
+            state = static_cast<uint8_t>(below(random, values));
         triangle.states[i] = state;
     }
     if (chance(random, 15))
@@ -48,7 +48,7 @@ MicromapTriangle randomTriangle(Random &random, std::uint32_t maxLevel)
     return triangle;
 }
 
-MeshMicromap randomMicromap(Random &random, std::uint32_t triangles, std::uint32_t maxLevel)
+MeshMicromap randomMicromap(Random &random, uint32_t triangles, uint32_t maxLevel)
 {
     MeshMicromap micromap{};
     constexpr std::array types{VK_INDEX_TYPE_NONE_KHR, VK_INDEX_TYPE_UINT16, VK_INDEX_TYPE_UINT32};
@@ -56,16 +56,16 @@ MeshMicromap randomMicromap(Random &random, std::uint32_t triangles, std::uint32
     micromap.base = chance(random, 50) ? 0 : below(random, 7);
     micromap.null = micromap.indexType != VK_INDEX_TYPE_NONE_KHR && chance(random, 10);
     const bool direct = micromap.indexType == VK_INDEX_TYPE_NONE_KHR;
-    const std::uint32_t count = direct ? triangles : 1 + below(random, triangles);
-    for (std::uint32_t i = 0; i < count + micromap.base; ++i)
+    const uint32_t count = direct ? triangles : 1 + below(random, triangles);
+    for (uint32_t i = 0; i < count + micromap.base; ++i)
         micromap.triangles.push_back(randomTriangle(random, maxLevel));
-    for (std::uint32_t i = 0; i < triangles; ++i) {
+    for (uint32_t i = 0; i < triangles; ++i) {
         if (direct)
-            micromap.indices.push_back(static_cast<std::int32_t>(i));
+            micromap.indices.push_back(static_cast<int32_t>(i));
         else if (micromap.null || chance(random, 20))
-            micromap.indices.push_back(-1 - static_cast<std::int32_t>(below(random, 4)));
+            micromap.indices.push_back(-1 - static_cast<int32_t>(below(random, 4)));
         else
-            micromap.indices.push_back(static_cast<std::int32_t>(below(random, count)));
+            micromap.indices.push_back(static_cast<int32_t>(below(random, count)));
     }
     return micromap;
 }
@@ -74,8 +74,8 @@ Mesh randomMesh(Random &random, bool boxes, const Limits &limits)
 {
     Mesh mesh{};
     mesh.opaque = chance(random, 50);
-    const std::uint32_t count = 1 + below(random, boxes ? 5 : 32);
-    for (std::uint32_t i = 0; i < count; ++i) {
+    const uint32_t count = 1 + below(random, boxes ? 5 : 32);
+    for (uint32_t i = 0; i < count; ++i) {
         const vt::Vec3 centre = point(random, 2);
         if (boxes) {
             const float size = between(random, 0.1f, 0.7f);
@@ -108,24 +108,24 @@ VkTransformMatrixKHR randomTransform(Random &random)
                                    {2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)}};
     const vt::Vec3 place = point(random, 2);
     VkTransformMatrixKHR out{};
-    for (std::size_t c = 0; c < 3; ++c) {
+    for (size_t c = 0; c < 3; ++c) {
         double scale = double{between(random, 0.5f, 1.8f)};
         if (chance(random, 20))
             scale = -scale;
-        for (std::size_t r = 0; r < 3; ++r)
+        for (size_t r = 0; r < 3; ++r)
             out.matrix[r][c] = static_cast<float>(rotation[r][c] * scale);
     }
-    for (std::size_t r = 0; r < 3; ++r)
+    for (size_t r = 0; r < 3; ++r)
         out.matrix[r][3] = place[r];
     return out;
 }
 
-Instance randomInstance(Random &random, std::uint32_t objects, const Limits &limits)
+Instance randomInstance(Random &random, uint32_t objects, const Limits &limits)
 {
     Instance instance{};
     instance.object = below(random, objects);
     instance.transform = randomTransform(random);
-    instance.customIndex = static_cast<std::uint32_t>(random()) & 0xffffffu;
+    instance.customIndex = static_cast<uint32_t>(random()) & 0xffffffu;
     instance.mask = chance(random, 70) ? 0xff : below(random, 256);
     if (chance(random, 15))
         instance.flags |= VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR;
@@ -148,7 +148,7 @@ vt::Ray randomRay(Random &random, const Limits &limits)
     vt::Ray ray;
     ray.origin = point(random, 9);
     const vt::Vec3 target = point(random, 2.5f);
-    for (std::size_t i = 0; i < 3; ++i)
+    for (size_t i = 0; i < 3; ++i)
         ray.direction[i] = (target[i] - ray.origin[i]) * 0.2f;
     ray.tMin = chance(random, 50) ? 0 : between(random, 0, 5);
     ray.tMax = chance(random, 60) ? 1000 : between(random, 3, 12);
@@ -179,19 +179,19 @@ vt::Ray randomRay(Random &random, const Limits &limits)
 Scene randomScene(Random &random, const Limits &limits)
 {
     Scene scene;
-    const std::uint32_t objects = 1 + below(random, 5);
-    for (std::uint32_t i = 0; i < objects; ++i) {
+    const uint32_t objects = 1 + below(random, 5);
+    for (uint32_t i = 0; i < objects; ++i) {
         Object object;
         const bool boxes = chance(random, 20);
-        const std::uint32_t meshes = 1 + below(random, 3);
-        for (std::uint32_t m = 0; m < meshes; ++m)
+        const uint32_t meshes = 1 + below(random, 3);
+        for (uint32_t m = 0; m < meshes; ++m)
             object.meshes.push_back(randomMesh(random, boxes, limits));
         scene.objects.push_back(std::move(object));
     }
-    const std::uint32_t instances = 1 + below(random, 10);
-    for (std::uint32_t i = 0; i < instances; ++i)
+    const uint32_t instances = 1 + below(random, 10);
+    for (uint32_t i = 0; i < instances; ++i)
         scene.instances.push_back(randomInstance(random, objects, limits));
-    for (std::uint32_t i = 0; i < limits.rays; ++i)
+    for (uint32_t i = 0; i < limits.rays; ++i)
         scene.rays.push_back(randomRay(random, limits));
     return scene;
 }

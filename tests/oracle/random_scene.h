@@ -12,16 +12,16 @@ namespace oracle
 using Random = std::mt19937;
 
 struct MicromapTriangle {
-    std::uint32_t level;
-    std::uint16_t format;
-    std::vector<std::uint8_t> states; // in the order of the curve
+    uint32_t level;
+    uint16_t format;
+    std::vector<uint8_t> states; // in the order of the curve
 };
 
 struct MeshMicromap {
     std::vector<MicromapTriangle> triangles;
-    std::vector<std::int32_t> indices; // what the index buffer holds
+    std::vector<int32_t> indices; // what the index buffer holds
     VkIndexType indexType;
-    std::uint32_t base;
+    uint32_t base;
     bool null; // special indices only, no micromap object
 };
 
@@ -37,11 +37,11 @@ struct Object { // a bottom-level structure: triangles or boxes
 };
 
 struct Instance {
-    std::uint32_t object;
+    uint32_t object;
     VkTransformMatrixKHR transform;
-    std::uint32_t customIndex;
-    std::uint32_t mask;
-    std::uint32_t flags;
+    uint32_t customIndex;
+    uint32_t mask;
+    uint32_t flags;
     bool inactive; // acceleration structure reference 0
 };
 
@@ -53,8 +53,8 @@ struct Scene {
 
 struct Limits {
     bool micromaps = true;
-    std::uint32_t maxLevel = 5;
-    std::uint32_t rays = 640;
+    uint32_t maxLevel = 5;
+    uint32_t rays = 640;
 };
 
 Scene randomScene(Random &random, const Limits &limits);

@@ -42,17 +42,17 @@ Forms formsOfText(const std::string &text)
 }
 
 // The module with an instruction put before the first one of another opcode.
-Module insertBefore(const Module &words, std::uint32_t opcode, const Module &instruction)
+Module insertBefore(const Module &words, uint32_t opcode, const Module &instruction)
 {
     Module out(words.begin(), words.begin() + 5);
     bool done = false;
-    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16) {
+    for (size_t at = 5; at < words.size(); at += words[at] >> 16) {
         if (!done && (words[at] & 0xffff) == opcode) {
             out.insert(out.end(), instruction.begin(), instruction.end());
             done = true;
         }
-        out.insert(out.end(), words.begin() + static_cast<std::ptrdiff_t>(at),
-                   words.begin() + static_cast<std::ptrdiff_t>(at + (words[at] >> 16)));
+        out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
+                   words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
     }
     EXPECT_TRUE(done);
     return out;
@@ -166,7 +166,7 @@ TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
                      "OpExtension \"SPV_KHR_non_semantic_info\"\n%set = OpExtInstImport \"" + set + "\"\n");
         return count(disassemble(rewriteValid(assemble(text))), "OpVariable %_ptr_Function_uint Function");
     };
-    const std::size_t others = variables("NonSemantic.Other"); // nobody knows what this does
+    const size_t others = variables("NonSemantic.Other"); // nobody knows what this does
     EXPECT_EQ(variables("NonSemantic.Shader.DebugInfo.9"), others + 1);
 }
 
@@ -178,7 +178,7 @@ TEST(Declarations, OfMicromapsAreRemoved)
                  "OpExtension \"SPV_KHR_opacity_micromap\"\nOpExtension");
     Module words = assemble(text);
     words = insertBefore(words, spv::OpExtension, {2u << 16 | spv::OpCapability, 6032});
-    const std::uint32_t main = 1; // any id: the mode goes with all its operands
+    const uint32_t main = 1; // any id: the mode goes with all its operands
     words = insertBefore(words, spv::OpName, {4u << 16 | spv::OpExecutionModeId, main, 6031, main});
     ASSERT_NE(validate(words), "");
     const auto result = spirv::rewrite(words, {});
@@ -209,7 +209,7 @@ TEST(UnknownInstructions, PassThroughWhereTheyStand)
 {
     const Module unknown{3u << 16 | 0x7abc, 0x1234567, 0x89abcde};
     const Module words = assemble(moduleText(loopOn("%q")));
-    for (const std::uint32_t before : {spv::OpRayQueryProceedKHR, spv::OpTypeBool, spv::OpDecorate}) {
+    for (const uint32_t before : {spv::OpRayQueryProceedKHR, spv::OpTypeBool, spv::OpDecorate}) {
         const auto result = spirv::rewrite(insertBefore(words, before, unknown), {});
         ASSERT_EQ(result.status, Status::Rewritten) << result.error;
         const auto at = std::search(result.words.begin(), result.words.end(), unknown.begin(), unknown.end());

@@ -29,8 +29,8 @@ std::vector<Module> modules()
 TEST(BadModules, CutShortAtEveryWord)
 {
     for (const Module &words : modules())
-        for (std::size_t n = 0; n < words.size(); ++n) {
-            const std::span<const std::uint32_t> part(words.data(), n);
+        for (size_t n = 0; n < words.size(); ++n) {
+            const std::span<const uint32_t> part(words.data(), n);
             const auto result = spirv::rewrite(part, {});
             ASSERT_EQ(result.status, spirv::scan(part).tracesRays ? Status::Failed : Status::Unchanged) << n;
             ASSERT_EQ(result.error.empty(), result.status != Status::Failed);
@@ -40,15 +40,15 @@ TEST(BadModules, CutShortAtEveryWord)
 TEST(BadModules, RandomWords)
 {
     std::mt19937 random(7);
-    const auto below = [&](std::size_t n) { return static_cast<std::uint32_t>(random() % n); };
+    const auto below = [&](size_t n) { return static_cast<uint32_t>(random() % n); };
     int rewritten = 0, failed = 0;
     for (const Module &original : modules()) {
         for (int round = 0; round < 1500; ++round) {
             Module words = original;
-            for (std::uint32_t n = 1 + below(3); n > 0; --n) {
-                std::uint32_t &word = words[below(words.size())];
+            for (uint32_t n = 1 + below(3); n > 0; --n) {
+                uint32_t &word = words[below(words.size())];
                 switch (below(5)) {
-                case 0: word = static_cast<std::uint32_t>(random()); break;
+                case 0: word = static_cast<uint32_t>(random()); break;
                 case 1: word ^= 1u << below(32); break;
                 case 2: word = words[below(words.size())]; break; // often another id, or another opcode
                 case 3: word = below(original[3] + 2); break;
@@ -74,8 +74,8 @@ TEST(BadModules, WhatWasValidStaysValid)
     for (const Module &original : modules())
         for (int round = 0; round < 60; ++round) {
             Module words = original;
-            words[5 + random() % static_cast<std::uint32_t>(words.size() - 5)] =
-                static_cast<std::uint32_t>(random() % original[3]);
+            words[5 + random() % static_cast<uint32_t>(words.size() - 5)] =
+                static_cast<uint32_t>(random() % original[3]);
             if (words == original || !validate(words).empty())
                 continue;
             const auto result = spirv::rewrite(words, {});
@@ -97,14 +97,14 @@ TEST(BadModules, OtherByteOrderAndNoSpirv)
 // Also by instructions that installed headers do not know: what is put in their place would define it once more.
 TEST(BadModules, ResultIdDefinedTwice)
 {
-    for (const std::uint32_t opcode : {5271u, 5308u, 5326u}) { // of hit objects: custom index (NV), flags, custom index
+    for (const uint32_t opcode : {5271u, 5308u, 5326u}) { // of hit objects: custom index (NV), flags, custom index
         Module words = loadShader("hit.rchit", "v15");
-        std::size_t load = 5;
+        size_t load = 5;
         while ((words[load] & 0xffff) != 61 && load < words.size()) // OpLoad
             load += words[load] >> 16;
         ASSERT_LT(load, words.size());
-        const std::uint32_t type = words[load + 1], result = words[load + 2];
-        const auto after = words.begin() + static_cast<std::ptrdiff_t>(load + (words[load] >> 16));
+        const uint32_t type = words[load + 1], result = words[load + 2];
+        const auto after = words.begin() + static_cast<ptrdiff_t>(load + (words[load] >> 16));
         words.insert(after, {4u << 16 | opcode, type, result, result});
         EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Failed) << opcode;
     }

@@ -18,7 +18,7 @@ namespace
 
 using spirv::QueriesConsume;
 using Status = spirv::RewriteResult::Status;
-using Seen = std::vector<std::uint32_t>;
+using Seen = std::vector<uint32_t>;
 
 const spirv::RewriteOptions kWhereDeclared{.rootAddress = 0xfedcba9876543210,
                                            .queriesConsume = QueriesConsume::WhereDeclared};
@@ -119,7 +119,7 @@ spirv::RewriteResult rewriteText(const std::string &text, const spirv::RewriteOp
     return result;
 }
 
-Seen runText(const std::string &text, const std::map<std::uint32_t, std::uint32_t> &specialization = {},
+Seen runText(const std::string &text, const std::map<uint32_t, uint32_t> &specialization = {},
              const std::string &entry = "main", const spirv::RewriteOptions &options = kWhereDeclared)
 {
     return Machine(rewriteText(text, options).words, kScript, specialization).run(entry);
@@ -197,7 +197,7 @@ TEST(ExecutionMode, AFalseSpecializationConstantIsFoldedAway)
     for (const bool value : {false, true}) {
         spvtools::Optimizer optimizer(SPV_ENV_VULKAN_1_2);
         optimizer.RegisterPass(spvtools::CreateSetSpecConstantDefaultValuePass(
-            std::unordered_map<std::uint32_t, std::vector<std::uint32_t>>{{7, {value}}}));
+            std::unordered_map<uint32_t, std::vector<uint32_t>>{{7, {value}}}));
         optimizer.RegisterPass(spvtools::CreateFreezeSpecConstantValuePass());
         optimizer.RegisterPerformancePasses();
         Module out;
@@ -211,7 +211,7 @@ TEST(ExecutionMode, AFalseSpecializationConstantIsFoldedAway)
 
 TEST(ExecutionMode, OfEntryPointsThatShareFunctions)
 {
-    const std::map<std::uint32_t, std::uint32_t> specialization{{7, 1}, {8, 0}};
+    const std::map<uint32_t, uint32_t> specialization{{7, 1}, {8, 0}};
     const std::map<std::string, Seen> declared{
         {"", kAll}, {"%true", kUndecided}, {"%false", kAll}, {"%spec", kUndecided}, {"%spec1", kAll}, {"%not", kAll}};
     for (const auto &[main, seenByMain] : declared)
@@ -235,7 +235,7 @@ TEST(ExecutionMode, SharedFunctionsOfOlderModules)
     EXPECT_EQ(Machine(result.words, kScript).run("other"), kAll);
     std::string error;
     const auto before = spirv::Module::parse(words, error), after = spirv::Module::parse(result.words, error);
-    for (std::size_t i = 0; i < 2; ++i)
+    for (size_t i = 0; i < 2; ++i)
         EXPECT_EQ(after->section(spirv::Section::EntryPoints)[i].count,
                   before->section(spirv::Section::EntryPoints)[i].count);
 }
@@ -259,14 +259,14 @@ struct FlagCase {
 
 TEST(ExecutionMode, RayFlagsAreHiddenOnlyWhereMicromapsAreConsumed)
 {
-    constexpr std::uint32_t opaque = 0x1, cullNoOpaque = 0x80, force2State = 0x400, cullBack = 0x10;
+    constexpr uint32_t opaque = 0x1, cullNoOpaque = 0x80, force2State = 0x400, cullBack = 0x10;
     const std::string read = R"(
      %rf = OpRayQueryGetRayFlagsKHR %uint %q
            OpStore %result %rf
 )";
     for (const FlagCase c : {FlagCase{"%true", true}, {"%spec", true}, {"%spec1", false}, {"%false", false}})
         for (const bool constant : {true, false})
-            for (const std::uint32_t flags : {opaque, cullNoOpaque | cullBack, force2State | cullBack, cullBack}) {
+            for (const uint32_t flags : {opaque, cullNoOpaque | cullBack, force2State | cullBack, cullBack}) {
                 std::string text =
                     oneEntry(c.operand, "%flags = OpConstant %uint " + std::to_string(flags) + "\n", read);
                 put(text, "OpExtension",
@@ -276,7 +276,7 @@ TEST(ExecutionMode, RayFlagsAreHiddenOnlyWhereMicromapsAreConsumed)
                 text.replace(text.find("%as %u0"), 7, constant ? "%as %flags" : "%as %rt");
                 Machine machine(rewriteText(text, kWhereDeclared).words, {}, {{7, 1}, {8, 0}});
                 EXPECT_EQ(machine.run(), Seen{flags}) << c.operand << " " << constant;
-                const std::uint32_t hidden = c.consumes ? opaque | cullNoOpaque | force2State : force2State;
+                const uint32_t hidden = c.consumes ? opaque | cullNoOpaque | force2State : force2State;
                 EXPECT_EQ(machine.rayFlags(), flags & ~hidden) << c.operand << " " << constant;
             }
 }
@@ -333,13 +333,13 @@ TEST(ExecutionMode, WithAWrongOperandIsRefused)
 TEST(ExecutionMode, DamagedModulesAreNoCrash)
 {
     std::mt19937 random(31);
-    const auto below = [&](std::size_t n) { return static_cast<std::uint32_t>(random() % n); };
+    const auto below = [&](size_t n) { return static_cast<uint32_t>(random() % n); };
     int rewritten = 0, failed = 0;
     const Module original = assemble(twoEntries("%spec", "%true"));
     for (int round = 0; round < 4000; ++round) {
         Module words = original;
-        for (std::uint32_t n = 1 + below(3); n > 0; --n)
-            words[below(words.size())] = below(3) == 0 ? static_cast<std::uint32_t>(random()) : below(original[3] + 2);
+        for (uint32_t n = 1 + below(3); n > 0; --n)
+            words[below(words.size())] = below(3) == 0 ? static_cast<uint32_t>(random()) : below(original[3] + 2);
         const auto result = spirv::rewrite(words, kWhereDeclared);
         rewritten += result.status == Status::Rewritten;
         failed += result.status == Status::Failed;

@@ -14,8 +14,8 @@ using Status = spirv::RewriteResult::Status;
 
 struct Case {
     const char *shader;
-    std::size_t flat, inner; // proceed calls as glslang compiles them
-    std::size_t optimizedFlat, optimizedInner;
+    size_t flat, inner; // proceed calls as glslang compiles them
+    size_t optimizedFlat, optimizedInner;
 };
 
 void PrintTo(const Case &c, std::ostream *out)

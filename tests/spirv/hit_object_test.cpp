@@ -14,9 +14,9 @@ namespace
 {
 
 using Status = spirv::RewriteResult::Status;
-using Seen = std::vector<std::uint32_t>;
+using Seen = std::vector<uint32_t>;
 
-constexpr std::uint32_t kTraced = Machine::kTraced, kExecuted = Machine::kExecuted;
+constexpr uint32_t kTraced = Machine::kTraced, kExecuted = Machine::kExecuted;
 
 spirv::RewriteResult rewriteAs(const Module &words, const spirv::HiddenFlags &hidden, const char *entryPoint = "main")
 {
@@ -104,7 +104,7 @@ Module hitObjects(const std::string &body, const std::string &other = "", const 
 // NV has not is stood for by instructions with as many operands.
 Module toExt(Module words)
 {
-    static const std::map<std::uint32_t, std::uint32_t> kExt{
+    static const std::map<uint32_t, uint32_t> kExt{
         {spirv::kOpTypeHitObjectNV, spirv::kOpTypeHitObjectEXT},
         {spirv::kOpHitObjectTraceRayNV, spirv::kOpHitObjectTraceRayEXT},
         {spirv::kOpHitObjectTraceRayMotionNV, spirv::kOpHitObjectTraceRayMotionEXT},
@@ -116,7 +116,7 @@ Module toExt(Module words)
         {5258, spirv::kOpHitObjectGetRayFlagsEXT},     // OpHitObjectGetShaderBindingTableRecordIndexNV
         {5294, spirv::kOpHitObjectRecordFromQueryEXT}, // OpEmitMeshTasksEXT
     };
-    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16)
+    for (size_t at = 5; at < words.size(); at += words[at] >> 16)
         if (const auto ext = kExt.find(words[at] & 0xffff); ext != kExt.end())
             words[at] = (words[at] & 0xffff0000) | ext->second;
     return words;
@@ -254,7 +254,7 @@ TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
 {
     const struct {
         const char *flags;
-        std::uint32_t hidden, driver;
+        uint32_t hidden, driver;
     } cases[] = {{"%opaque", 1, 0}, {"%skip", 0, 256}, {"%zero", 0, 0}, {"%c", 1024, 2}};
     for (const auto &c : cases) {
         const std::string computed = "%e = OpBitwiseOr %uint %force %noOpaque\nOpStore %computed %e\n"
@@ -277,7 +277,7 @@ TEST(HitObjects, OfQueriesWithoutMicromapsHaveTheFlagsThatTheDriverKnows)
     text.replace(text.find("OpDecorate"), 0, "OpExecutionModeId %g SubgroupsPerWorkgroupId %yes\n");
     text.replace(text.find("%uint ="), 0, "%bool = OpTypeBool\n%yes = OpConstantTrue %bool\n");
     Module words = toExt(assemble(text));
-    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16)
+    for (size_t at = 5; at < words.size(); at += words[at] >> 16)
         if ((words[at] & 0xffff) == spv::OpExecutionModeId)
             words[at + 2] = spirv::kExecutionModeOpacityMicromapId;
     const auto result =

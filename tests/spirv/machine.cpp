@@ -16,7 +16,7 @@ using spirv::Section;
 
 constexpr int kMaxSteps = 10000;
 
-spirv::Module parse(const std::vector<std::uint32_t> &words)
+spirv::Module parse(const std::vector<uint32_t> &words)
 {
     std::string error;
     auto module = spirv::Module::parse(words, error);
@@ -27,8 +27,8 @@ spirv::Module parse(const std::vector<std::uint32_t> &words)
 
 } // namespace
 
-Machine::Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script,
-                 const std::map<std::uint32_t, std::uint32_t> &specialization)
+Machine::Machine(const std::vector<uint32_t> &words, std::vector<Candidate> script,
+                 const std::map<uint32_t, uint32_t> &specialization)
     : module_(parse(words)), script_(std::move(script))
 {
     for (const Instruction in : module_.section(Section::Decorations))
@@ -39,7 +39,7 @@ Machine::Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate>
         if (in.opcode == spv::OpName)
             names_[module_.word(in, 1)] = module_.string(in, 2);
     const auto &code = module_.section(Section::Functions);
-    for (std::size_t i = 0; i < code.size(); ++i) {
+    for (size_t i = 0; i < code.size(); ++i) {
         if (code[i].opcode == spv::OpLabel)
             labels_[module_.word(code[i], 1)] = i;
         if (code[i].opcode == spv::OpFunction)
@@ -47,7 +47,7 @@ Machine::Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate>
     }
 }
 
-std::vector<std::uint32_t> Machine::run(const std::string &entryPoint)
+std::vector<uint32_t> Machine::run(const std::string &entryPoint)
 {
     for (const Instruction in : module_.section(Section::EntryPoints))
         if (module_.string(in, 3) == entryPoint)
@@ -57,7 +57,7 @@ std::vector<std::uint32_t> Machine::run(const std::string &entryPoint)
     return seen_;
 }
 
-std::uint32_t Machine::value(Id id) const
+uint32_t Machine::value(Id id) const
 {
     const Instruction in = module_.definition(id);
     if (module_.isGlobal(id) && in.opcode != spv::OpVariable)
@@ -66,7 +66,7 @@ std::uint32_t Machine::value(Id id) const
     return it == values_.end() ? 0 : it->second;
 }
 
-std::uint32_t Machine::constant(Instruction in) const
+uint32_t Machine::constant(Instruction in) const
 {
     const auto specialized = specialized_.find(module_.result(in));
     if (specialized != specialized_.end())
@@ -77,7 +77,7 @@ std::uint32_t Machine::constant(Instruction in) const
     case spv::OpConstantTrue:
     case spv::OpSpecConstantTrue: return 1;
     case spv::OpSpecConstantOp: {
-        const std::uint32_t a = value(module_.word(in, 4)), b = value(module_.word(in, 5));
+        const uint32_t a = value(module_.word(in, 4)), b = value(module_.word(in, 5));
         switch (module_.word(in, 3)) {
         case spv::OpLogicalNot: return a == 0;
         case spv::OpIEqual: return a == b;
@@ -93,11 +93,11 @@ void Machine::branch(Id to)
     // All phis of a block read before any of them is written.
     const auto &code = module_.section(Section::Functions);
     at_ = labels_.at(to);
-    std::map<Id, std::uint32_t> next;
+    std::map<Id, uint32_t> next;
     while (code[++at_].opcode == spv::OpPhi) {
         const Instruction in = code[at_];
         bool found = false;
-        for (std::uint32_t i = 3; i < in.count; i += 2)
+        for (uint32_t i = 3; i < in.count; i += 2)
             if (module_.word(in, i + 1) == block_) {
                 next[module_.word(in, 2)] = value(module_.word(in, i));
                 found = true;
@@ -110,14 +110,14 @@ void Machine::branch(Id to)
     block_ = to;
 }
 
-std::uint32_t Machine::call(Id function, const std::vector<std::uint32_t> &arguments)
+uint32_t Machine::call(Id function, const std::vector<uint32_t> &arguments)
 {
     if (names_[function] == "vellumCandidate")
         return script_.at(position_ - 1).decided;
 
     const auto &code = module_.section(Section::Functions);
     at_ = functions_.at(function);
-    std::size_t argument = 0;
+    size_t argument = 0;
     while (code[++at_].opcode == spv::OpFunctionParameter)
         values_[module_.word(code[at_], 2)] = arguments.at(argument++);
     block_ = module_.word(code[at_], 1);
@@ -128,7 +128,7 @@ std::uint32_t Machine::call(Id function, const std::vector<std::uint32_t> &argum
         case spv::OpBranchConditional: branch(module_.word(in, value(module_.word(in, 1)) != 0 ? 2 : 3)); break;
         case spv::OpSwitch: {
             Id to = module_.word(in, 2);
-            for (std::uint32_t i = 3; i < in.count; i += 2)
+            for (uint32_t i = 3; i < in.count; i += 2)
                 if (module_.word(in, i) == value(module_.word(in, 1)))
                     to = module_.word(in, i + 1);
             branch(to);
@@ -137,14 +137,14 @@ std::uint32_t Machine::call(Id function, const std::vector<std::uint32_t> &argum
         case spv::OpReturn: return 0;
         case spv::OpReturnValue: return value(module_.word(in, 1));
         case spv::OpFunctionCall: {
-            std::vector<std::uint32_t> values;
-            for (std::uint32_t i = 4; i < in.count; ++i) {
+            std::vector<uint32_t> values;
+            for (uint32_t i = 4; i < in.count; ++i) {
                 values.push_back(value(module_.word(in, i)));
                 const Instruction parameter = code[functions_.at(module_.word(in, 3)) + i - 3];
                 if (module_.definition(module_.word(parameter, 1)).opcode == spv::OpTypePointer)
                     arguments_[module_.word(parameter, 2)] = variable(module_.word(in, i));
             }
-            const std::size_t back = at_ + 1;
+            const size_t back = at_ + 1;
             const Id block = block_;
             values_[module_.word(in, 2)] = call(module_.word(in, 3), values);
             at_ = back;
@@ -152,7 +152,7 @@ std::uint32_t Machine::call(Id function, const std::vector<std::uint32_t> &argum
             break;
         }
         default: {
-            const std::uint32_t v = evaluate(in);
+            const uint32_t v = evaluate(in);
             if (const Id id = module_.result(in))
                 values_[id] = v;
             ++at_;
@@ -162,7 +162,7 @@ std::uint32_t Machine::call(Id function, const std::vector<std::uint32_t> &argum
     return 0;
 }
 
-std::uint32_t Machine::evaluate(Instruction in)
+uint32_t Machine::evaluate(Instruction in)
 {
     const auto a = value(module_.word(in, 3)), b = value(module_.word(in, 4)), c = value(module_.word(in, 5));
     switch (in.opcode) {
@@ -216,7 +216,7 @@ Id Machine::variable(Id pointer) const
     return argument == arguments_.end() ? pointer : argument->second;
 }
 
-std::uint32_t Machine::evaluateRay(Instruction in)
+uint32_t Machine::evaluateRay(Instruction in)
 {
     const auto ray = spirv::rayInstruction(in.opcode);
     if (!ray)
@@ -225,7 +225,7 @@ std::uint32_t Machine::evaluateRay(Instruction in)
         seen_.push_back(kExecuted | hitObjectFlags_[variable(module_.word(in, ray->hitObject))]);
         return 0;
     }
-    std::uint32_t flags = ray->query != 0 ? rayFlags_ : 0;
+    uint32_t flags = ray->query != 0 ? rayFlags_ : 0;
     if (ray->flags != 0) {
         flags = value(module_.word(in, ray->flags));
         seen_.push_back(kTraced | flags);

@@ -12,7 +12,7 @@ namespace vellum::test
 
 // A candidate as it is resolved: the application sees it, or the rewritten module decides it.
 struct Candidate {
-    std::uint32_t name;
+    uint32_t name;
     bool decided;
 };
 
@@ -20,43 +20,43 @@ class Machine
 {
 public:
     // specialization: values of specialization constants by SpecId.
-    Machine(const std::vector<std::uint32_t> &words, std::vector<Candidate> script,
-            const std::map<std::uint32_t, std::uint32_t> &specialization = {});
+    Machine(const std::vector<uint32_t> &words, std::vector<Candidate> script,
+            const std::map<uint32_t, uint32_t> &specialization = {});
 
     // Added to the ray flags in what run() returns of an instruction that traces a ray, and of one that executes the
     // shaders of a hit object.
-    static constexpr std::uint32_t kTraced = 0x10000, kExecuted = 0x20000;
+    static constexpr uint32_t kTraced = 0x10000, kExecuted = 0x20000;
     // Runs an entry point. What the application does that can be seen from outside: values stored to memory,
     // candidates confirmed, and the driver's flags of rays and hit objects. Ends with ~0 if the steps run out.
-    std::vector<std::uint32_t> run(const std::string &entryPoint = "main");
+    std::vector<uint32_t> run(const std::string &entryPoint = "main");
     // Ray flags that the query was last initialized with.
-    [[nodiscard]] std::uint32_t rayFlags() const { return rayFlags_; }
+    [[nodiscard]] uint32_t rayFlags() const { return rayFlags_; }
 
 private:
-    std::uint32_t call(spirv::Id function, const std::vector<std::uint32_t> &arguments);
+    uint32_t call(spirv::Id function, const std::vector<uint32_t> &arguments);
     void branch(spirv::Id to);
-    std::uint32_t evaluate(spirv::Instruction in);
-    std::uint32_t evaluateRay(spirv::Instruction in);
+    uint32_t evaluate(spirv::Instruction in);
+    uint32_t evaluateRay(spirv::Instruction in);
     // The variable that a pointer, which may be a parameter, points to.
     spirv::Id variable(spirv::Id pointer) const;
-    std::uint32_t value(spirv::Id id) const;
-    std::uint32_t constant(spirv::Instruction in) const;
+    uint32_t value(spirv::Id id) const;
+    uint32_t constant(spirv::Instruction in) const;
 
     spirv::Module module_;
     std::vector<Candidate> script_;
-    std::size_t position_ = 0; // of the current candidate, counted from 1
-    std::map<spirv::Id, std::uint32_t> values_;
-    std::map<spirv::Id, std::uint32_t> variables_;
+    size_t position_ = 0; // of the current candidate, counted from 1
+    std::map<spirv::Id, uint32_t> values_;
+    std::map<spirv::Id, uint32_t> variables_;
     std::map<spirv::Id, std::string> names_;
-    std::map<spirv::Id, std::size_t> labels_, functions_;
-    std::size_t at_ = 0;
+    std::map<spirv::Id, size_t> labels_, functions_;
+    size_t at_ = 0;
     spirv::Id block_ = 0;
     int steps_ = 0;
-    std::vector<std::uint32_t> seen_;
-    std::map<spirv::Id, std::uint32_t> specialized_;
-    std::uint32_t rayFlags_ = 0;
-    std::map<spirv::Id, spirv::Id> arguments_;          // by pointer parameter
-    std::map<spirv::Id, std::uint32_t> hitObjectFlags_; // that the driver knows, by variable
+    std::vector<uint32_t> seen_;
+    std::map<spirv::Id, uint32_t> specialized_;
+    uint32_t rayFlags_ = 0;
+    std::map<spirv::Id, spirv::Id> arguments_;     // by pointer parameter
+    std::map<spirv::Id, uint32_t> hitObjectFlags_; // that the driver knows, by variable
 };
 
 } // namespace vellum::test

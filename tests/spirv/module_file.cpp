@@ -15,17 +15,17 @@ bool isModuleFile(const std::filesystem::path &file)
     return file.extension() == ".spv" || file.extension() == ".h";
 }
 
-std::vector<std::uint32_t> readModule(const std::filesystem::path &file)
+std::vector<uint32_t> readModule(const std::filesystem::path &file)
 {
     std::ifstream stream(file, std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
-    std::vector<std::uint32_t> words;
+    std::vector<uint32_t> words;
     if (file.extension() == ".spv") {
         words.resize(bytes.size() / 4);
         std::memcpy(words.data(), bytes.data(), words.size() * 4);
     } else {
-        for (std::size_t at = bytes.find("0x"); at != std::string::npos; at = bytes.find("0x", at + 2))
-            words.push_back(static_cast<std::uint32_t>(std::strtoul(&bytes[at], nullptr, 16)));
+        for (size_t at = bytes.find("0x"); at != std::string::npos; at = bytes.find("0x", at + 2))
+            words.push_back(static_cast<uint32_t>(std::strtoul(&bytes[at], nullptr, 16)));
     }
     if (words.empty())
         throw std::runtime_error("no words of SPIR-V in " + file.string());

@@ -12,7 +12,7 @@ namespace vellum::test
 bool isModuleFile(const std::filesystem::path &file);
 
 // Throws std::runtime_error unless the file contains words.
-std::vector<std::uint32_t> readModule(const std::filesystem::path &file);
+std::vector<uint32_t> readModule(const std::filesystem::path &file);
 
 // The files that contain the project's own shaders: those in a list, one a line (shaders.txt, cmake/glsl.cmake).
 std::vector<std::filesystem::path> listedModules(const std::filesystem::path &list);

@@ -20,18 +20,18 @@ spirv::RewriteResult rewriteAs(const Module &words, spv::ExecutionModel model, s
 {
     return spirv::rewrite(
         words, {.rootAddress = 0x1000,
-                .pipelineStage = spirv::PipelineStage{entryPoint, static_cast<std::uint32_t>(model), decides, hidden}});
+                .pipelineStage = spirv::PipelineStage{entryPoint, static_cast<uint32_t>(model), decides, hidden}});
 }
 
 spirv::TypeWords payloadOf(const Module &words, spv::ExecutionModel model)
 {
     spirv::PayloadTypes types;
-    types.add(words, "main", static_cast<std::uint32_t>(model));
+    types.add(words, "main", static_cast<uint32_t>(model));
     return types.common();
 }
 
 // A closest-hit shader with a payload of type %payload, in `version`. The interface is that of 1.4 and later.
-Module closestHit(const std::string &types, const std::string &capabilities = "", std::uint32_t version = 0x00010500)
+Module closestHit(const std::string &types, const std::string &capabilities = "", uint32_t version = 0x00010500)
 {
     const bool interfaces = version >= 0x00010400;
     Module words = assemble("OpCapability RayTracingKHR\n" + capabilities + R"(
@@ -91,7 +91,7 @@ TEST(Payloads, ShadersThatDeclareNoneGetTheSameAsTheOthers)
 
 TEST(Payloads, OfSeveralTypesOrOneThatMayChangeAreNotKnown)
 {
-    const auto model = static_cast<std::uint32_t>(spv::ExecutionModelClosestHitKHR);
+    const auto model = static_cast<uint32_t>(spv::ExecutionModelClosestHitKHR);
     const Module number = closestHit("%payload = OpTypeFloat 32");
     const Module whole = closestHit("%payload = OpTypeInt 32 0");
     spirv::PayloadTypes one, other;
@@ -132,7 +132,7 @@ TEST(Payloads, ThatNothingUsesAreFoundInOldModules)
 {
     const Module words = closestHit("%payload = OpTypeFloat 32", "", 0x00010300);
     Module anyHit = words;
-    const auto entry = std::ranges::find(anyHit, static_cast<std::uint32_t>(spv::ExecutionModelClosestHitKHR));
+    const auto entry = std::ranges::find(anyHit, static_cast<uint32_t>(spv::ExecutionModelClosestHitKHR));
     *entry = spv::ExecutionModelAnyHitKHR;
     const auto result = rewriteAs(anyHit, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
@@ -179,7 +179,7 @@ TEST(Payloads, OfOtherStagesAreNotTaken)
     };
     const auto incoming = [](const Module &words, const char *entryPoint, spv::ExecutionModel model) {
         spirv::PayloadTypes types;
-        return types.add(words, entryPoint, static_cast<std::uint32_t>(model));
+        return types.add(words, entryPoint, static_cast<uint32_t>(model));
     };
     const spirv::TypeWords big{spv::OpTypeArray, 64, spv::OpTypeInt, 32, 0};
     const Module used = module("%p = OpAccessChain %pu %payload %many\nOpStore %p %many\n"), unused = module("");

@@ -357,9 +357,9 @@ TEST_P(Phis, TheApplicationSeesTheSame)
     std::mt19937 random(1);
     for (int round = 0; round < 300; ++round) {
         std::vector<Candidate> all, visible;
-        const std::uint32_t length = static_cast<std::uint32_t>(random() % 8);
-        for (std::uint32_t i = 0; i < length; ++i) {
-            all.push_back({static_cast<std::uint32_t>(random() % 200), random() % 2 == 0});
+        const uint32_t length = static_cast<uint32_t>(random() % 8);
+        for (uint32_t i = 0; i < length; ++i) {
+            all.push_back({static_cast<uint32_t>(random() % 200), random() % 2 == 0});
             if (!all.back().decided)
                 visible.push_back(all.back());
         }

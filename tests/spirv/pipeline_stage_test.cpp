@@ -22,7 +22,7 @@ struct Stage {
 spirv::RewriteOptions optionsOf(const Stage &stage)
 {
     return {.rootAddress = 0x1000,
-            .pipelineStage = spirv::PipelineStage{"main", static_cast<std::uint32_t>(stage.model), stage.decides}};
+            .pipelineStage = spirv::PipelineStage{"main", static_cast<uint32_t>(stage.model), stage.decides}};
 }
 
 std::string rewriteStage(const Stage &stage, const char *variant = "v15")
@@ -100,7 +100,7 @@ TEST(PipelineStages, RayFlagsAreHidden)
 // In pipelines without micromaps only the flag that the driver does not know is hidden, where the module may have it.
 TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
 {
-    std::vector<std::uint32_t> trace = loadShader("trace.rgen", "v15");
+    std::vector<uint32_t> trace = loadShader("trace.rgen", "v15");
     EXPECT_EQ(spirv::rewrite(trace, {}).status, Status::Unchanged);
     trace.insert(trace.begin() + 5, {2u << 16 | spv::OpCapability, 5381u /* RayTracingOpacityMicromapEXT */});
     const auto hiding = spirv::rewrite(trace, {});
@@ -111,7 +111,7 @@ TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
     EXPECT_EQ(count(traced, "OpConstant %uint 1024"), 1u);
     EXPECT_EQ(count(traced, "OpConstant %uint 1153"), 0u);
     // Nobody has hidden anything from what an any-hit shader reads.
-    const std::vector<std::uint32_t> anyHit = loadShader("any_hit.rahit", "v15");
+    const std::vector<uint32_t> anyHit = loadShader("any_hit.rahit", "v15");
     const auto result = spirv::rewrite(anyHit, {});
     ASSERT_EQ(result.status, Status::Rewritten);
     EXPECT_EQ(validate(result.words), "");
@@ -144,7 +144,7 @@ TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
                                    Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
                                    Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}}) {
             rewriteHiding(stage, kInPayload, variant);
-            for (const std::uint32_t constant : {0u, 0x81u})
+            for (const uint32_t constant : {0u, 0x81u})
                 rewriteHiding(stage, {kAllFixed, constant}, variant);
         }
     }
@@ -176,7 +176,7 @@ TEST(PipelineStages, FlagsTravelInPayloads)
 TEST(PipelineStages, IntersectionShadersSeeNoPayload)
 {
     spirv::RewriteOptions options = optionsOf(kCulling);
-    const std::vector<std::uint32_t> words = loadShader("box.rint", "v15");
+    const std::vector<uint32_t> words = loadShader("box.rint", "v15");
     EXPECT_FALSE(spirv::rewrite(words, options).lacksHiddenFlags);
     options.pipelineStage->hidden = kInPayload;
     const auto result = spirv::rewrite(words, options);
@@ -197,7 +197,7 @@ TEST(PipelineStages, IntersectionShadersSeeNoPayload)
 
 TEST(PipelineStages, FlagsThatAllRaysHaveAlikeAreFixed)
 {
-    const auto of = [](std::uint32_t constant) { return spirv::TracedFlags{.traces = true, .constant = constant}; };
+    const auto of = [](uint32_t constant) { return spirv::TracedFlags{.traces = true, .constant = constant}; };
     spirv::TracedFlags all;
     all.add({});
     EXPECT_EQ(all, spirv::TracedFlags{});
@@ -214,11 +214,11 @@ TEST(PipelineStages, FlagsThatAllRaysHaveAlikeAreFixed)
 // How far apart the hit records of an instance's geometries are.
 TEST(PipelineStages, TheGreatestStrideOfRaysIsKnown)
 {
-    std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
+    std::vector<uint32_t> words = loadShader("constant_trace.rgen", "v15");
     EXPECT_EQ(spirv::scan(words).traced.mostStride, 0u);
     EXPECT_EQ(spirv::scan(loadShader("hit.rchit", "v15")).traced.mostStride, 0u);
     EXPECT_EQ(spirv::scan({}).traced.mostStride, 15u);
-    std::size_t ray = 5;
+    size_t ray = 5;
     while ((words[ray] & 0xffff) != spv::OpTraceRayKHR)
         ray += words[ray] >> 16;
     words[ray + 5] = words[ray + 2]; // its flags, 0x85
@@ -237,8 +237,8 @@ TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
     EXPECT_TRUE(constant.traces);
     EXPECT_EQ(constant, (spirv::TracedFlags{.traces = true, .constant = 0x81}));
     // Cut off anywhere, it is no longer known, or as far as it goes.
-    const std::vector<std::uint32_t> words = loadShader("constant_trace.rgen", "v15");
-    for (std::size_t size = 0; size < words.size(); ++size) {
+    const std::vector<uint32_t> words = loadShader("constant_trace.rgen", "v15");
+    for (size_t size = 0; size < words.size(); ++size) {
         const auto cut = spirv::scan(std::span(words).first(size)).traced;
         EXPECT_EQ(cut.constant & ~0x81u, 0u);
         EXPECT_EQ(~cut.fixed & cut.constant, 0u);
@@ -304,10 +304,10 @@ TEST(PipelineStages, OtherEntryPointsAreGone)
          {std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits),
           std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::BoxHits),
           std::tuple("second", spv::ExecutionModelClosestHitKHR, Decides::Nothing)}) {
-        const auto result =
-            spirv::rewrite(words, {.rootAddress = 0x1000,
-                                   .pipelineStage = spirv::PipelineStage{
-                                       name, static_cast<std::uint32_t>(model), decides, {kAllFixed, 0x80}}});
+        const auto result = spirv::rewrite(
+            words,
+            {.rootAddress = 0x1000,
+             .pipelineStage = spirv::PipelineStage{name, static_cast<uint32_t>(model), decides, {kAllFixed, 0x80}}});
         ASSERT_EQ(result.status, Status::Rewritten) << result.error;
         EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
         const std::string text = disassemble(result.words);

@@ -20,7 +20,7 @@ constexpr std::string_view kUnknown = "Invalid capability operand";
 
 TEST(Shaders, AreValid)
 {
-    std::size_t validated = 0;
+    size_t validated = 0;
     for (const std::filesystem::path &file : listedModules(VELLUM_SHADERS)) {
         const std::string name = file.stem().string();
         const std::string messages = validate(readModule(file));

@@ -112,10 +112,10 @@ Module rewriteValid(const Module &words)
     return result.words;
 }
 
-std::size_t count(const std::string &text, const std::string &part)
+size_t count(const std::string &text, const std::string &part)
 {
-    std::size_t n = 0;
-    for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
+    size_t n = 0;
+    for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
         ++n;
     return n;
 }

@@ -15,7 +15,7 @@ namespace vellum::test
 {
 
 // spirv::HiddenFlags::fixed: all rays have the hidden flags alike, or they lie in the payload.
-inline constexpr std::uint32_t kAllFixed = spirv::HiddenFlags{}.fixed, kNoneFixed = 0;
+inline constexpr uint32_t kAllFixed = spirv::HiddenFlags{}.fixed, kNoneFixed = 0;
 
 // A shader of shaders/ as CMakeLists.txt compiled it: "while_loop.comp", "v15".
 Module loadShader(const std::string &name, const std::string &variant);
@@ -34,14 +34,14 @@ void expectNoMoreNeeds(const Module &words, const Module &rewritten);
 // kept like others; that module is not returned.
 Module rewriteValid(const Module &words);
 
-std::size_t count(const std::string &text, const std::string &part);
+size_t count(const std::string &text, const std::string &part);
 
 // How the proceed calls of a rewritten module were handled.
 struct Forms {
-    std::size_t proceedFunctions = 0;   // vellumProceed functions, one for each way to reach a query
-    std::size_t candidateFunctions = 0; // vellumCandidate functions
-    std::size_t innerCalls = 0;         // proceed calls that became a call of vellumProceed
-    std::size_t flatCalls = 0;          // proceed calls that stayed
+    size_t proceedFunctions = 0;   // vellumProceed functions, one for each way to reach a query
+    size_t candidateFunctions = 0; // vellumCandidate functions
+    size_t innerCalls = 0;         // proceed calls that became a call of vellumProceed
+    size_t flatCalls = 0;          // proceed calls that stayed
 };
 Forms formsOf(const Module &rewritten);
 

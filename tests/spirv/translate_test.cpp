@@ -61,8 +61,8 @@ TEST(Translate, WordsThatAreCutShort)
 {
     const Module words = assemble(declaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n",
                                             "OpExecutionModeId %main !6031 %true\n"));
-    for (std::size_t length = 0; length <= words.size(); ++length) {
-        const Module cut(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(length));
+    for (size_t length = 0; length <= words.size(); ++length) {
+        const Module cut(words.begin(), words.begin() + static_cast<ptrdiff_t>(length));
         const Module result = spirv::translateToExt(cut).words;
         EXPECT_LE(result.size(), cut.size());
         if (length < 5) {

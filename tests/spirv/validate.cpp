@@ -5,7 +5,7 @@ namespace vellum::test
 
 spv_target_env environmentOf(const Module &words)
 {
-    const std::uint32_t version = words.size() > 1 ? words[1] : 0;
+    const uint32_t version = words.size() > 1 ? words[1] : 0;
     if (version >= 0x10600)
         return SPV_ENV_VULKAN_1_3;
     if (version >= 0x10500)

@@ -10,7 +10,7 @@
 namespace vellum::test
 {
 
-using Module = std::vector<std::uint32_t>;
+using Module = std::vector<uint32_t>;
 
 // The oldest environment of Vulkan that takes a module of its version.
 spv_target_env environmentOf(const Module &words);

@@ -28,12 +28,12 @@ protected:
     void changingScene();
 
     struct Shown {
-        std::uint32_t blas, customIndex, flags;
+        uint32_t blas, customIndex, flags;
         Vec3 place;
     };
     struct Look {
         Ray ray;
-        std::uint32_t instance;
+        uint32_t instance;
         Outcome outcome;
     };
 
@@ -41,17 +41,17 @@ protected:
     std::vector<VkAccelerationStructureInstanceKHR> scatter(std::mt19937 &random, const World &world,
                                                             const Extent &extent)
     {
-        constexpr std::array<std::uint32_t, 7> flags{0, kFlagTwoState, kFlagDisable, 4, 8, kFlagTwoState | 4, 0};
+        constexpr std::array<uint32_t, 7> flags{0, kFlagTwoState, kFlagDisable, 4, 8, kFlagTwoState | 4, 0};
         shown_.clear();
         std::vector<VkAccelerationStructureInstanceKHR> out;
-        for (std::uint32_t i = 0; i < extent.instances; ++i) {
-            const Shown s{static_cast<std::uint32_t>(random() % extent.blases),
-                          static_cast<std::uint32_t>(random()) & 0xffffff,
+        for (uint32_t i = 0; i < extent.instances; ++i) {
+            const Shown s{static_cast<uint32_t>(random() % extent.blases),
+                          static_cast<uint32_t>(random()) & 0xffffff,
                           flags[random() % flags.size()],
                           {static_cast<float>(random() % 64), static_cast<float>(random() % 64),
                            -kApart * static_cast<float>(i)}};
             VkAccelerationStructureInstanceKHR instance{};
-            for (std::size_t k = 0; k < 3; ++k) {
+            for (size_t k = 0; k < 3; ++k) {
                 instance.transform.matrix[k][k] = 1;
                 instance.transform.matrix[k][3] = s.place[k];
             }
@@ -67,18 +67,17 @@ protected:
 
     std::vector<Look> aim(std::mt19937 &random, const World &world, const Extent &extent)
     {
-        constexpr std::array<std::uint32_t, 7> flags{
+        constexpr std::array<uint32_t, 7> flags{
             0, 0, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, kRayForceTwoState};
         std::vector<Look> looks;
-        for (std::uint32_t r = 0; r < extent.rays; ++r) {
+        for (uint32_t r = 0; r < extent.rays; ++r) {
             Look look{};
-            look.instance = static_cast<std::uint32_t>(random() % extent.instances);
+            look.instance = static_cast<uint32_t>(random() % extent.instances);
             const Shown &s = shown_[look.instance];
-            const auto geometry = static_cast<std::uint32_t>(random() % extent.geometries);
-            const World::Place place =
-                world.place(s.blas, geometry, static_cast<std::uint32_t>(random() % extent.triangles),
-                            static_cast<std::uint32_t>(random()));
-            for (std::size_t k = 0; k < 3; ++k)
+            const auto geometry = static_cast<uint32_t>(random() % extent.geometries);
+            const World::Place place = world.place(s.blas, geometry, static_cast<uint32_t>(random() % extent.triangles),
+                                                   static_cast<uint32_t>(random()));
+            for (size_t k = 0; k < 3; ++k)
                 look.ray.origin[k] = place.point[k] + s.place[k];
             look.ray.origin[2] += 1;
             look.ray.tMax = 2;
@@ -97,13 +96,13 @@ protected:
         for (const Look &look : looks)
             rays.push_back(look.ray);
         const std::vector<Result> results = tracer.trace(scene, rays);
-        std::uint32_t wrong = 0;
-        for (std::size_t i = 0; i < looks.size(); ++i) {
+        uint32_t wrong = 0;
+        for (size_t i = 0; i < looks.size(); ++i) {
             const Look &look = looks[i];
             const Result &r = results[i];
             const bool asked = look.outcome == Outcome::NonOpaque;
             const bool hit = look.outcome == Outcome::Opaque || (asked && look.ray.rule == kAlways);
-            const std::uint32_t custom = shown[look.instance].customIndex;
+            const uint32_t custom = shown[look.instance].customIndex;
             const bool right = r.candidateCount == (asked ? 1u : 0u) && r.committed == (hit ? kTriangle : kNone) &&
                                (!asked || r.candidates[0].customIndex == custom) &&
                                (!hit || (r.customIndex == custom && r.instance == look.instance));
@@ -115,7 +114,7 @@ protected:
     }
 
     // 0: clone, 1: compacted, 2: serialized and reloaded.
-    void copyScene(const Tlas &scene, Structure &copied, std::uint32_t way)
+    void copyScene(const Tlas &scene, Structure &copied, uint32_t way)
     {
         if (way < 2) {
             copied.create(scene.size());
@@ -140,7 +139,7 @@ protected:
             info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
             gpu().vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
         });
-        std::uint64_t size = 0;
+        uint64_t size = 0;
         std::memcpy(&size, memory.bytes() + 40, 8);
         copied.create(size);
         gpu().submit([&](VkCommandBuffer commands) {
@@ -155,7 +154,7 @@ protected:
     }
 
     std::vector<Shown> shown_;
-    std::uint64_t compared_ = 0, hits_ = 0;
+    uint64_t compared_ = 0, hits_ = 0;
 };
 
 class StressToTheEnd : public Stress
@@ -175,11 +174,11 @@ void Stress::changingScene()
     Footprint warm;
     constexpr VkBuildAccelerationStructureFlagsKHR flags =
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
-    for (std::uint32_t frame = 0; frame < extent.frames && !HasFailure(); ++frame) {
+    for (uint32_t frame = 0; frame < extent.frames && !HasFailure(); ++frame) {
         for (int i = 0; i < 3; ++i)
-            world.change(static_cast<std::uint32_t>(random() % extent.blases),
-                         static_cast<World::Change>(random() % static_cast<std::uint32_t>(World::Change::Count)),
-                         static_cast<std::uint32_t>(random() % extent.geometries));
+            world.change(static_cast<uint32_t>(random() % extent.blases),
+                         static_cast<World::Change>(random() % static_cast<uint32_t>(World::Change::Count)),
+                         static_cast<uint32_t>(random() % extent.geometries));
         scene.build(scatter(random, world, extent), flags,
                     frame % 3 == 2 ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
                                    : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);

@@ -11,7 +11,7 @@ namespace
 
 using namespace vt;
 
-constexpr std::uint32_t kLevels = 5;
+constexpr uint32_t kLevels = 5;
 constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT |
@@ -20,52 +20,52 @@ constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BI
 constexpr VkBufferUsageFlags kSerializedUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress;
 constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | kAddress;
 
-std::uint32_t dataBytes(std::uint32_t level, std::uint16_t format)
+uint32_t dataBytes(uint32_t level, uint16_t format)
 {
     return ((1u << (2 * level)) * (format == kTwoState ? 1 : 2) + 7) / 8;
 }
 
 // Index of a triangle into its micromap: three ways by geometry. Negative: special.
-std::int32_t indexOf(std::uint32_t geometry, std::uint32_t triangle, std::uint32_t triangles)
+int32_t indexOf(uint32_t geometry, uint32_t triangle, uint32_t triangles)
 {
     if (geometry % 3 == 0)
-        return static_cast<std::int32_t>(triangle);
+        return static_cast<int32_t>(triangle);
     if (triangle % 10 == 9)
-        return -1 - static_cast<std::int32_t>(mix(geometry, triangle) % 4);
-    return static_cast<std::int32_t>((triangle * 7 + geometry) % triangles);
+        return -1 - static_cast<int32_t>(mix(geometry, triangle) % 4);
+    return static_cast<int32_t>((triangle * 7 + geometry) % triangles);
 }
 
 } // namespace
 
-std::uint32_t mix(std::uint32_t a, std::uint32_t b, std::uint32_t c)
+uint32_t mix(uint32_t a, uint32_t b, uint32_t c)
 {
-    std::uint32_t h = a * 0x9e3779b1u ^ b * 0x85ebca6bu ^ c * 0xc2b2ae35u;
+    uint32_t h = a * 0x9e3779b1u ^ b * 0x85ebca6bu ^ c * 0xc2b2ae35u;
     h = (h ^ h >> 15) * 0x2c1b3c6du;
     h = (h ^ h >> 12) * 0x297a2d39u;
     return h ^ h >> 15;
 }
 
-std::uint32_t levelOf(std::uint32_t micromap, std::uint32_t triangle)
+uint32_t levelOf(uint32_t micromap, uint32_t triangle)
 {
     return mix(micromap, triangle, 1) % (kLevels + 1);
 }
 
-std::uint16_t formatOf(std::uint32_t micromap, std::uint32_t triangle)
+uint16_t formatOf(uint32_t micromap, uint32_t triangle)
 {
     return mix(micromap, triangle, 2) % 3 == 0 ? kTwoState : kFourState;
 }
 
-std::uint8_t stateOf(std::uint32_t micromap, std::uint32_t version, std::uint32_t triangle, std::uint32_t index)
+uint8_t stateOf(uint32_t micromap, uint32_t version, uint32_t triangle, uint32_t index)
 {
-    const std::uint32_t seed = mix(micromap, triangle, version + 3);
+    const uint32_t seed = mix(micromap, triangle, version + 3);
     // Some triangles are of one state, some in stretches, some quite mixed.
-    const std::uint32_t place = seed % 4 == 0 ? 0 : seed % 4 == 1 ? index / 16 : index;
-    return static_cast<std::uint8_t>(mix(seed, place) % (formatOf(micromap, triangle) == kTwoState ? 2 : 4));
+    const uint32_t place = seed % 4 == 0 ? 0 : seed % 4 == 1 ? index / 16 : index;
+    return static_cast<uint8_t>(mix(seed, place) % (formatOf(micromap, triangle) == kTwoState ? 2 : 4));
 }
 
 // What a build of a structure reads; `info` points into this object.
 struct World::Description {
-    Description(const World &world, std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
+    Description(const World &world, uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
     {
         const Extent &extent = world.extent_;
         geometries.resize(extent.geometries);
@@ -74,7 +74,7 @@ struct World::Description {
         usages.resize(extent.geometries);
         counts.assign(extent.geometries, extent.triangles);
         ranges.assign(extent.geometries, {extent.triangles, 0, 0, 0});
-        for (std::uint32_t g = 0; g < extent.geometries; ++g)
+        for (uint32_t g = 0; g < extent.geometries; ++g)
             describe(world, blas, g);
         info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
         info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
@@ -88,20 +88,20 @@ struct World::Description {
     Description(const Description &) = delete;
     Description &operator=(const Description &) = delete;
 
-    void describe(const World &world, std::uint32_t blas, std::uint32_t g)
+    void describe(const World &world, uint32_t blas, uint32_t g)
     {
         const Extent &extent = world.extent_;
-        const std::uint32_t map = blas * extent.geometries + g;
-        std::array<std::uint32_t, 2 * (kLevels + 1)> used{};
-        for (std::uint32_t t = 0; t < extent.triangles; ++t) {
-            if (const std::int32_t index = indexOf(g, t, extent.triangles); index >= 0) {
-                const auto triangle = static_cast<std::uint32_t>(index);
+        const uint32_t map = blas * extent.geometries + g;
+        std::array<uint32_t, 2 * (kLevels + 1)> used{};
+        for (uint32_t t = 0; t < extent.triangles; ++t) {
+            if (const int32_t index = indexOf(g, t, extent.triangles); index >= 0) {
+                const auto triangle = static_cast<uint32_t>(index);
                 ++used[levelOf(map, triangle) * 2 + (formatOf(map, triangle) == kTwoState ? 1 : 0)];
             }
         }
-        for (std::uint32_t u = 0; u < used.size(); ++u) {
+        for (uint32_t u = 0; u < used.size(); ++u) {
             if (used[u] != 0)
-                usages[g].push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : std::uint32_t{kFourState}});
+                usages[g].push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : uint32_t{kFourState}});
         }
         VkAccelerationStructureTrianglesOpacityMicromapEXT &attachment = attachments[g];
         attachment.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
@@ -110,7 +110,7 @@ struct World::Description {
             attachment.indexBuffer.deviceAddress = world.indices_.address() + VkDeviceSize{g} * extent.triangles * 4;
             attachment.indexStride = 4;
         }
-        attachment.usageCountsCount = static_cast<std::uint32_t>(usages[g].size());
+        attachment.usageCountsCount = static_cast<uint32_t>(usages[g].size());
         attachment.pUsageCounts = usages[g].data();
         attachment.micromap = world.micromaps_[map].handle.ext;
         VkAccelerationStructureTrianglesOpacityMicromapKHR &khr = attachmentsKhr[g];
@@ -138,7 +138,7 @@ struct World::Description {
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr;
     std::vector<std::vector<VkMicromapUsageEXT>> usages;
-    std::vector<std::uint32_t> counts;
+    std::vector<uint32_t> counts;
     std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
     VkAccelerationStructureBuildGeometryInfoKHR info{};
 };
@@ -148,20 +148,20 @@ namespace
 
 // A micromap build; `info` points into this object.
 struct MicromapDescription {
-    MicromapDescription(std::uint32_t micromap, std::uint32_t triangles)
+    MicromapDescription(uint32_t micromap, uint32_t triangles)
     {
-        std::array<std::uint32_t, 2 * (kLevels + 1)> used{};
-        for (std::uint32_t t = 0; t < triangles; ++t)
+        std::array<uint32_t, 2 * (kLevels + 1)> used{};
+        for (uint32_t t = 0; t < triangles; ++t)
             ++used[levelOf(micromap, t) * 2 + (formatOf(micromap, t) == kTwoState ? 1 : 0)];
-        for (std::uint32_t u = 0; u < used.size(); ++u) {
+        for (uint32_t u = 0; u < used.size(); ++u) {
             if (used[u] != 0)
-                usage.push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : std::uint32_t{kFourState}});
+                usage.push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : uint32_t{kFourState}});
         }
         info.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
         info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
         info.flags = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
         info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-        info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
+        info.usageCountsCount = static_cast<uint32_t>(usage.size());
         info.pUsageCounts = usage.data();
     }
     MicromapDescription(const MicromapDescription &) = delete;
@@ -177,7 +177,7 @@ World::World(Gpu &gpu, const Extent &extent)
 {
     makeGeometry();
     VkDeviceSize scratch = 0;
-    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m) {
+    for (uint32_t m = 0; m < extent_.micromaps(); ++m) {
         const MicromapDescription description(m, extent_.triangles);
         const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, description.info);
         micromapBytes_ = std::max(micromapBytes_, sizes.micromapSize);
@@ -193,9 +193,9 @@ World::World(Gpu &gpu, const Extent &extent)
         scratch = std::max({scratch, sizes.buildScratchSize, sizes.updateScratchSize});
     }
     scratch_ = Guarded(gpu_, scratch, gpu_.scratchAlignment(), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | kAddress);
-    for (std::uint32_t m = 0; m < extent_.micromaps(); ++m)
+    for (uint32_t m = 0; m < extent_.micromaps(); ++m)
         buildMicromap(m);
-    for (std::uint32_t b = 0; b < extent_.blases; ++b)
+    for (uint32_t b = 0; b < extent_.blases; ++b)
         build(b, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
 }
 
@@ -220,15 +220,15 @@ void World::destroy(Map micromap)
 void World::makeGeometry()
 {
     std::vector<Vec3> vertices;
-    std::vector<std::int32_t> indices;
-    for (std::uint32_t g = 0; g < extent_.geometries; ++g) {
+    std::vector<int32_t> indices;
+    for (uint32_t g = 0; g < extent_.geometries; ++g) {
         const std::vector<Vec3> row = triangleRow(extent_.triangles, {0, 2 * static_cast<float>(g), 0});
         vertices.insert(vertices.end(), row.begin(), row.end());
-        for (std::uint32_t t = 0; t < extent_.triangles; ++t)
+        for (uint32_t t = 0; t < extent_.triangles; ++t)
             indices.push_back(indexOf(g, t, extent_.triangles));
     }
     vertices_ = uploadAligned(gpu_, vertices.data(), vertices.size() * sizeof(Vec3), kInput, 4);
-    indices_ = uploadAligned(gpu_, indices.data(), indices.size() * sizeof(std::int32_t), kInput, 4);
+    indices_ = uploadAligned(gpu_, indices.data(), indices.size() * sizeof(int32_t), kInput, 4);
     const VkDeviceSize alignment = micromapInputAlignment(gpu_);
     data_ = Guarded(gpu_, VkDeviceSize{extent_.triangles} * dataBytes(kLevels, kFourState), alignment,
                     micromapInputUsage(gpu_));
@@ -236,26 +236,26 @@ void World::makeGeometry()
                          micromapInputUsage(gpu_));
 }
 
-void World::fillInput(std::uint32_t micromap, std::uint32_t version)
+void World::fillInput(uint32_t micromap, uint32_t version)
 {
-    std::uint8_t *const data = data_.bytes();
+    uint8_t *const data = data_.bytes();
     auto *const triangles = reinterpret_cast<VkMicromapTriangleEXT *>(triangles_.bytes());
-    std::uint32_t offset = 0;
-    for (std::uint32_t t = 0; t < extent_.triangles; ++t) {
-        const std::uint32_t level = levelOf(micromap, t);
-        const std::uint16_t format = formatOf(micromap, t);
-        const std::uint32_t bits = format == kTwoState ? 1 : 2;
+    uint32_t offset = 0;
+    for (uint32_t t = 0; t < extent_.triangles; ++t) {
+        const uint32_t level = levelOf(micromap, t);
+        const uint16_t format = formatOf(micromap, t);
+        const uint32_t bits = format == kTwoState ? 1 : 2;
         std::memset(data + offset, 0, dataBytes(level, format));
-        for (std::uint32_t i = 0; i < 1u << (2 * level); ++i) {
-            std::uint8_t &byte = data[offset + i * bits / 8];
-            byte = static_cast<std::uint8_t>(byte | stateOf(micromap, version, t, i) << (i * bits % 8));
+        for (uint32_t i = 0; i < 1u << (2 * level); ++i) {
+            uint8_t &byte = data[offset + i * bits / 8];
+            byte = static_cast<uint8_t>(byte | stateOf(micromap, version, t, i) << (i * bits % 8));
         }
-        triangles[t] = {offset, static_cast<std::uint16_t>(level), format};
+        triangles[t] = {offset, static_cast<uint16_t>(level), format};
         offset += dataBytes(level, format);
     }
 }
 
-World::Map World::replaceMicromap(std::uint32_t micromap, VkDeviceSize bytes)
+World::Map World::replaceMicromap(uint32_t micromap, VkDeviceSize bytes)
 {
     Map map;
     map.version = micromaps_[micromap].version;
@@ -267,7 +267,7 @@ World::Map World::replaceMicromap(std::uint32_t micromap, VkDeviceSize bytes)
     return std::exchange(micromaps_[micromap], std::move(map));
 }
 
-void World::buildMicromap(std::uint32_t micromap)
+void World::buildMicromap(uint32_t micromap)
 {
     // One that was compacted or loaded has too little room.
     if (micromaps_[micromap].room.size() < micromapBytes_)
@@ -282,7 +282,7 @@ void World::buildMicromap(std::uint32_t micromap)
     gpu_.submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, std::span(&build, 1)); });
 }
 
-VkDeviceSize World::askedOf(std::uint32_t micromap, VkQueryType type)
+VkDeviceSize World::askedOf(uint32_t micromap, VkQueryType type)
 {
     const QueryPool pool(gpu_, micromapQueryType(gpu_, type));
     gpu_.submit([&](VkCommandBuffer commands) {
@@ -302,7 +302,7 @@ VkDeviceSize World::askedOf(VkAccelerationStructureKHR blas, VkQueryType type)
     return pool.value();
 }
 
-void World::copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode)
+void World::copyMicromap(uint32_t micromap, VkCopyMicromapModeEXT mode)
 {
     const Map &map = micromaps_[micromap];
     const VkDeviceSize bytes = mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT
@@ -313,20 +313,20 @@ void World::copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode)
     destroy(std::move(old));
 }
 
-void World::reloadMicromap(std::uint32_t micromap)
+void World::reloadMicromap(uint32_t micromap)
 {
     const Map &map = micromaps_[micromap];
     const Guarded memory(gpu_, askedOf(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
     gpu_.submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, map.handle, memory.address()); });
-    std::uint64_t size = 0;
+    uint64_t size = 0;
     std::memcpy(&size, memory.bytes() + 40, 8);
     destroy(replaceMicromap(micromap, size));
     gpu_.submit(
         [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, memory.address(), map.handle); });
 }
 
-World::Bottom World::replaceBlas(std::uint32_t blas, VkDeviceSize bytes)
+World::Bottom World::replaceBlas(uint32_t blas, VkDeviceSize bytes)
 {
     Bottom bottom;
     bottom.room = Guarded(gpu_, bytes, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
@@ -345,7 +345,7 @@ World::Bottom World::replaceBlas(std::uint32_t blas, VkDeviceSize bytes)
     return std::exchange(blases_[blas], std::move(bottom));
 }
 
-void World::build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
+void World::build(uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
 {
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
     if (blases_[blas].room.size() < blasBytes_ && !update)
@@ -360,7 +360,7 @@ void World::build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
     });
 }
 
-void World::copy(std::uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
+void World::copy(uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
 {
     const VkDeviceSize bytes =
         mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR
@@ -378,7 +378,7 @@ void World::copy(std::uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
     destroy(std::move(old));
 }
 
-void World::reload(std::uint32_t blas)
+void World::reload(uint32_t blas)
 {
     const Guarded memory(gpu_,
                          askedOf(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
@@ -391,7 +391,7 @@ void World::reload(std::uint32_t blas)
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
         gpu_.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
     });
-    std::uint64_t size = 0;
+    uint64_t size = 0;
     std::memcpy(&size, memory.bytes() + 40, 8);
     destroy(replaceBlas(blas, size));
     gpu_.submit([&](VkCommandBuffer commands) {
@@ -404,9 +404,9 @@ void World::reload(std::uint32_t blas)
     });
 }
 
-void World::change(std::uint32_t blas, Change change, std::uint32_t geometry)
+void World::change(uint32_t blas, Change change, uint32_t geometry)
 {
-    const std::uint32_t micromap = blas * extent_.geometries + geometry;
+    const uint32_t micromap = blas * extent_.geometries + geometry;
     switch (change) {
     case Change::DataUpdate:
         ++micromaps_[micromap].version;
@@ -432,17 +432,17 @@ void World::change(std::uint32_t blas, Change change, std::uint32_t geometry)
     }
 }
 
-World::Place World::place(std::uint32_t blas, std::uint32_t geometry, std::uint32_t triangle, std::uint32_t index) const
+World::Place World::place(uint32_t blas, uint32_t geometry, uint32_t triangle, uint32_t index) const
 {
-    const std::uint32_t map = blas * extent_.geometries + geometry;
-    const std::int32_t record = indexOf(geometry, triangle, extent_.triangles);
+    const uint32_t map = blas * extent_.geometries + geometry;
+    const int32_t record = indexOf(geometry, triangle, extent_.triangles);
     Place place{};
     std::array<double, 2> centre{0.3, 0.3};
     if (record < 0) {
         place.state = -1 - record;
     } else {
-        const auto t = static_cast<std::uint32_t>(record);
-        const std::uint32_t level = levelOf(map, t);
+        const auto t = static_cast<uint32_t>(record);
+        const uint32_t level = levelOf(map, t);
         index %= 1u << (2 * level);
         centre = microTriangleCentre(index, level);
         place.state = stateOf(map, micromaps_[map].version, t, index);

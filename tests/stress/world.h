@@ -11,17 +11,17 @@ namespace stress
 {
 
 struct Extent {
-    std::uint32_t blases, geometries, triangles; // geometries of a structure, triangles of a geometry
-    std::uint32_t instances, rays, frames, warmUp;
-    [[nodiscard]] std::uint32_t micromaps() const { return blases * geometries; }
+    uint32_t blases, geometries, triangles; // geometries of a structure, triangles of a geometry
+    uint32_t instances, rays, frames, warmUp;
+    [[nodiscard]] uint32_t micromaps() const { return blases * geometries; }
 };
 
-std::uint32_t mix(std::uint32_t a, std::uint32_t b, std::uint32_t c = 0);
+uint32_t mix(uint32_t a, uint32_t b, uint32_t c = 0);
 
 // The triangles of a micromap; the states change with the version.
-std::uint32_t levelOf(std::uint32_t micromap, std::uint32_t triangle);
-std::uint16_t formatOf(std::uint32_t micromap, std::uint32_t triangle);
-std::uint8_t stateOf(std::uint32_t micromap, std::uint32_t version, std::uint32_t triangle, std::uint32_t index);
+uint32_t levelOf(uint32_t micromap, uint32_t triangle);
+uint16_t formatOf(uint32_t micromap, uint32_t triangle);
+uint8_t stateOf(uint32_t micromap, uint32_t version, uint32_t triangle, uint32_t index);
 
 class World
 {
@@ -43,24 +43,23 @@ public:
         Reload,
         Count
     };
-    void change(std::uint32_t blas, Change change, std::uint32_t geometry);
+    void change(uint32_t blas, Change change, uint32_t geometry);
 
-    [[nodiscard]] VkDeviceAddress address(std::uint32_t blas) const { return blases_[blas].address; }
+    [[nodiscard]] VkDeviceAddress address(uint32_t blas) const { return blases_[blas].address; }
     // The value 0..3 that a triangle of a structure has at a micro-triangle (a number that is taken modulo how many
     // there are), and the place of that one's centre.
     struct Place {
         int state;
         vt::Vec3 point;
     };
-    [[nodiscard]] Place place(std::uint32_t blas, std::uint32_t geometry, std::uint32_t triangle,
-                              std::uint32_t index) const;
-    [[nodiscard]] static bool opaque(std::uint32_t geometry) { return geometry % 2 == 1; }
+    [[nodiscard]] Place place(uint32_t blas, uint32_t geometry, uint32_t triangle, uint32_t index) const;
+    [[nodiscard]] static bool opaque(uint32_t geometry) { return geometry % 2 == 1; }
 
 private:
     struct Map {
         vt::MicromapHandle handle;
         vt::Guarded room;
-        std::uint32_t version = 0;
+        uint32_t version = 0;
     };
     struct Bottom {
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
@@ -70,20 +69,20 @@ private:
     struct Description;
 
     void makeGeometry();
-    void fillInput(std::uint32_t micromap, std::uint32_t version);
-    void buildMicromap(std::uint32_t micromap);
-    void copyMicromap(std::uint32_t micromap, VkCopyMicromapModeEXT mode);
-    void reloadMicromap(std::uint32_t micromap);
-    VkDeviceSize askedOf(std::uint32_t micromap, VkQueryType type);
+    void fillInput(uint32_t micromap, uint32_t version);
+    void buildMicromap(uint32_t micromap);
+    void copyMicromap(uint32_t micromap, VkCopyMicromapModeEXT mode);
+    void reloadMicromap(uint32_t micromap);
+    VkDeviceSize askedOf(uint32_t micromap, VkQueryType type);
     VkDeviceSize askedOf(VkAccelerationStructureKHR blas, VkQueryType type);
     // Puts a new one of that size into a new place, and gives back the old one.
-    Map replaceMicromap(std::uint32_t micromap, VkDeviceSize bytes);
-    Bottom replaceBlas(std::uint32_t blas, VkDeviceSize bytes);
+    Map replaceMicromap(uint32_t micromap, VkDeviceSize bytes);
+    Bottom replaceBlas(uint32_t blas, VkDeviceSize bytes);
     void destroy(Map micromap);
     void destroy(Bottom blas);
-    void build(std::uint32_t blas, VkBuildAccelerationStructureModeKHR mode);
-    void copy(std::uint32_t blas, VkCopyAccelerationStructureModeKHR mode);
-    void reload(std::uint32_t blas);
+    void build(uint32_t blas, VkBuildAccelerationStructureModeKHR mode);
+    void copy(uint32_t blas, VkCopyAccelerationStructureModeKHR mode);
+    void reload(uint32_t blas);
 
     vt::Gpu &gpu_;
     Extent extent_;

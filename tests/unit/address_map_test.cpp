@@ -12,7 +12,7 @@ namespace
 
 using vellum::layer::AddressMap;
 
-VkBuffer handle(std::uint64_t value)
+VkBuffer handle(uint64_t value)
 {
     return reinterpret_cast<VkBuffer>(value);
 }
@@ -33,12 +33,12 @@ public:
         map_.add(known.begin, known.buffer, known.size, known.usage);
         all_.push_back(known);
     }
-    void remove(std::size_t i)
+    void remove(size_t i)
     {
         map_.remove(all_[i].buffer);
-        all_.erase(all_.begin() + static_cast<std::ptrdiff_t>(i));
+        all_.erase(all_.begin() + static_cast<ptrdiff_t>(i));
     }
-    [[nodiscard]] std::size_t count() const { return all_.size(); }
+    [[nodiscard]] size_t count() const { return all_.size(); }
 
     void expectFind(VkDeviceAddress address) const
     {
@@ -107,12 +107,12 @@ private:
 TEST(AddressMap, AgreesWithALookAtEveryBuffer)
 {
     std::mt19937 random(1);
-    const auto upTo = [&random](std::uint32_t most) { return random() % (most + 1); };
+    const auto upTo = [&random](uint32_t most) { return random() % (most + 1); };
     for (int run = 0; run < 40; ++run) {
         Model model;
-        for (std::uint64_t step = 1; step <= 60; ++step) {
+        for (uint64_t step = 1; step <= 60; ++step) {
             if (model.count() > 0 && upTo(2) == 0)
-                model.remove(upTo(static_cast<std::uint32_t>(model.count() - 1)));
+                model.remove(upTo(static_cast<uint32_t>(model.count() - 1)));
             else
                 model.add({handle(step), 1 + upTo(60), 1 + upTo(upTo(1) ? 4 : 40), upTo(7)});
             for (int look = 0; look < 20; ++look) {

@@ -21,17 +21,17 @@ inline constexpr Wrap kWraps[] = {Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap:
 
 // The corners of a micro-triangle in texels, unwrapped.
 template <typename N>
-std::vector<OraclePoint<N>> cornersOf(const AlphaTexture &texture, const TriangleUvs &uvs, std::uint32_t index,
-                                      std::uint32_t level)
+std::vector<OraclePoint<N>> cornersOf(const AlphaTexture &texture, const TriangleUvs &uvs, uint32_t index,
+                                      uint32_t level)
 {
     std::vector<OraclePoint<N>> points;
     for (const Barycentrics &b : microTriangleCorners(index, level)) {
-        const auto along = [&](float TexCoord::*axis, std::uint32_t size) {
+        const auto along = [&](float TexCoord::*axis, uint32_t size) {
             const N first = numberOf(double{uvs[0].*axis}, N{});
             const N second = numberOf(double{uvs[1].*axis}, N{});
             const N third = numberOf(double{uvs[2].*axis}, N{});
-            return N(std::int64_t{size}) * (first + numberOf(double{b.u}, N{}) * (second - first) +
-                                            numberOf(double{b.v}, N{}) * (third - first));
+            return N(int64_t{size}) * (first + numberOf(double{b.u}, N{}) * (second - first) +
+                                       numberOf(double{b.v}, N{}) * (third - first));
         };
         points.push_back({along(&TexCoord::u, texture.width), along(&TexCoord::v, texture.height)});
     }
@@ -39,10 +39,10 @@ std::vector<OraclePoint<N>> cornersOf(const AlphaTexture &texture, const Triangl
 }
 
 struct Tally {
-    std::size_t all = 0;
-    std::size_t mixed = 0;    // as they should be
-    std::size_t wrong = 0;    // claims that the oracle contradicts
-    std::size_t needless = 0; // unknown states that it does not find mixed
+    size_t all = 0;
+    size_t mixed = 0;    // as they should be
+    size_t wrong = 0;    // claims that the oracle contradicts
+    size_t needless = 0; // unknown states that it does not find mixed
 };
 
 // Compares a state with the extremes of the alpha values that it stands for. Within `hidden` of the thresholds both
@@ -64,13 +64,13 @@ void tally(Tally &tally, State state, const N &least, const N &most, const N &tr
 }
 
 // Small textures with values of a few bits, so that alpha equals the cutoff all the time.
-inline AlphaTexture coarseTexture(TestRandom &random, std::uint32_t width, std::uint32_t height)
+inline AlphaTexture coarseTexture(TestRandom &random, uint32_t width, uint32_t height)
 {
     AlphaTexture t;
     t.width = width;
     t.height = height;
     const unsigned kind = random() % 3;
-    for (std::uint32_t i = 0; i < width * height; ++i) {
+    for (uint32_t i = 0; i < width * height; ++i) {
         const unsigned bits = random();
         t.alpha.push_back(kind == 0 ? static_cast<float>(bits % 2)
                                     : static_cast<float>(bits % (kind == 1 ? 5 : 17)) / (kind == 1 ? 4.0f : 16.0f));
@@ -80,14 +80,14 @@ inline AlphaTexture coarseTexture(TestRandom &random, std::uint32_t width, std::
 }
 
 // Soft blobs, hard ones, or noise.
-inline AlphaTexture smoothTexture(TestRandom &random, std::uint32_t width, std::uint32_t height)
+inline AlphaTexture smoothTexture(TestRandom &random, uint32_t width, uint32_t height)
 {
     AlphaTexture t;
     t.width = width;
     t.height = height;
     const unsigned kind = random() % 3;
     const double cell = random.uniform(3, 12);
-    for (std::uint32_t i = 0; i < width * height; ++i) {
+    for (uint32_t i = 0; i < width * height; ++i) {
         const double x = i % width / cell;
         const double y = i / width / cell;
         const double wave = 0.5 + 0.5 * std::sin(x) * std::sin(y + std::sin(x * 0.7));
@@ -100,7 +100,7 @@ inline AlphaTexture smoothTexture(TestRandom &random, std::uint32_t width, std::
 
 // Near the origin and up to 1000 away, from a part of a texel to some twenty texels or the whole texture; some of them
 // slivers.
-inline std::vector<TriangleUvs> randomTriangles(TestRandom &random, std::uint32_t width, std::uint32_t height)
+inline std::vector<TriangleUvs> randomTriangles(TestRandom &random, uint32_t width, uint32_t height)
 {
     std::vector<TriangleUvs> triangles;
     for (int n = 0; n < 3; ++n) {
@@ -136,7 +136,7 @@ inline std::vector<OraclePoint<long double>> widened(const std::vector<OraclePoi
     std::sort(points.begin(), points.end(), [](const P &a, const P &b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
     std::vector<P> hull;
     for (const bool back : {false, true}) {
-        const std::size_t start = hull.size();
+        const size_t start = hull.size();
         for (const P &p : points) {
             const auto turnsRight = [&] {
                 const P &a = hull[hull.size() - 2];
@@ -194,17 +194,17 @@ inline void setRandomSampler(TestRandom &random, AlphaTexture &t)
 // segments and points. All numbers are fractions that the oracle's Rational can hold.
 inline RandomCase caseOnGrid(TestRandom &random)
 {
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {4, 4}, {7, 2}, {1, 6}};
+    constexpr std::array<uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {4, 4}, {7, 2}, {1, 6}};
     const auto [width, height] = kSizes[random() % std::size(kSizes)];
     RandomCase c{.texture = coarseTexture(random, width, height)};
     setRandomSampler(random, c.texture);
     const unsigned steps = random() % 2 == 0 ? 2 * width : 8;
-    const auto coordinate = [&random, steps](std::int64_t shift) {
-        const auto k = static_cast<std::int64_t>(random() % (3 * steps)) + shift;
+    const auto coordinate = [&random, steps](int64_t shift) {
+        const auto k = static_cast<int64_t>(random() % (3 * steps)) + shift;
         return std::round(static_cast<float>(k) / static_cast<float>(steps) * 64) / 64;
     };
     for (int n = 0; n < 3; ++n) {
-        const auto shift = static_cast<std::int64_t>(random() % 64) - 32;
+        const auto shift = static_cast<int64_t>(random() % 64) - 32;
         TriangleUvs uvs;
         for (TexCoord &uv : uvs)
             uv = {coordinate(shift), coordinate(-shift)};
@@ -223,7 +223,7 @@ inline RandomCase caseOnGrid(TestRandom &random)
 // Textures and coordinates of all kinds. The sizes take turns.
 inline RandomCase caseAnywhere(TestRandom &random, unsigned round)
 {
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {16, 16}, {64, 48}, {1023, 769}};
+    constexpr std::array<uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {16, 16}, {64, 48}, {1023, 769}};
     const auto [width, height] = kSizes[round % std::size(kSizes)];
     RandomCase c{.texture = smoothTexture(random, width, height)};
     setRandomSampler(random, c.texture);
@@ -236,7 +236,7 @@ inline RandomCase caseAnywhere(TestRandom &random, unsigned round)
 // The same with the tolerances and the cutoff that are the default.
 inline RandomCase caseWithTolerances(TestRandom &random, unsigned round)
 {
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{3, 5}, {16, 16}, {64, 48}, {255, 129}};
+    constexpr std::array<uint32_t, 2> kSizes[] = {{3, 5}, {16, 16}, {64, 48}, {255, 129}};
     const auto [width, height] = kSizes[round % std::size(kSizes)];
     RandomCase c{.texture = smoothTexture(random, width, height)};
     setRandomSampler(random, c.texture);

@@ -18,12 +18,12 @@ using namespace vellum::test;
 namespace
 {
 
-State stateOf(const BakeResult &result, std::uint32_t triangle, std::uint32_t index, std::uint32_t level)
+State stateOf(const BakeResult &result, uint32_t triangle, uint32_t index, uint32_t level)
 {
-    const std::int32_t special = result.micromap.indices[triangle];
+    const int32_t special = result.micromap.indices[triangle];
     if (const auto state = specialState(special))
         return *state;
-    const MicromapTriangle &t = result.micromap.triangles[static_cast<std::size_t>(special)];
+    const MicromapTriangle &t = result.micromap.triangles[static_cast<size_t>(special)];
     EXPECT_EQ(t.subdivisionLevel, level);
     return readState(result.micromap.data.data() + t.dataOffset, index, t.format);
 }
@@ -35,8 +35,8 @@ void compareAll(Tally &sum, const RandomCase &c, const N &hidden)
     const BakeResult result = bake(texture, triangles, options);
     ASSERT_EQ(result.micromap.validate(), std::nullopt);
     const N cutoff = test::numberOf(options.cutoff, N{});
-    for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-        for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+    for (uint32_t t = 0; t < triangles.size(); ++t) {
+        for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
             Oracle<N> oracle(texture);
             oracle.addPolygon(cornersOf<N>(texture, triangles[t], i, *options.level));
             const Tally before = sum;
@@ -95,10 +95,10 @@ TEST(BakeExact, TolerancesCostNoMoreThanTheyAskFor)
         SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
         const auto &[texture, triangles, options] = c;
         const BakeResult result = bake(texture, triangles, options);
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
             const TriangleUvs &uvs = triangles[k];
             const auto [marginX, marginY] = test::marginsOf(options, texture, uvs);
-            for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+            for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
                 Oracle<long double> oracle(texture);
                 oracle.addPolygon(widened(cornersOf<long double>(texture, uvs, i, *options.level), marginX, marginY));
                 tally<long double>(sum, stateOf(result, k, i, *options.level), oracle.least(), oracle.most(),

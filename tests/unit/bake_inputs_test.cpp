@@ -21,13 +21,13 @@ std::vector<std::byte> bytesOf(const std::vector<T> &values)
     return bytes;
 }
 
-AlphaTexture noise(unsigned seed, std::uint32_t width, std::uint32_t height)
+AlphaTexture noise(unsigned seed, uint32_t width, uint32_t height)
 {
     test::TestRandom random(seed);
     AlphaTexture t;
     t.width = width;
     t.height = height;
-    for (std::uint32_t i = 0; i < width * height; ++i)
+    for (uint32_t i = 0; i < width * height; ++i)
         t.alpha.push_back(static_cast<float>(random() % 5) / 4);
     return t;
 }
@@ -36,7 +36,7 @@ AlphaTexture noise(unsigned seed, std::uint32_t width, std::uint32_t height)
 const std::vector<TriangleUvs> kTriangles = {
     {{{0, 0}, {1, 0}, {0, 1}}}, {{{0.25f, 0.5f}, {0.875f, 0.125f}, {0.5f, 1.5f}}}, {{{2, 2}, {1, 1}, {3, 1.0f}}}};
 
-BakeOptions atLevel(std::uint32_t level)
+BakeOptions atLevel(uint32_t level)
 {
     BakeOptions o;
     o.level = level;
@@ -44,12 +44,12 @@ BakeOptions atLevel(std::uint32_t level)
     return o.exactly();
 }
 
-State stateOf(const BakeResult &r, std::uint32_t triangle, std::uint32_t i)
+State stateOf(const BakeResult &r, uint32_t triangle, uint32_t i)
 {
-    const std::int32_t index = r.micromap.indices[triangle];
+    const int32_t index = r.micromap.indices[triangle];
     if (const auto special = specialState(index))
         return *special;
-    const MicromapTriangle &t = r.micromap.triangles[static_cast<std::size_t>(index)];
+    const MicromapTriangle &t = r.micromap.triangles[static_cast<size_t>(index)];
     return readState(r.micromap.data.data() + t.dataOffset, i, t.format);
 }
 
@@ -67,14 +67,14 @@ TEST(BakeInputs, HalvesAreExact)
 
 TEST(BakeInputs, AlphaOfAnyFormatAndStride)
 {
-    const auto rgba = bytesOf<std::uint8_t>({9, 9, 9, 0, 9, 9, 9, 255, 1, 1, 9, 9, 9, 51, 9, 9, 9, 102});
+    const auto rgba = bytesOf<uint8_t>({9, 9, 9, 0, 9, 9, 9, 255, 1, 1, 9, 9, 9, 51, 9, 9, 9, 102});
     AlphaPixels pixels{2, 2, AlphaFormat::Unorm8, rgba, 3, 4, 10};
     EXPECT_EQ(readAlpha(pixels).alpha, (std::vector<float>{0, 1, 0.2f, 0.4f}));
     pixels.scale = 0.5f;
     EXPECT_EQ(readAlpha(pixels).alpha, (std::vector<float>{0, 0.5f, 0.1f, 0.2f}));
-    const auto shorts = bytesOf<std::uint16_t>({0, 65535, 13107, 0});
+    const auto shorts = bytesOf<uint16_t>({0, 65535, 13107, 0});
     EXPECT_EQ(readAlpha({4, 1, AlphaFormat::Unorm16, shorts, 0, 2}).alpha, (std::vector<float>{0, 1, 0.2f, 0}));
-    const auto halves = bytesOf<std::uint16_t>({0x3c00, 0x3800});
+    const auto halves = bytesOf<uint16_t>({0x3c00, 0x3800});
     EXPECT_EQ(readAlpha({1, 2, AlphaFormat::Float16, halves, 0, 2}).alpha, (std::vector<float>{1, 0.5f}));
     const auto floats = bytesOf<float>({7, 0.25f, 7, 0.75f});
     EXPECT_EQ(readAlpha({2, 1, AlphaFormat::Float32, floats, 4, 8}).alpha, (std::vector<float>{0.25f, 0.75f}));
@@ -88,8 +88,8 @@ TEST(BakeInputs, AlphaOutsideOfItsBytesIsRefused)
     EXPECT_THROW(readAlpha({4, 2, AlphaFormat::Unorm8, bytes, 3, 4}), BakeError);
     EXPECT_THROW(readAlpha({2, 2, AlphaFormat::Float32, bytes, 0, 4, 9}), BakeError);
     EXPECT_THROW(readAlpha({1, 1, AlphaFormat::Unorm8, bytes, 17, 4}), BakeError);
-    const std::uint32_t most = std::numeric_limits<std::uint32_t>::max();
-    EXPECT_THROW(readAlpha({most, most, AlphaFormat::Unorm8, bytes, 0, std::size_t{1} << 60}), BakeError);
+    const uint32_t most = std::numeric_limits<uint32_t>::max();
+    EXPECT_THROW(readAlpha({most, most, AlphaFormat::Unorm8, bytes, 0, size_t{1} << 60}), BakeError);
 }
 
 TEST(BakeInputs, CoordinatesOfAnyFormat)
@@ -97,17 +97,17 @@ TEST(BakeInputs, CoordinatesOfAnyFormat)
     const std::vector<TriangleUvs> expected = {{{{0, 1}, {0.5f, 0.25f}, {0, 0}}}};
     const auto floats = bytesOf<float>({0, 1, 0.5f, 0.25f, 0, 0});
     EXPECT_EQ(readUvs({UvFormat::Float32, floats}), expected);
-    const auto halves = bytesOf<std::uint16_t>({0, 0x3c00, 7, 0x3800, 0x3400, 7, 0, 0});
+    const auto halves = bytesOf<uint16_t>({0, 0x3c00, 7, 0x3800, 0x3400, 7, 0, 0});
     EXPECT_EQ(readUvs({UvFormat::Float16, halves, 6}), expected);
-    const auto shorts = bytesOf<std::uint16_t>({0, 65535, 13107, 0, 0, 0});
+    const auto shorts = bytesOf<uint16_t>({0, 65535, 13107, 0, 0, 0});
     EXPECT_EQ(readUvs({UvFormat::Unorm16, shorts}), (std::vector<TriangleUvs>{{{{0, 1}, {0.2f, 0}, {0, 0}}}}));
 
     const std::vector<TriangleUvs> indexed = {{{{0, 0}, {0.5f, 0.25f}, {0, 1}}}};
-    const auto bytes = bytesOf<std::uint8_t>({2, 1, 0, 0});
+    const auto bytes = bytesOf<uint8_t>({2, 1, 0, 0});
     EXPECT_EQ(readUvs({UvFormat::Float32, floats, 0, IndexFormat::Uint8, bytes}), indexed);
-    const auto words = bytesOf<std::uint16_t>({2, 1, 0});
+    const auto words = bytesOf<uint16_t>({2, 1, 0});
     EXPECT_EQ(readUvs({UvFormat::Float32, floats, 0, IndexFormat::Uint16, words}), indexed);
-    const auto longs = bytesOf<std::uint32_t>({2, 1, 0, 2, 1, 3});
+    const auto longs = bytesOf<uint32_t>({2, 1, 0, 2, 1, 3});
     EXPECT_THROW(readUvs({UvFormat::Float32, floats, 0, IndexFormat::Uint32, longs}), BakeError);
     EXPECT_EQ(readUvs({UvFormat::Float32, floats, 0, IndexFormat::Uint32, std::span(longs).first(12)}), indexed);
 
@@ -130,7 +130,7 @@ TEST(BakeInputs, AlphaTests)
             t.width = t.height = 1;
             t.alpha = {alpha};
             const bool opaque = alpha == 0.5f ? orEqual : (alpha > 0.5f) == greater;
-            EXPECT_EQ(bake(t, kTriangles, o).micromap.indices, std::vector<std::int32_t>(3, opaque ? -2 : -1))
+            EXPECT_EQ(bake(t, kTriangles, o).micromap.indices, std::vector<int32_t>(3, opaque ? -2 : -1))
                 << static_cast<int>(test) << ' ' << alpha;
         }
     }
@@ -140,8 +140,8 @@ TEST(BakeInputs, AlphaTests)
     const BakeResult at = bake(t, kTriangles, o);
     o.test = AlphaTest::Less;
     const BakeResult below = bake(t, kTriangles, o);
-    for (std::uint32_t k = 0; k < kTriangles.size(); ++k)
-        for (std::uint32_t i = 0; i < 256; ++i)
+    for (uint32_t k = 0; k < kTriangles.size(); ++k)
+        for (uint32_t i = 0; i < 256; ++i)
             EXPECT_EQ(static_cast<int>(stateOf(at, k, i)), static_cast<int>(stateOf(below, k, i)) ^ 1);
 }
 
@@ -155,9 +155,9 @@ TEST(BakeInputs, MipChains)
     std::vector<BakeResult> alone;
     for (const AlphaTexture &mip : mips)
         alone.push_back(bake(mip, kTriangles, o));
-    std::size_t known = 0;
-    for (std::uint32_t k = 0; k < kTriangles.size(); ++k) {
-        for (std::uint32_t i = 0; i < microTriangleCount(5); ++i) {
+    size_t known = 0;
+    for (uint32_t k = 0; k < kTriangles.size(); ++k) {
+        for (uint32_t i = 0; i < microTriangleCount(5); ++i) {
             const State first = stateOf(alone[0], k, i);
             bool agree = first == State::Opaque || first == State::Transparent;
             for (const BakeResult &r : alone)

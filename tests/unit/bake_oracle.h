@@ -23,18 +23,18 @@ class Rational
 public:
     __extension__ using Int = __int128;
 
-    Rational(std::int64_t value = 0) : m_n(value) {}
-    Rational(Int n, Int d) : m_n(d < 0 ? -n : n), m_d(d < 0 ? -d : d)
+    Rational(int64_t value = 0) : n_(value) {}
+    Rational(Int n, Int d) : n_(d < 0 ? -n : n), d_(d < 0 ? -d : d)
     {
-        Int a = m_n < 0 ? -m_n : m_n;
-        Int b = m_d;
+        Int a = n_ < 0 ? -n_ : n_;
+        Int b = d_;
         while (b != 0) {
             const Int rest = a % b;
             a = b;
             b = rest;
         }
-        m_n /= a;
-        m_d /= a;
+        n_ /= a;
+        d_ /= a;
     }
     static Rational of(double value)
     {
@@ -46,28 +46,22 @@ public:
         }
         return {static_cast<Int>(value), Int{1} << bits};
     }
-    [[nodiscard]] std::int64_t floor() const
+    [[nodiscard]] int64_t floor() const
     {
-        const Int q = m_n / m_d;
-        return static_cast<std::int64_t>(m_n % m_d < 0 ? q - 1 : q);
+        const Int q = n_ / d_;
+        return static_cast<int64_t>(n_ % d_ < 0 ? q - 1 : q);
     }
-    [[nodiscard]] explicit operator double() const { return static_cast<double>(m_n) / static_cast<double>(m_d); }
+    [[nodiscard]] explicit operator double() const { return static_cast<double>(n_) / static_cast<double>(d_); }
 
     friend Rational operator+(const Rational &a, const Rational &b)
     {
-        return {add(times(a.m_n, b.m_d), times(b.m_n, a.m_d)), times(a.m_d, b.m_d)};
+        return {add(times(a.n_, b.d_), times(b.n_, a.d_)), times(a.d_, b.d_)};
     }
-    friend Rational operator-(const Rational &a, const Rational &b) { return a + Rational(-b.m_n, b.m_d); }
-    friend Rational operator*(const Rational &a, const Rational &b)
-    {
-        return {times(a.m_n, b.m_n), times(a.m_d, b.m_d)};
-    }
-    friend Rational operator/(const Rational &a, const Rational &b)
-    {
-        return {times(a.m_n, b.m_d), times(a.m_d, b.m_n)};
-    }
-    friend bool operator<(const Rational &a, const Rational &b) { return times(a.m_n, b.m_d) < times(b.m_n, a.m_d); }
-    friend bool operator==(const Rational &a, const Rational &b) { return a.m_n == b.m_n && a.m_d == b.m_d; }
+    friend Rational operator-(const Rational &a, const Rational &b) { return a + Rational(-b.n_, b.d_); }
+    friend Rational operator*(const Rational &a, const Rational &b) { return {times(a.n_, b.n_), times(a.d_, b.d_)}; }
+    friend Rational operator/(const Rational &a, const Rational &b) { return {times(a.n_, b.d_), times(a.d_, b.n_)}; }
+    friend bool operator<(const Rational &a, const Rational &b) { return times(a.n_, b.d_) < times(b.n_, a.d_); }
+    friend bool operator==(const Rational &a, const Rational &b) { return a.n_ == b.n_ && a.d_ == b.d_; }
 
 private:
     static Int times(Int a, Int b)
@@ -85,17 +79,17 @@ private:
         return result;
     }
 
-    Int m_n = 0;
-    Int m_d = 1;
+    Int n_ = 0;
+    Int d_ = 1;
 };
 
-inline std::int64_t floorOf(const Rational &x)
+inline int64_t floorOf(const Rational &x)
 {
     return x.floor();
 }
-inline std::int64_t floorOf(long double x)
+inline int64_t floorOf(long double x)
 {
-    return static_cast<std::int64_t>(std::floor(x));
+    return static_cast<int64_t>(std::floor(x));
 }
 inline Rational numberOf(double x, Rational /*type*/)
 {
@@ -107,16 +101,16 @@ inline long double numberOf(double x, long double /*type*/)
 }
 
 // "Wrapping Operation" of the specification (textures.adoc), written down once more.
-inline std::int64_t specifiedTexel(std::int64_t i, std::int64_t size, Wrap wrap)
+inline int64_t specifiedTexel(int64_t i, int64_t size, Wrap wrap)
 {
-    const auto mirror = [](std::int64_t n) { return n >= 0 ? n : -(1 + n); };
-    const auto mod = [](std::int64_t n, std::int64_t m) { return n - m * floorOf(Rational(n, m)); };
+    const auto mirror = [](int64_t n) { return n >= 0 ? n : -(1 + n); };
+    const auto mod = [](int64_t n, int64_t m) { return n - m * floorOf(Rational(n, m)); };
     switch (wrap) {
     case Wrap::Repeat: return mod(i, size);
     case Wrap::Mirror: return size - 1 - mirror(mod(i, 2 * size) - size);
-    case Wrap::Clamp: return std::min(std::max<std::int64_t>(i, 0), size - 1);
-    case Wrap::Border: return std::min(std::max<std::int64_t>(i, -1), size);
-    case Wrap::MirrorOnce: return std::min(std::max<std::int64_t>(mirror(i), 0), size - 1);
+    case Wrap::Clamp: return std::min(std::max<int64_t>(i, 0), size - 1);
+    case Wrap::Border: return std::min(std::max<int64_t>(i, -1), size);
+    case Wrap::MirrorOnce: return std::min(std::max<int64_t>(mirror(i), 0), size - 1);
     }
     throw std::logic_error("no such address mode");
 }
@@ -132,15 +126,15 @@ template <typename N>
 class Oracle
 {
 public:
-    explicit Oracle(const AlphaTexture &texture) : m_texture(texture) {}
+    explicit Oracle(const AlphaTexture &texture) : texture_(texture) {}
 
     [[nodiscard]] N sample(const N &x, const N &y) const
     {
-        if (m_texture.filter == Filter::Nearest)
+        if (texture_.filter == Filter::Nearest)
             return texel(floorOf(x), floorOf(y));
         const N half = N(1) / N(2);
-        const std::int64_t i = floorOf(x - half);
-        const std::int64_t j = floorOf(y - half);
+        const int64_t i = floorOf(x - half);
+        const int64_t j = floorOf(y - half);
         const N a = x - half - N(i);
         const N b = y - half - N(j);
         return (N(1) - b) * ((N(1) - a) * texel(i, j) + a * texel(i + 1, j)) +
@@ -149,39 +143,38 @@ public:
 
     void addPolygon(const std::vector<OraclePoint<N>> &polygon)
     {
-        for (std::size_t i = 0; i < polygon.size(); ++i)
+        for (size_t i = 0; i < polygon.size(); ++i)
             addSide(polygon[i], polygon[(i + 1) % polygon.size()]);
         addCentres(polygon);
     }
-    [[nodiscard]] const N &least() const { return m_least; }
-    [[nodiscard]] const N &most() const { return m_most; }
+    [[nodiscard]] const N &least() const { return least_; }
+    [[nodiscard]] const N &most() const { return most_; }
 
 private:
-    [[nodiscard]] N texel(std::int64_t i, std::int64_t j) const
+    [[nodiscard]] N texel(int64_t i, int64_t j) const
     {
-        const std::int64_t x = specifiedTexel(i, m_texture.width, m_texture.wrapU);
-        const std::int64_t y = specifiedTexel(j, m_texture.height, m_texture.wrapV);
-        const bool inside = x >= 0 && x < m_texture.width && y >= 0 && y < m_texture.height;
-        const float alpha =
-            inside ? m_texture.alpha[static_cast<std::size_t>(y * m_texture.width + x)] : m_texture.border;
+        const int64_t x = specifiedTexel(i, texture_.width, texture_.wrapU);
+        const int64_t y = specifiedTexel(j, texture_.height, texture_.wrapV);
+        const bool inside = x >= 0 && x < texture_.width && y >= 0 && y < texture_.height;
+        const float alpha = inside ? texture_.alpha[static_cast<size_t>(y * texture_.width + x)] : texture_.border;
         return numberOf(double{alpha}, N{});
     }
 
     void add(const N &value)
     {
-        m_least = m_any && m_least < value ? m_least : value;
-        m_most = m_any && value < m_most ? m_most : value;
-        m_any = true;
+        least_ = any_ && least_ < value ? least_ : value;
+        most_ = any_ && value < most_ ? most_ : value;
+        any_ = true;
     }
 
     void addSide(const OraclePoint<N> &from, const OraclePoint<N> &to)
     {
         std::vector<N> cuts = {N(0), N(1)};
-        const N half = m_texture.filter == Filter::Bilinear ? N(1) / N(2) : N(0);
+        const N half = texture_.filter == Filter::Bilinear ? N(1) / N(2) : N(0);
         const auto cut = [&](const N &a, const N &b) {
             const N low = b < a ? b : a;
             const N high = b < a ? a : b;
-            for (std::int64_t k = floorOf(low - half) + 1; N(k) + half < high; ++k)
+            for (int64_t k = floorOf(low - half) + 1; N(k) + half < high; ++k)
                 if (low < N(k) + half)
                     cuts.push_back((N(k) + half - a) / (b - a));
         };
@@ -191,10 +184,10 @@ private:
         const auto at = [&](const N &s) { return sample(from.x + s * (to.x - from.x), from.y + s * (to.y - from.y)); };
         // Where N rounds, a cut of nearest filtering reads a texel beside the side.
         constexpr bool kExact = std::is_same_v<N, Rational>;
-        const bool cutsCount = kExact || m_texture.filter == Filter::Bilinear;
+        const bool cutsCount = kExact || texture_.filter == Filter::Bilinear;
         add(at(N(0)));
         add(at(N(1)));
-        for (std::size_t i = 0; i + 1 < cuts.size(); ++i) {
+        for (size_t i = 0; i + 1 < cuts.size(); ++i) {
             const N length = cuts[i + 1] - cuts[i];
             if (!(numberOf(kExact ? 0 : 1e-12, N{}) < length))
                 continue;
@@ -206,7 +199,7 @@ private:
             const N last = at(cuts[i + 1]);
             add(first);
             add(last);
-            if (m_texture.filter == Filter::Nearest)
+            if (texture_.filter == Filter::Nearest)
                 continue;
             // first + q1 t + q2 t^2, t from 0 to 1
             const N q2 = N(2) * (first + last - N(2) * middle);
@@ -227,7 +220,7 @@ private:
         N area(0);
         OraclePoint<N> low = polygon[0];
         OraclePoint<N> high = polygon[0];
-        for (std::size_t i = 0; i < polygon.size(); ++i) {
+        for (size_t i = 0; i < polygon.size(); ++i) {
             area = area + turn(polygon[0], polygon[i], polygon[(i + 1) % polygon.size()]);
             low = {std::min(low.x, polygon[i].x), std::min(low.y, polygon[i].y)};
             high = {std::max(high.x, polygon[i].x), std::max(high.y, polygon[i].y)};
@@ -235,11 +228,11 @@ private:
         if (area == N(0))
             return;
         const N half = N(1) / N(2);
-        for (std::int64_t y = floorOf(low.y); N(y) < high.y; ++y) {
-            for (std::int64_t x = floorOf(low.x); N(x) < high.x; ++x) {
+        for (int64_t y = floorOf(low.y); N(y) < high.y; ++y) {
+            for (int64_t x = floorOf(low.x); N(x) < high.x; ++x) {
                 const OraclePoint<N> centre{N(x) + half, N(y) + half};
                 bool inside = true;
-                for (std::size_t i = 0; i < polygon.size() && inside; ++i)
+                for (size_t i = 0; i < polygon.size() && inside; ++i)
                     inside = !(turn(polygon[i], polygon[(i + 1) % polygon.size()], centre) * area < N(0));
                 if (inside)
                     add(texel(x, y));
@@ -247,10 +240,10 @@ private:
         }
     }
 
-    const AlphaTexture &m_texture;
-    bool m_any = false;
-    N m_least{0};
-    N m_most{0};
+    const AlphaTexture &texture_;
+    bool any_ = false;
+    N least_{0};
+    N most_{0};
 };
 
 } // namespace vellum::test

@@ -14,10 +14,10 @@ namespace
 {
 
 struct Tally {
-    std::size_t all = 0;
-    std::size_t quickOpen = 0;
-    std::size_t open = 0;
-    std::size_t wrong = 0;
+    size_t all = 0;
+    size_t quickOpen = 0;
+    size_t open = 0;
+    size_t wrong = 0;
 };
 
 class Case
@@ -25,38 +25,38 @@ class Case
 public:
     // Coordinates on a grid, where alpha equals the cutoff and sides run along borders of cells, or anywhere; values
     // and coordinates of any magnitude.
-    explicit Case(unsigned seed) : m_random(seed)
+    explicit Case(unsigned seed) : random_(seed)
     {
-        constexpr std::uint32_t kSizes[] = {1, 2, 3, 5, 8, 13};
-        texture.width = kSizes[m_random() % std::size(kSizes)];
-        texture.height = kSizes[m_random() % std::size(kSizes)];
-        texture.wrapU = static_cast<Wrap>(m_random() % 5);
-        texture.wrapV = static_cast<Wrap>(m_random() % 5);
-        texture.filter = m_random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
-        const int exponent = m_random() % 2 == 0 ? 0 : static_cast<int>(m_random() % 250) - 140;
-        const unsigned values = m_random() % 2 == 0 ? 5 : 1000;
-        for (std::uint32_t i = 0; i < texture.width * texture.height; ++i)
+        constexpr uint32_t kSizes[] = {1, 2, 3, 5, 8, 13};
+        texture.width = kSizes[random_() % std::size(kSizes)];
+        texture.height = kSizes[random_() % std::size(kSizes)];
+        texture.wrapU = static_cast<Wrap>(random_() % 5);
+        texture.wrapV = static_cast<Wrap>(random_() % 5);
+        texture.filter = random_() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
+        const int exponent = random_() % 2 == 0 ? 0 : static_cast<int>(random_() % 250) - 140;
+        const unsigned values = random_() % 2 == 0 ? 5 : 1000;
+        for (uint32_t i = 0; i < texture.width * texture.height; ++i)
             texture.alpha.push_back(
-                std::ldexp(static_cast<float>(m_random() % values) / static_cast<float>(values - 1), exponent));
-        if (m_random() % 8 == 0)
-            texture.alpha[m_random() % texture.alpha.size()] = m_random() % 2 == 0 ? NAN : INFINITY;
+                std::ldexp(static_cast<float>(random_() % values) / static_cast<float>(values - 1), exponent));
+        if (random_() % 8 == 0)
+            texture.alpha[random_() % texture.alpha.size()] = random_() % 2 == 0 ? NAN : INFINITY;
         options.exactly();
-        options.cutoff = std::ldexp(m_random() % 2 == 0 ? 0.5 : m_random.uniform(0, 1), exponent);
-        const bool grid = m_random() % 2 == 0;
-        const double far = m_random() % 4 == 0 ? 1000 : 2;
-        const double size = std::ldexp(1, m_random() % 3 == 0 ? -static_cast<int>(m_random() % 40) : 0);
-        const double u = std::floor(m_random.uniform(-far, far));
-        const double v = std::floor(m_random.uniform(-far, far));
+        options.cutoff = std::ldexp(random_() % 2 == 0 ? 0.5 : random_.uniform(0, 1), exponent);
+        const bool grid = random_() % 2 == 0;
+        const double far = random_() % 4 == 0 ? 1000 : 2;
+        const double size = std::ldexp(1, random_() % 3 == 0 ? -static_cast<int>(random_() % 40) : 0);
+        const double u = std::floor(random_.uniform(-far, far));
+        const double v = std::floor(random_.uniform(-far, far));
         for (TexCoord &uv : uvs) {
             const auto coordinate = [&](double start) {
-                const double x = m_random.uniform(0, 2);
+                const double x = random_.uniform(0, 2);
                 return static_cast<float>(start + size * (grid ? std::round(x * 16) / 16 : x));
             };
             uv = {coordinate(u), coordinate(v)};
         }
-        if (m_random() % 6 == 0)
-            uvs[2] = m_random() % 2 == 0 ? uvs[1] : TexCoord{uvs[0].u, std::nextafter(uvs[0].v, 2000.0f)};
-        level = m_random() % 4;
+        if (random_() % 6 == 0)
+            uvs[2] = random_() % 2 == 0 ? uvs[1] : TexCoord{uvs[0].u, std::nextafter(uvs[0].v, 2000.0f)};
+        level = random_() % 4;
     }
 
     void compare(Tally &tally)
@@ -67,13 +67,13 @@ public:
         const PieceTest piece(place, texture.filter, thresholds);
         const ExactTriangle exact(texture, options.cutoff, uvs, level);
         std::vector<Cell> cells;
-        const std::int32_t steps = 1 << level;
+        const int32_t steps = 1 << level;
         place.forMixed(map, {0, 0, steps}, [&](const CellMap::Place &cell) {
             cells.push_back(map.read(cell));
             return false;
         });
-        for (std::int32_t i = 0; i <= steps; ++i) {
-            for (std::int32_t j = 0; i + j <= steps; ++j) {
+        for (int32_t i = 0; i <= steps; ++i) {
+            for (int32_t j = 0; i + j <= steps; ++j) {
                 if (i + j < steps)
                     compare({i, j, 1}, cells, place, piece, exact, tally);
                 if (i > 0 && j > 0)
@@ -85,7 +85,7 @@ public:
     AlphaTexture texture;
     BakeOptions options;
     TriangleUvs uvs;
-    std::uint32_t level;
+    uint32_t level;
 
 private:
     void compare(const SubTriangle &sub, const std::vector<Cell> &cells, const Placement &place, const PieceTest &piece,
@@ -102,7 +102,7 @@ private:
             crosses.push_back(truth(cell));
             anywhere = anywhere || crosses.back();
         }
-        for (std::size_t n = 0; n < cells.size(); ++n) {
+        for (size_t n = 0; n < cells.size(); ++n) {
             const Cell &cell = cells[n];
             Point corner = place.at(sub.i, sub.j);
             corner.x -= static_cast<double>(cell.x - place.baseX);
@@ -122,7 +122,7 @@ private:
         }
     }
 
-    test::TestRandom m_random;
+    test::TestRandom random_;
 };
 
 } // namespace

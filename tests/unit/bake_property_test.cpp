@@ -16,19 +16,19 @@ namespace
 class Case
 {
 public:
-    explicit Case(unsigned seed) : m_random(seed)
+    explicit Case(unsigned seed) : random_(seed)
     {
-        texture.width = 1 + m_random() % 24;
-        texture.height = 1 + m_random() % 24;
-        texture.wrapU = static_cast<Wrap>(m_random() % 3);
-        texture.wrapV = static_cast<Wrap>(m_random() % 3);
-        texture.filter = m_random() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
+        texture.width = 1 + random_() % 24;
+        texture.height = 1 + random_() % 24;
+        texture.wrapU = static_cast<Wrap>(random_() % 3);
+        texture.wrapV = static_cast<Wrap>(random_() % 3);
+        texture.filter = random_() % 4 == 0 ? Filter::Nearest : Filter::Bilinear;
         fillTexture();
-        options.level = m_random() % 6;
-        options.cutoff = m_random() % 2 == 0 ? 0.5 : uniform(0.05, 0.95);
+        options.level = random_() % 6;
+        options.cutoff = random_() % 2 == 0 ? 0.5 : uniform(0.05, 0.95);
         options.threads = 1;
         // The sharpest that is allowed in half of the cases, so that nothing hides behind tolerances.
-        if (m_random() % 2 == 0) {
+        if (random_() % 2 == 0) {
             options.valueTolerance = 0;
             options.subtexelTolerance = 1.0 / 256;
             options.barycentricTolerance = 0;
@@ -37,7 +37,7 @@ public:
             triangles.push_back(randomTriangle());
     }
 
-    double uniform(double low, double high) { return m_random.uniform(low, high); }
+    double uniform(double low, double high) { return random_.uniform(low, high); }
 
     AlphaTexture texture;
     BakeOptions options;
@@ -46,10 +46,10 @@ public:
 private:
     void fillTexture()
     {
-        texture.alpha.resize(std::size_t{texture.width} * texture.height);
-        const unsigned kind = m_random() % 3;
+        texture.alpha.resize(size_t{texture.width} * texture.height);
+        const unsigned kind = random_() % 3;
         const double radius = uniform(0.1, 0.6);
-        for (std::size_t i = 0; i < texture.alpha.size(); ++i) {
+        for (size_t i = 0; i < texture.alpha.size(); ++i) {
             const double x = (static_cast<double>(i % texture.width) + 0.5) / texture.width - 0.5;
             const double y = (static_cast<double>(i / texture.width) + 0.5) / texture.height - 0.5;
             double a = uniform(0, 1);
@@ -65,24 +65,24 @@ private:
     {
         // Within a texel, about the texture, several repetitions, or a plain card; some degenerate.
         const double sizes[] = {0.5 / texture.width, 0.7, 3.0, 1.0};
-        const unsigned kind = m_random() % 4;
+        const unsigned kind = random_() % 4;
         if (kind == 3)
-            return m_random() % 2 == 0 ? TriangleUvs{{{0, 0}, {1, 0}, {1, 1}}} : TriangleUvs{{{0, 0}, {1, 1}, {0, 1}}};
+            return random_() % 2 == 0 ? TriangleUvs{{{0, 0}, {1, 0}, {1, 1}}} : TriangleUvs{{{0, 0}, {1, 1}, {0, 1}}};
         const double x = uniform(-2, 2);
         const double y = uniform(-2, 2);
         TriangleUvs uvs;
         for (TexCoord &t : uvs)
             t = {static_cast<float>(x + uniform(0, sizes[kind])), static_cast<float>(y + uniform(0, sizes[kind]))};
-        if (m_random() % 8 == 0)
+        if (random_() % 8 == 0)
             uvs[2] = uvs[1];
         return uvs;
     }
 
-    test::TestRandom m_random;
+    test::TestRandom random_;
 };
 
 // Samples one micro-triangle at its corners, edges and inside, moved by as much as the options allow.
-void checkMicroTriangle(Case &c, const TriangleUvs &uvs, std::uint32_t index, State state)
+void checkMicroTriangle(Case &c, const TriangleUvs &uvs, uint32_t index, State state)
 {
     const auto corners = microTriangleCorners(index, *c.options.level);
     constexpr int kSteps = 6;
@@ -110,15 +110,15 @@ void checkMicroTriangle(Case &c, const TriangleUvs &uvs, std::uint32_t index, St
 
 TEST(BakeProperty, NoSampleContradictsAProvenState)
 {
-    std::size_t proven = 0;
-    std::size_t all = 0;
+    size_t proven = 0;
+    size_t all = 0;
     for (unsigned seed = 0; seed < 1500 && !testing::Test::HasFailure(); ++seed) {
         SCOPED_TRACE("seed " + std::to_string(seed));
         Case c(seed);
         const BakeResult result = bake(c.texture, c.triangles, c.options);
         ASSERT_EQ(result.micromap.validate(), std::nullopt);
-        for (std::uint32_t t = 0; t < c.triangles.size(); ++t) {
-            for (std::uint32_t i = 0; i < microTriangleCount(*c.options.level); ++i) {
+        for (uint32_t t = 0; t < c.triangles.size(); ++t) {
+            for (uint32_t i = 0; i < microTriangleCount(*c.options.level); ++i) {
                 const auto corners = microTriangleCorners(i, *c.options.level);
                 const float u = (corners[0].u + corners[1].u + corners[2].u) / 3;
                 const float v = (corners[0].v + corners[1].v + corners[2].v) / 3;
@@ -140,7 +140,7 @@ TEST(BakeProperty, AnyInputIsSafe)
 {
     test::TestRandom random(9);
     const auto anyFloat = [&] {
-        const std::uint32_t bits = random();
+        const uint32_t bits = random();
         switch (random() % 4) {
         case 0: return static_cast<float>(random.uniform(-3, 3));
         case 1: return std::bit_cast<float>(bits);
@@ -158,7 +158,7 @@ TEST(BakeProperty, AnyInputIsSafe)
         t.filter = random() % 2 == 0 ? Filter::Nearest : Filter::Bilinear;
         t.border = anyFloat();
         const bool tame = random() % 2 == 0;
-        for (std::uint32_t i = 0; i < t.width * t.height; ++i)
+        for (uint32_t i = 0; i < t.width * t.height; ++i)
             t.alpha.push_back(tame ? static_cast<float>(random() % 3) / 2 : anyFloat());
         std::vector<TriangleUvs> triangles(3);
         for (TriangleUvs &uvs : triangles)
@@ -200,10 +200,10 @@ TEST(BakeProperty, FarTrianglesAreSkipped)
     o.exactly();
     // Beside the stripe, all the way.
     const std::vector<TriangleUvs> beside = {{{{0.5f, -900000}, {0.75f, 900000}, {0.6f, 0}}}};
-    EXPECT_EQ(bake(t, beside, o).micromap.indices, std::vector<std::int32_t>{-1});
+    EXPECT_EQ(bake(t, beside, o).micromap.indices, std::vector<int32_t>{-1});
     for (const Wrap wrap : {Wrap::Clamp, Wrap::Border, Wrap::MirrorOnce}) {
         t.wrapU = t.wrapV = wrap;
         const std::vector<TriangleUvs> outside = {{{{10, -900000}, {900, 900000}, {500, 0}}}};
-        EXPECT_EQ(bake(t, outside, o).micromap.indices, std::vector<std::int32_t>{-1});
+        EXPECT_EQ(bake(t, outside, o).micromap.indices, std::vector<int32_t>{-1});
     }
 }

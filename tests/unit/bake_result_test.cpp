@@ -22,7 +22,7 @@ AlphaTexture disc(double radius)
     return t;
 }
 
-std::vector<TriangleUvs> scattered(std::size_t count)
+std::vector<TriangleUvs> scattered(size_t count)
 {
     test::TestRandom random(4);
     std::vector<TriangleUvs> triangles(count);
@@ -35,14 +35,14 @@ std::vector<TriangleUvs> scattered(std::size_t count)
     return triangles;
 }
 
-BakeOptions atLevel(std::uint32_t level)
+BakeOptions atLevel(uint32_t level)
 {
     BakeOptions o;
     o.level = level;
     return o;
 }
 
-std::uint64_t bytesOf(const BakeResult &r)
+uint64_t bytesOf(const BakeResult &r)
 {
     return r.micromap.data.size() + 8 * r.micromap.triangles.size();
 }
@@ -51,14 +51,14 @@ double knownShare(const BakeResult &r)
 {
     // By area: all triangles count alike, whatever their level.
     double known = 0;
-    for (const std::int32_t index : r.micromap.indices) {
+    for (const int32_t index : r.micromap.indices) {
         if (const auto special = specialState(index)) {
             known += *special == State::Opaque || *special == State::Transparent ? 1 : 0;
             continue;
         }
-        const MicromapTriangle &t = r.micromap.triangles[static_cast<std::size_t>(index)];
-        const std::uint32_t count = microTriangleCount(t.subdivisionLevel);
-        for (std::uint32_t i = 0; i < count; ++i) {
+        const MicromapTriangle &t = r.micromap.triangles[static_cast<size_t>(index)];
+        const uint32_t count = microTriangleCount(t.subdivisionLevel);
+        for (uint32_t i = 0; i < count; ++i) {
             const State state = readState(r.micromap.data.data() + t.dataOffset, i, t.format);
             known += state == State::Opaque || state == State::Transparent ? 1.0 / count : 0;
         }
@@ -71,12 +71,12 @@ double knownShare(const BakeResult &r)
 TEST(BakeResult, LevelsAndFormatsOfEachTriangle)
 {
     const std::vector<TriangleUvs> triangles(4, {{{0.1f, 0.1f}, {0.9f, 0.2f}, {0.3f, 0.9f}}});
-    const std::vector<std::uint8_t> levels = {5, 3, 5, 3};
+    const std::vector<uint8_t> levels = {5, 3, 5, 3};
     const std::vector<Format> formats = {Format::FourState, Format::FourState, Format::TwoState, Format::FourState};
     const AlphaTexture t = disc(20);
     BakeInput input{std::span(&t, 1), triangles, levels, formats};
     const BakeResult r = bake(std::span(&input, 1), {});
-    EXPECT_EQ(r.micromap.indices, (std::vector<std::int32_t>{0, 1, 2, 1}));
+    EXPECT_EQ(r.micromap.indices, (std::vector<int32_t>{0, 1, 2, 1}));
     EXPECT_EQ(r.statistics.distinct, 3u);
     EXPECT_EQ(
         r.micromap.geometryUsage(),
@@ -84,7 +84,7 @@ TEST(BakeResult, LevelsAndFormatsOfEachTriangle)
     EXPECT_EQ(r.micromap.validate(), std::nullopt);
     input.levels = std::span(levels).first(3);
     EXPECT_THROW(bake(std::span(&input, 1), {}), BakeError);
-    const std::vector<std::uint8_t> tooHigh = {5, 3, 13, 3};
+    const std::vector<uint8_t> tooHigh = {5, 3, 13, 3};
     input.levels = tooHigh;
     EXPECT_THROW(bake(std::span(&input, 1), {}), BakeError);
 }
@@ -105,7 +105,7 @@ TEST(BakeResult, SharesAcrossInputs)
     ASSERT_EQ(all.micromap.indices.size(), 80u);
     EXPECT_EQ(all.statistics.distinct, 60u); // coordinates are looked up by texture, results are not
     EXPECT_LE(all.micromap.triangles.size(), first.micromap.triangles.size() + last.micromap.triangles.size());
-    for (std::uint32_t i = 0; i < 20; ++i) {
+    for (uint32_t i = 0; i < 20; ++i) {
         EXPECT_EQ(all.micromap.indices[i], all.micromap.indices[20 + i]);
         EXPECT_EQ(all.micromap.indices[i], all.micromap.indices[40 + i]);
         EXPECT_EQ(all.micromap.stateAt(i, 0.3f, 0.3f), first.micromap.stateAt(i, 0.3f, 0.3f));
@@ -121,7 +121,7 @@ TEST(BakeResult, CutoffOfAnInput)
     const std::vector<TriangleUvs> triangles = scattered(1);
     const BakeInput inputs[] = {{std::span(&t, 1), triangles, {}, {}, 0.25},
                                 {std::span(&t, 1), triangles, {}, {}, 0.75}};
-    EXPECT_EQ(bake(inputs, atLevel(3)).micromap.indices, (std::vector<std::int32_t>{-2, -1}));
+    EXPECT_EQ(bake(inputs, atLevel(3)).micromap.indices, (std::vector<int32_t>{-2, -1}));
 }
 
 TEST(BakeResult, KeepsBudgets)
@@ -129,9 +129,9 @@ TEST(BakeResult, KeepsBudgets)
     const std::vector<TriangleUvs> triangles = scattered(60);
     const AlphaTexture t = disc(20);
     const BakeResult whole = bake(t, triangles, atLevel(6));
-    const std::uint64_t bytes = bytesOf(whole);
+    const uint64_t bytes = bytesOf(whole);
     double before = knownShare(whole);
-    for (const std::uint64_t budget : {bytes, bytes / 2, bytes / 4, bytes / 16, bytes / 64, std::uint64_t{0}}) {
+    for (const uint64_t budget : {bytes, bytes / 2, bytes / 4, bytes / 16, bytes / 64, uint64_t{0}}) {
         BakeOptions o = atLevel(6);
         o.budget = budget;
         const BakeResult r = bake(t, triangles, o);
@@ -144,7 +144,7 @@ TEST(BakeResult, KeepsBudgets)
             EXPECT_EQ(r.micromap.data, whole.micromap.data);
         }
         // A lower level claims nothing that the higher one does not.
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
             for (int i = 0; i < 300; ++i) {
                 const float u = static_cast<float>(i % 20) / 20 + 0.013f;
                 const float v = static_cast<float>(i / 20) / 20 + 0.007f;
@@ -177,12 +177,12 @@ TEST(BakeResult, TwoStateRules)
         const BakeResult two = bake(t, triangles, o);
         EXPECT_EQ(two.micromap.validate(), std::nullopt);
         const auto &s = four.statistics.states;
-        const std::uint64_t opaque = s[1] + (rule == TwoStateRule::UnknownIsOpaque ? s[2] + s[3]
-                                             : rule == TwoStateRule::Nearest       ? s[3]
-                                                                                   : 0);
-        EXPECT_EQ(two.statistics.states, (std::array<std::uint64_t, 4>{10 * 1024 - opaque, opaque, 0, 0}));
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
-            for (std::uint32_t i = 0; i < 1024; ++i) {
+        const uint64_t opaque = s[1] + (rule == TwoStateRule::UnknownIsOpaque ? s[2] + s[3]
+                                        : rule == TwoStateRule::Nearest       ? s[3]
+                                                                              : 0);
+        EXPECT_EQ(two.statistics.states, (std::array<uint64_t, 4>{10 * 1024 - opaque, opaque, 0, 0}));
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
+            for (uint32_t i = 0; i < 1024; ++i) {
                 const auto c = microTriangleCorners(i, 5);
                 const float u = (c[0].u + c[1].u + c[2].u) / 3;
                 const float v = (c[0].v + c[1].v + c[2].v) / 3;
@@ -205,15 +205,15 @@ TEST(BakeResult, NotWorthwhile)
     const BakeResult all = bake(t, triangles, o);
     o.worthwhile = 0.8;
     const BakeResult some = bake(t, triangles, o);
-    std::size_t dropped = 0;
-    for (std::uint32_t k = 0; k < triangles.size(); ++k) {
+    size_t dropped = 0;
+    for (uint32_t k = 0; k < triangles.size(); ++k) {
         int known = 0;
-        for (std::uint32_t i = 0; i < 16; ++i) {
+        for (uint32_t i = 0; i < 16; ++i) {
             const auto c = microTriangleCorners(i, 2);
             const State state = all.micromap.stateAt(k, (c[0].u + c[1].u + c[2].u) / 3, (c[0].v + c[1].v + c[2].v) / 3);
             known += state == State::Opaque || state == State::Transparent ? 1 : 0;
         }
-        const std::int32_t index = some.micromap.indices[k];
+        const int32_t index = some.micromap.indices[k];
         EXPECT_EQ(index == -3 || index == -4, known < 0.8 * 16) << k;
         dropped += index == -3 || index == -4 ? 1u : 0u;
     }
@@ -232,12 +232,12 @@ TEST(BakeResult, SpecialIndicesStandAlone)
     const BakeInput inputs[] = {{std::span(&t, 1), mixed}, {std::span(&t, 1), uniform}};
     BakeOptions o = atLevel(4);
     const BakeResult with = bake(inputs, o);
-    EXPECT_EQ(with.micromap.indices, (std::vector<std::int32_t>{0, -2, -1, -1, -2, -1}));
+    EXPECT_EQ(with.micromap.indices, (std::vector<int32_t>{0, -2, -1, -1, -2, -1}));
     for (const Format format : {Format::FourState, Format::TwoState}) {
         o.format = format;
         o.disallowMixedSpecialIndices = true;
         const BakeResult r = bake(inputs, o);
-        EXPECT_EQ(r.micromap.indices, (std::vector<std::int32_t>{0, 1, 2, 2, -2, -1}));
+        EXPECT_EQ(r.micromap.indices, (std::vector<int32_t>{0, 1, 2, 2, -2, -1}));
         EXPECT_EQ(r.micromap.validate(), std::nullopt);
         EXPECT_EQ(r.micromap.triangles[1].subdivisionLevel, 0);
         EXPECT_EQ(r.micromap.stateAt(1, 0.2f, 0.2f), State::Opaque);
@@ -254,8 +254,8 @@ TEST(BakeResult, CanBeCancelled)
     std::stop_source stop;
     BakeOptions o = atLevel(5);
     o.cancelled = [&] { return stop.stop_requested(); };
-    std::size_t done = 0;
-    o.progress = [&](std::size_t now, std::size_t total) {
+    size_t done = 0;
+    o.progress = [&](size_t now, size_t total) {
         EXPECT_EQ(total, 500u);
         done = now;
         if (now >= 100)

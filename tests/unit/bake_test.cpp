@@ -22,17 +22,17 @@ AlphaTexture uniformTexture(float alpha)
 }
 
 // Opaque where x < share, with sharp texels.
-AlphaTexture halfTexture(std::uint32_t size, double share)
+AlphaTexture halfTexture(uint32_t size, double share)
 {
     AlphaTexture t;
     t.width = t.height = size;
     t.wrapU = t.wrapV = Wrap::Clamp;
-    for (std::uint32_t i = 0; i < size * size; ++i)
+    for (uint32_t i = 0; i < size * size; ++i)
         t.alpha.push_back(i % size < share * size ? 1.0f : 0.0f);
     return t;
 }
 
-BakeOptions atLevel(std::uint32_t level)
+BakeOptions atLevel(uint32_t level)
 {
     BakeOptions o;
     o.level = level;
@@ -45,17 +45,15 @@ TEST(Bake, UniformTexturesFoldToSpecialIndices)
 {
     const std::vector<TriangleUvs> triangles = {kLowerCard, kUpperCard};
     const BakeResult clear = bake(uniformTexture(0), triangles, atLevel(4));
-    EXPECT_EQ(clear.micromap.indices, (std::vector<std::int32_t>{-1, -1}));
+    EXPECT_EQ(clear.micromap.indices, (std::vector<int32_t>{-1, -1}));
     EXPECT_TRUE(clear.micromap.data.empty());
     EXPECT_EQ(clear.statistics.special[0], 2u);
     EXPECT_EQ(clear.statistics.states[0], 2u * 256);
     const BakeResult solid = bake(uniformTexture(1), triangles, atLevel(4));
-    EXPECT_EQ(solid.micromap.indices, (std::vector<std::int32_t>{-2, -2}));
+    EXPECT_EQ(solid.micromap.indices, (std::vector<int32_t>{-2, -2}));
     // Within the tolerance of the cutoff nothing is proven; the guess is still right.
-    EXPECT_EQ(bake(uniformTexture(0.501f), triangles, atLevel(4)).micromap.indices,
-              (std::vector<std::int32_t>{-4, -4}));
-    EXPECT_EQ(bake(uniformTexture(0.499f), triangles, atLevel(4)).micromap.indices,
-              (std::vector<std::int32_t>{-3, -3}));
+    EXPECT_EQ(bake(uniformTexture(0.501f), triangles, atLevel(4)).micromap.indices, (std::vector<int32_t>{-4, -4}));
+    EXPECT_EQ(bake(uniformTexture(0.499f), triangles, atLevel(4)).micromap.indices, (std::vector<int32_t>{-3, -3}));
 }
 
 TEST(Bake, OnlyTheBorderIsUnknown)
@@ -102,7 +100,7 @@ TEST(Bake, SharesEqualTriangles)
     const BakeResult r = bake(t, triangles, atLevel(3));
     EXPECT_EQ(r.statistics.distinct, 2u);
     EXPECT_EQ(r.micromap.triangles.size(), 1u);
-    EXPECT_EQ(r.micromap.indices, std::vector<std::int32_t>(101, 0));
+    EXPECT_EQ(r.micromap.indices, std::vector<int32_t>(101, 0));
     EXPECT_EQ(r.micromap.geometryUsage(), (std::vector<MicromapUsage>{{101, 3, Format::FourState}}));
 }
 
@@ -114,11 +112,11 @@ TEST(Bake, HopelessCoordinatesAreUnknown)
                                                 {{{0, 0}, {infinity, 0}, {0, 1}}},
                                                 {{{0, 0}, {1, -infinity}, {0, 1}}},
                                                 {{{0, 0}, {1e30f, 0}, {0, 1}}}};
-    for (const auto &level : {std::optional<std::uint32_t>(3), std::optional<std::uint32_t>()}) {
+    for (const auto &level : {std::optional<uint32_t>(3), std::optional<uint32_t>()}) {
         BakeOptions o;
         o.level = level;
         const BakeResult r = bake(halfTexture(64, 0.5), triangles, o);
-        EXPECT_EQ(r.micromap.indices, (std::vector<std::int32_t>{-4, -4, -4, -4}));
+        EXPECT_EQ(r.micromap.indices, (std::vector<int32_t>{-4, -4, -4, -4}));
     }
 }
 
@@ -184,9 +182,9 @@ TEST(Bake, TheResultDoesNotDependOnThreads)
     o.threads = 1;
     const BakeResult one = bake(t, triangles, o);
     o.threads = 7;
-    std::size_t calls = 0;
-    std::size_t last = 0;
-    o.progress = [&](std::size_t done, std::size_t total) {
+    size_t calls = 0;
+    size_t last = 0;
+    o.progress = [&](size_t done, size_t total) {
         ++calls;
         EXPECT_EQ(total, 200u);
         EXPECT_GT(done, last);
@@ -202,7 +200,7 @@ TEST(Bake, TheResultDoesNotDependOnThreads)
 TEST(Bake, Level12)
 {
     const BakeResult r = bake(halfTexture(64, 0.5), std::vector{kLowerCard}, atLevel(12));
-    EXPECT_EQ(r.micromap.data.size(), std::size_t{4} << 20);
+    EXPECT_EQ(r.micromap.data.size(), size_t{4} << 20);
     EXPECT_EQ(r.micromap.validate(), std::nullopt);
     EXPECT_EQ(r.micromap.stateAt(0, 0.1f, 0.1f), State::Opaque);
     EXPECT_EQ(r.micromap.stateAt(0, 0.9f, 0.05f), State::Transparent);
@@ -262,7 +260,7 @@ TEST(AlphaTexture, WrapsAndFilters)
 
 TEST(AlphaTexture, TakesBytes)
 {
-    const std::uint8_t rgba[] = {9, 9, 9, 0, 9, 9, 9, 255};
+    const uint8_t rgba[] = {9, 9, 9, 0, 9, 9, 9, 255};
     const AlphaTexture t = AlphaTexture::fromUnorm8(2, 1, rgba + 3, 4, 0.5f);
     EXPECT_EQ(t.alpha, (std::vector<float>{0, 0.5f}));
 }

@@ -13,12 +13,12 @@ namespace
 {
 
 // 1: all four texels are opaque for sure, 0: transparent for sure, -1: neither.
-int sideOf(const AlphaTexture &texture, const Thresholds &thresholds, std::int64_t x, std::int64_t y)
+int sideOf(const AlphaTexture &texture, const Thresholds &thresholds, int64_t x, int64_t y)
 {
     bool opaque = true;
     bool transparent = true;
-    for (const std::int64_t dx : {0, 1})
-        for (const std::int64_t dy : {0, 1}) {
+    for (const int64_t dx : {0, 1})
+        for (const int64_t dy : {0, 1}) {
             const float alpha = texture.texel(x + dx, y + dy);
             opaque = opaque && std::isfinite(alpha) && double{alpha} >= thresholds.opaque;
             transparent = transparent && std::isfinite(alpha) && double{alpha} < thresholds.transparent;
@@ -38,8 +38,8 @@ TEST(BakeCellMap, IsWhatTheTexelsSay)
                              std::numeric_limits<float>::max(),
                              -std::numeric_limits<float>::max(),
                              -0.0f};
-    std::size_t sides[3] = {};
-    for (const std::uint32_t width : {1u, 2u, 3u, 61u, 62u, 63u, 64u, 65u, 66u, 67u, 127u, 128u, 129u, 200u})
+    size_t sides[3] = {};
+    for (const uint32_t width : {1u, 2u, 3u, 61u, 62u, 63u, 64u, 65u, 66u, 67u, 127u, 128u, 129u, 200u})
         for (const Wrap wrap : {Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Border, Wrap::MirrorOnce}) {
             AlphaTexture texture;
             texture.width = width;
@@ -49,7 +49,7 @@ TEST(BakeCellMap, IsWhatTheTexelsSay)
             texture.border = random() % 4 == 0 ? infinity : static_cast<float>(random.uniform(0, 1));
             const bool anyStrange = random() % 2 == 0;
             double largest = std::isfinite(texture.border) ? double{texture.border} : 0;
-            for (std::size_t i = 0; i < std::size_t{width} * texture.height; ++i) {
+            for (size_t i = 0; i < size_t{width} * texture.height; ++i) {
                 // In patches, so that some cells are of one kind.
                 const bool high = (i / 7 + random() % 16 / 15) % 2 == 0;
                 const double value = high ? random.uniform(0.5, 1.0) : random.uniform(-2.0, 0.4);
@@ -63,10 +63,10 @@ TEST(BakeCellMap, IsWhatTheTexelsSay)
                 const CellMap map(texture, thresholds);
                 EXPECT_EQ(map.largest(), largest);
                 bool any = false;
-                const auto w = static_cast<std::int64_t>(width);
-                const auto h = static_cast<std::int64_t>(texture.height);
-                for (std::int64_t y = -2 * h - 3; y <= 2 * h + 3; ++y)
-                    for (std::int64_t x = -2 * w - 3; x <= 2 * w + 3; ++x) {
+                const auto w = static_cast<int64_t>(width);
+                const auto h = static_cast<int64_t>(texture.height);
+                for (int64_t y = -2 * h - 3; y <= 2 * h + 3; ++y)
+                    for (int64_t x = -2 * w - 3; x <= 2 * w + 3; ++x) {
                         const int side = sideOf(texture, thresholds, x, y);
                         ASSERT_EQ(map.side(x, y), side)
                             << width << " x " << h << ", wrap " << static_cast<int>(wrap) << ", cell " << x << " " << y;

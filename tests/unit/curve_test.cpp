@@ -16,12 +16,12 @@ namespace
 {
 
 // All micro-triangles up to level 9, and some of each level above.
-std::vector<std::uint32_t> indicesToTest(std::uint32_t level)
+std::vector<uint32_t> indicesToTest(uint32_t level)
 {
-    std::vector<std::uint32_t> indices;
-    const std::uint32_t count = microTriangleCount(level);
+    std::vector<uint32_t> indices;
+    const uint32_t count = microTriangleCount(level);
     if (level <= 9) {
-        for (std::uint32_t i = 0; i < count; ++i)
+        for (uint32_t i = 0; i < count; ++i)
             indices.push_back(i);
         return indices;
     }
@@ -39,7 +39,7 @@ Barycentrics mix(const std::array<Barycentrics, 3> &corners, float a, float b, f
             corners[0].v * a + corners[1].v * b + corners[2].v * c};
 }
 
-class CurveOfLevel : public testing::TestWithParam<std::uint32_t>
+class CurveOfLevel : public testing::TestWithParam<uint32_t>
 {
 };
 
@@ -47,8 +47,8 @@ class CurveOfLevel : public testing::TestWithParam<std::uint32_t>
 
 TEST_P(CurveOfLevel, PointsInsideAMicroTriangleHaveItsIndex)
 {
-    const std::uint32_t level = GetParam();
-    for (const std::uint32_t index : indicesToTest(level)) {
+    const uint32_t level = GetParam();
+    for (const uint32_t index : indicesToTest(level)) {
         const auto corners = microTriangleCorners(index, level);
         // Well inside: multiples of 2^-level / 8 are exact even at level 12.
         for (const auto &w : {std::array{0.375f, 0.375f, 0.25f}, std::array{0.75f, 0.125f, 0.125f},
@@ -61,9 +61,9 @@ TEST_P(CurveOfLevel, PointsInsideAMicroTriangleHaveItsIndex)
 
 TEST_P(CurveOfLevel, CornersMakeAMicroTriangleOnTheGrid)
 {
-    const std::uint32_t level = GetParam();
+    const uint32_t level = GetParam();
     const float steps = static_cast<float>(1u << level);
-    for (const std::uint32_t index : indicesToTest(level)) {
+    for (const uint32_t index : indicesToTest(level)) {
         const auto c = microTriangleCorners(index, level);
         for (const Barycentrics &p : c) {
             ASSERT_EQ(p.u * steps, std::floor(p.u * steps));
@@ -80,8 +80,8 @@ TEST_P(CurveOfLevel, CornersMakeAMicroTriangleOnTheGrid)
 
 TEST_P(CurveOfLevel, NeighboursOnTheCurveTouch)
 {
-    const std::uint32_t level = GetParam();
-    for (const std::uint32_t index : indicesToTest(level)) {
+    const uint32_t level = GetParam();
+    for (const uint32_t index : indicesToTest(level)) {
         if (index + 1 == microTriangleCount(level))
             continue;
         int common = 0;
@@ -94,12 +94,12 @@ TEST_P(CurveOfLevel, NeighboursOnTheCurveTouch)
 
 TEST_P(CurveOfLevel, TheLevelAboveIsAQuarter)
 {
-    const std::uint32_t level = GetParam();
+    const uint32_t level = GetParam();
     if (level == 0)
         return;
     test::TestRandom random(level);
     for (int i = 0; i < 20000; ++i) {
-        const std::uint32_t index = random() % microTriangleCount(level);
+        const uint32_t index = random() % microTriangleCount(level);
         const Barycentrics p = mix(microTriangleCorners(index, level), 0.375f, 0.375f, 0.25f);
         ASSERT_EQ(shared::curveIndex(p.u, p.v, level - 1), index / 4);
     }
@@ -122,7 +122,7 @@ TEST(Curve, LevelTwoIsAsInTheSpecification)
                                 {7, 1}, {8, 2}, {10, 1}, {7, 4}, {4, 7}, {2, 8}, {1, 7}, {1, 10}};
     bool seen[16] = {};
     for (const auto &c : centers) {
-        const std::uint32_t index =
+        const uint32_t index =
             shared::curveIndex(static_cast<float>(c[0]) / 12.0f, static_cast<float>(c[1]) / 12.0f, 2);
         ASSERT_LT(index, 16u);
         EXPECT_FALSE(seen[index]);
@@ -138,7 +138,7 @@ TEST(Curve, AnyInputIsSafe)
     const float nan = std::numeric_limits<float>::quiet_NaN();
     const float infinity = std::numeric_limits<float>::infinity();
     const float values[] = {nan, infinity, -infinity, -1, -1e-30f, 0, 0.5f, 0.99999994f, 1, 1.0000001f, 2, 1e30f};
-    for (std::uint32_t level = 0; level <= 12; ++level)
+    for (uint32_t level = 0; level <= 12; ++level)
         for (const float u : values)
             for (const float v : values)
                 EXPECT_LT(shared::curveIndex(u, v, level), microTriangleCount(level)) << u << ", " << v;
@@ -146,8 +146,8 @@ TEST(Curve, AnyInputIsSafe)
 
 TEST(Curve, VerticesOfTheTriangle)
 {
-    for (std::uint32_t level = 0; level <= 12; ++level) {
-        const std::uint32_t last = microTriangleCount(level) - 1;
+    for (uint32_t level = 0; level <= 12; ++level) {
+        const uint32_t last = microTriangleCount(level) - 1;
         EXPECT_EQ(shared::curveIndex(0, 0, level), 0u);
         EXPECT_EQ(shared::curveIndex(0, 1, level), last);
         EXPECT_EQ(shared::curveIndex(1, 0, level), last / 3 * 2); // 2222 in base 4

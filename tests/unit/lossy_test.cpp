@@ -16,18 +16,18 @@ constexpr State O = State::Opaque;
 constexpr State UT = State::UnknownTransparent;
 constexpr State UO = State::UnknownOpaque;
 
-std::vector<std::uint8_t> packed(const std::vector<State> &states)
+std::vector<uint8_t> packed(const std::vector<State> &states)
 {
-    std::vector<std::uint8_t> data((states.size() * 2 + 7) / 8);
-    for (std::uint32_t i = 0; i < states.size(); ++i)
+    std::vector<uint8_t> data((states.size() * 2 + 7) / 8);
+    for (uint32_t i = 0; i < states.size(); ++i)
         writeState(data.data(), i, Format::FourState, states[i]);
     return data;
 }
 
-std::vector<State> unpacked(const std::vector<std::uint8_t> &data, std::uint32_t level)
+std::vector<State> unpacked(const std::vector<uint8_t> &data, uint32_t level)
 {
     std::vector<State> states(microTriangleCount(level));
-    for (std::uint32_t i = 0; i < states.size(); ++i)
+    for (uint32_t i = 0; i < states.size(); ++i)
         states[i] = readState(data.data(), i, Format::FourState);
     return states;
 }
@@ -38,13 +38,13 @@ bool known(State state)
 }
 
 // Runs of one state, few or many of them.
-std::vector<State> randomStates(test::TestRandom &random, std::uint32_t level)
+std::vector<State> randomStates(test::TestRandom &random, uint32_t level)
 {
     std::vector<State> states(microTriangleCount(level));
-    const std::uint32_t longest = random() % (2 * level + 1);
-    for (std::size_t i = 0; i < states.size();) {
+    const uint32_t longest = random() % (2 * level + 1);
+    for (size_t i = 0; i < states.size();) {
         const auto state = static_cast<State>(random() % 4);
-        for (std::size_t run = std::size_t{1} << (longest > 0 ? random() % (longest + 1) : 0); run > 0; --run)
+        for (size_t run = size_t{1} << (longest > 0 ? random() % (longest + 1) : 0); run > 0; --run)
             if (i < states.size())
                 states[i++] = state;
     }
@@ -72,17 +72,17 @@ TEST(Lossy, MergesOfFour)
 TEST(Lossy, TheGuessIsThatOfMostMicroTriangles)
 {
     std::vector<State> states(16, T);
-    for (const std::size_t i : {0u, 1u, 4u, 5u}) // two children even, and so opaque; 4 of 16 in all
+    for (const size_t i : {0u, 1u, 4u, 5u}) // two children even, and so opaque; 4 of 16 in all
         states[i] = O;
     EXPECT_EQ(unpacked(coarsenedStates(packed(states).data(), 2, 0), 0)[0], UT);
-    for (const std::size_t i : {2u, 3u, 6u, 7u})
+    for (const size_t i : {2u, 3u, 6u, 7u})
         states[i] = O;
     EXPECT_EQ(unpacked(coarsenedStates(packed(states).data(), 2, 0), 0)[0], UO);
 }
 
 TEST(Lossy, UniformTrianglesNeedNoData)
 {
-    for (std::uint32_t level = 0; level <= 8; ++level)
+    for (uint32_t level = 0; level <= 8; ++level)
         for (const State state : {T, O, UT, UO})
             EXPECT_EQ(lossyLevel(packed(std::vector<State>(microTriangleCount(level), state)).data(), level),
                       std::min(level, 2u));
@@ -92,7 +92,7 @@ TEST(Lossy, UniformTrianglesNeedNoData)
 TEST(Lossy, FineDetailStays)
 {
     std::vector<State> states(microTriangleCount(5), T);
-    for (std::size_t i = 0; i < states.size(); i += 4)
+    for (size_t i = 0; i < states.size(); i += 4)
         states[i] = O;
     EXPECT_EQ(lossyLevel(packed(states).data(), 5), 5u);
 }
@@ -101,7 +101,7 @@ TEST(Lossy, FineDetailStays)
 TEST(Lossy, AMicroTriangleHasItsPrice)
 {
     std::vector<State> states(microTriangleCount(4), T);
-    for (std::size_t i = 0; i < 4; ++i)
+    for (size_t i = 0; i < 4; ++i)
         states[4 * i] = O;
     EXPECT_EQ(lossyLevel(packed(states).data(), 4), 2u);
     states[16] = O;
@@ -109,7 +109,7 @@ TEST(Lossy, AMicroTriangleHasItsPrice)
     // What was unknown costs nothing.
     states[16] = UT;
     EXPECT_EQ(lossyLevel(packed(states).data(), 4), 4u);
-    for (std::size_t i = 16; i < 32; ++i)
+    for (size_t i = 16; i < 32; ++i)
         states[i] = UT;
     EXPECT_EQ(lossyLevel(packed(states).data(), 4), 2u);
     EXPECT_EQ(lossyLevel(packed(states).data(), 4, 5), 4u);
@@ -118,25 +118,25 @@ TEST(Lossy, AMicroTriangleHasItsPrice)
 TEST(Lossy, StatesOnlyBecomeUnknown)
 {
     test::TestRandom random(1);
-    std::array<std::uint32_t, 9> lowered{}; // by how many levels, as bits
-    for (std::uint32_t i = 0; i < 600; ++i) {
-        const std::uint32_t level = i % 9;
+    std::array<uint32_t, 9> lowered{}; // by how many levels, as bits
+    for (uint32_t i = 0; i < 600; ++i) {
+        const uint32_t level = i % 9;
         const std::vector<State> before = randomStates(random, level);
-        const std::uint32_t chosen = lossyLevel(packed(before).data(), level);
+        const uint32_t chosen = lossyLevel(packed(before).data(), level);
         ASSERT_LE(chosen, level);
         ASSERT_GE(chosen, std::min(level, 2u));
         lowered[level] |= 1u << (level - chosen);
-        std::size_t least = before.size();
-        std::uint32_t cheapest = level;
-        for (std::uint32_t to = level; to + 1 > std::min(level, 2u); --to) {
+        size_t least = before.size();
+        uint32_t cheapest = level;
+        for (uint32_t to = level; to + 1 > std::min(level, 2u); --to) {
             const std::vector<State> after = unpacked(coarsenedStates(packed(before).data(), level, to), to);
-            std::size_t lost = 0;
-            for (std::size_t m = 0; m < before.size(); ++m) {
+            size_t lost = 0;
+            for (size_t m = 0; m < before.size(); ++m) {
                 const State state = after[m >> (2 * (level - to))];
                 ASSERT_TRUE(state == before[m] || !known(state));
                 lost += known(before[m]) && !known(state) ? 1u : 0u;
             }
-            const std::size_t cost = 16 * lost + (to > 2 ? after.size() : 0);
+            const size_t cost = 16 * lost + (to > 2 ? after.size() : 0);
             if (cost <= least) {
                 least = cost;
                 cheapest = to;
@@ -149,7 +149,7 @@ TEST(Lossy, StatesOnlyBecomeUnknown)
         }
         EXPECT_EQ(chosen, cheapest);
     }
-    for (std::uint32_t level = 3; level < 9; ++level)
+    for (uint32_t level = 3; level < 9; ++level)
         EXPECT_GT(lowered[level], 1u) << "level " << level;
 }
 
@@ -169,6 +169,6 @@ TEST(Lossy, MicromapsKeepTheirTriangles)
     EXPECT_EQ(lossy.triangles[1].subdivisionLevel, 2);
     EXPECT_EQ(lossy.triangles[2].subdivisionLevel, 1);
     for (const float u : {0.1f, 0.4f, 0.7f})
-        for (std::uint32_t t = 0; t < 4; ++t)
+        for (uint32_t t = 0; t < 4; ++t)
             EXPECT_EQ(lossy.stateAt(t, u, 0.2f), micromap.stateAt(t, u, 0.2f));
 }

@@ -39,7 +39,7 @@ private:
         VkDeviceSize size;
         void *bytes;
     };
-    static constexpr std::size_t kPage = 4096;
+    static constexpr size_t kPage = 4096;
 
     static VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice, const VkBufferCreateInfo *info,
                                                        const VkAllocationCallbacks *, VkBuffer *buffer)

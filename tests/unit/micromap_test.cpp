@@ -7,27 +7,27 @@ using namespace vellum;
 
 TEST(States, PackedAsTheSpecificationOrdersThem)
 {
-    std::vector<std::uint8_t> data(2);
+    std::vector<uint8_t> data(2);
     writeState(data.data(), 0, Format::FourState, State::UnknownOpaque);
     writeState(data.data(), 1, Format::FourState, State::Opaque);
     writeState(data.data(), 4, Format::FourState, State::UnknownTransparent);
-    EXPECT_EQ(data, (std::vector<std::uint8_t>{0b00000111, 0b00000010}));
+    EXPECT_EQ(data, (std::vector<uint8_t>{0b00000111, 0b00000010}));
     data = {0, 0};
     writeState(data.data(), 0, Format::TwoState, State::Opaque);
     writeState(data.data(), 9, Format::TwoState, State::UnknownOpaque);
     writeState(data.data(), 10, Format::TwoState, State::UnknownTransparent);
-    EXPECT_EQ(data, (std::vector<std::uint8_t>{0b00000001, 0b00000010}));
+    EXPECT_EQ(data, (std::vector<uint8_t>{0b00000001, 0b00000010}));
 }
 
 TEST(States, WriteThenReadAtRandom)
 {
     for (const Format format : {Format::TwoState, Format::FourState}) {
-        for (std::uint32_t level = 0; level <= 4; ++level) {
+        for (uint32_t level = 0; level <= 4; ++level) {
             test::TestRandom random(level);
-            std::vector<std::uint8_t> data(packedBytes(level, format), 0xa5);
+            std::vector<uint8_t> data(packedBytes(level, format), 0xa5);
             std::vector<unsigned> wanted(microTriangleCount(level));
             for (int i = 0; i < 2000; ++i) {
-                const std::uint32_t index = random() % microTriangleCount(level);
+                const uint32_t index = random() % microTriangleCount(level);
                 wanted[index] = random() & 3;
                 writeState(data.data(), index, format, static_cast<State>(wanted[index]));
                 const unsigned expected = format == Format::TwoState ? wanted[index] & 1 : wanted[index];

@@ -50,8 +50,8 @@ uint outcome(char letter)
 TEST(Opacity, WholeTable)
 {
     for (const StateRow &row : kStates) {
-        for (std::size_t i = 0; i < 3; ++i) {
-            for (std::size_t r = 0; r < 5; ++r) {
+        for (size_t i = 0; i < 3; ++i) {
+            for (size_t r = 0; r < 5; ++r) {
                 for (unsigned flags = 0; flags < 8; ++flags) {
                     const uint instance = kInstanceOpacity[i] | ((flags & 1) != 0 ? kInstanceForce2State : 0) |
                                           ((flags & 2) != 0 ? kInstanceDisableMicromaps : 0);

@@ -29,7 +29,7 @@ TEST(RootTables, TheAddressOfTheFirstSlotsStaysWhilePagesAreAdded)
                 slots.push_back(table.allocateSlots(1u << 16));
             growing = false;
         });
-        std::uint64_t others = 0;
+        uint64_t others = 0;
         while (growing)
             others += table.firstSlots() != address;
         builder.join();

@@ -14,21 +14,21 @@ namespace
 
 struct LayerShader {
     const char *name;
-    std::span<const std::uint32_t> words;
+    std::span<const uint32_t> words;
 };
 #include "layer_shaders.h" // kLayerShaders
 
 struct Needs {
-    std::uint32_t version = 0;
-    std::set<std::uint32_t> capabilities;
+    uint32_t version = 0;
+    std::set<uint32_t> capabilities;
     std::set<std::string> extensions;
 };
 
-Needs needsOf(std::span<const std::uint32_t> words)
+Needs needsOf(std::span<const uint32_t> words)
 {
     Needs needs{.version = words[1], .capabilities = {}, .extensions = {}};
-    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16) {
-        const std::uint32_t opcode = words[at] & 0xffffu;
+    for (size_t at = 5; at < words.size(); at += words[at] >> 16) {
+        const uint32_t opcode = words[at] & 0xffffu;
         if (opcode == spv::OpCapability)
             needs.capabilities.insert(words[at + 1]);
         else if (opcode == spv::OpExtension)
@@ -51,7 +51,7 @@ TEST(LayerShaders, NeedOnlyWhatEmulationNeeds)
         const bool mayTrace = std::strcmp(shader.name, "any_hit") == 0;
         EXPECT_TRUE(mayTrace || (!pipelines && !queries));
         EXPECT_LE(needs.version, mayTrace ? 0x00010400u : 0x00010300u);
-        for (const std::uint32_t capability : needs.capabilities)
+        for (const uint32_t capability : needs.capabilities)
             EXPECT_TRUE(capability == spv::CapabilityShader || capability == spv::CapabilityRayTracingKHR ||
                         capability == spv::CapabilityRayQueryKHR ||
                         capability == spv::CapabilityPhysicalStorageBufferAddresses)

@@ -10,12 +10,12 @@ namespace vellum::test
 class TestRandom
 {
 public:
-    explicit TestRandom(std::uint32_t seed) : m_engine(seed) {}
-    std::uint32_t operator()() { return static_cast<std::uint32_t>(m_engine()); }
+    explicit TestRandom(uint32_t seed) : engine_(seed) {}
+    uint32_t operator()() { return static_cast<uint32_t>(engine_()); }
     double uniform(double low, double high) { return low + (high - low) * (*this)() * (1.0 / 4294967296.0); }
 
 private:
-    std::mt19937 m_engine;
+    std::mt19937 engine_;
 };
 
 } // namespace vellum::test

@@ -28,17 +28,17 @@ public:
         views += std::string(views.empty() ? "" : ", ") + R"({"buffer": 0, "byteOffset": )" +
                  std::to_string(bytes.size()) + R"(, "byteLength": )" + std::to_string(part.size()) + "}";
         bytes.insert(bytes.end(), part.begin(), part.end());
-        return std::to_string(m_count++);
+        return std::to_string(count_++);
     }
 
     Bytes bytes;
     std::string views;
 
 private:
-    unsigned m_count = 0;
+    unsigned count_ = 0;
 };
 
-std::string listOf(const std::vector<MicromapUsage> &usages, std::uint32_t (*number)(const MicromapUsage &))
+std::string listOf(const std::vector<MicromapUsage> &usages, uint32_t (*number)(const MicromapUsage &))
 {
     std::string text;
     for (const MicromapUsage &usage : usages)
@@ -53,7 +53,7 @@ Bytes CardFile::bytes() const
     Buffer buffer;
     std::string accessors;
     unsigned accessorCount = 0;
-    const auto accessor = [&](const Bytes &part, int component, std::size_t count, const std::string &type) {
+    const auto accessor = [&](const Bytes &part, int component, size_t count, const std::string &type) {
         accessors += std::string(accessors.empty() ? "" : ", ") + R"({"bufferView": )" + buffer.add(part) +
                      R"(, "componentType": )" + std::to_string(component) + R"(, "count": )" + std::to_string(count) +
                      R"(, "type": ")" + type + "\"}";
@@ -69,7 +69,7 @@ Bytes CardFile::bytes() const
             colors.insert(colors.end(), {1, 1, 1, alpha});
         attributes += R"(, "COLOR_0": )" + accessor(bytesOf(colors), 5126, 4, "VEC4");
     }
-    const std::string indices = accessor(bytesOf<std::uint16_t>({0, 1, 2, 0, 2, 3}), 5123, 6, "SCALAR");
+    const std::string indices = accessor(bytesOf<uint16_t>({0, 1, 2, 0, 2, 3}), 5123, 6, "SCALAR");
     std::string root;
     std::string extensions;
     if (extension) {
@@ -81,7 +81,7 @@ Bytes CardFile::bytes() const
                (usageCounts.empty() ? listOf(usages, [](const MicromapUsage &u) { return u.count; }) : usageCounts) +
                R"(, "usageLevels": )" + listOf(usages, [](const MicromapUsage &u) { return u.subdivisionLevel; }) +
                R"(, "usageFormats": )" +
-               listOf(usages, [](const MicromapUsage &u) { return static_cast<std::uint32_t>(u.format); }) + "}]}}, ";
+               listOf(usages, [](const MicromapUsage &u) { return static_cast<uint32_t>(u.format); }) + "}]}}, ";
         extensions = R"(, "extensions": {"EXT_mesh_opacity_micromap": {"micromap": 0, "micromapIndices": )" +
                      accessor(bytesOf(micromap.indices), 5125, micromap.indices.size(), "SCALAR") + "}}";
     }

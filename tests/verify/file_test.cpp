@@ -17,7 +17,7 @@ using verify::Kind;
 namespace
 {
 
-CardFile bakedCard(std::uint32_t level = 3)
+CardFile bakedCard(uint32_t level = 3)
 {
     CardFile card;
     BakeOptions options;
@@ -47,9 +47,9 @@ TEST(VerifyFile, FindsNothingInABakedFile)
 {
     CardFile card = bakedCard();
     card.cards = 2;
-    std::size_t told = 0;
+    size_t told = 0;
     FileOptions options;
-    options.progress = [&](std::size_t done, std::size_t total) {
+    options.progress = [&](size_t done, size_t total) {
         EXPECT_EQ(total, 4u);
         EXPECT_GE(done, told);
         told = done;
@@ -68,7 +68,7 @@ TEST(VerifyFile, FindsNothingInABakedFile)
     EXPECT_EQ(report.counts().microTriangles(), 4 * microTriangleCount(3));
     EXPECT_GT(report.counts().opaque, 0u);
     EXPECT_GT(report.counts().transparent, 0u);
-    for (std::size_t kind = 0; kind < verify::kKinds; ++kind)
+    for (size_t kind = 0; kind < verify::kKinds; ++kind)
         EXPECT_EQ(report.counts().findings[kind], 0u);
     EXPECT_EQ(told, 4u);
 }
@@ -77,9 +77,9 @@ TEST(VerifyFile, FindsAWrongStateWhereItIs)
 {
     CardFile card = bakedCard();
     ASSERT_GE(card.micromap.indices[1], 0);
-    const MicromapTriangle &t = card.micromap.triangles[static_cast<std::size_t>(card.micromap.indices[1])];
-    std::uint8_t *data = card.micromap.data.data() + t.dataOffset;
-    std::uint32_t micro = 0;
+    const MicromapTriangle &t = card.micromap.triangles[static_cast<size_t>(card.micromap.indices[1])];
+    uint8_t *data = card.micromap.data.data() + t.dataOffset;
+    uint32_t micro = 0;
     while (readState(data, micro, t.format) != State::Opaque)
         ++micro;
     writeState(data, micro, t.format, State::Transparent);
@@ -163,7 +163,7 @@ TEST(VerifyFile, SaysWhatItCannotVerify)
     Bytes bytes = card.bytes();
     const std::string signature = "\x89PNG";
     const auto found = std::search(bytes.begin(), bytes.end(), signature.begin(), signature.end(),
-                                   [](std::uint8_t a, char b) { return a == static_cast<std::uint8_t>(b); });
+                                   [](uint8_t a, char b) { return a == static_cast<uint8_t>(b); });
     ASSERT_NE(found, bytes.end());
     *found = 0;
     const TemporaryFolder folder;
@@ -234,7 +234,7 @@ TEST(VerifyFile, CautionsOfAnotherImage)
 {
     Bytes bytes = bakedCard().bytes();
     EXPECT_EQ(verifyCard(bakedCard()).primitives.at(0).caution, "");
-    std::uint32_t length = 0;
+    uint32_t length = 0;
     std::memcpy(&length, &bytes[12], sizeof length);
     std::string json(bytes.begin() + 20, bytes.begin() + 20 + length);
     const std::string texture = R"("textures": [{"source": 0)";

@@ -26,7 +26,7 @@ std::vector<OraclePoint<long double>> cornersOf(const Polygon &polygon)
 long double areaOf(const std::vector<OraclePoint<long double>> &p)
 {
     long double area = 0;
-    for (std::size_t i = 0; i < p.size(); ++i) {
+    for (size_t i = 0; i < p.size(); ++i) {
         const auto &q = p[(i + 1) % p.size()];
         area += (p[i].x - p[0].x) * (q.y - p[0].y) - (q.x - p[0].x) * (p[i].y - p[0].y);
     }
@@ -56,7 +56,7 @@ TEST(VerifyPolygon, WidenedIsTheHullOfAllSums)
         ASSERT_NEAR(static_cast<double>(area), static_cast<double>(areaOf(hull)), 1e-9);
         // All of the hull is in it: with the same area, they are the same.
         for (const auto &p : hull) {
-            for (std::size_t i = 0; i < sum.size(); ++i) {
+            for (size_t i = 0; i < sum.size(); ++i) {
                 const auto &a = sum[i];
                 const auto &b = sum[(i + 1) % sum.size()];
                 ASSERT_GT((b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x), -1e-9L);

@@ -19,36 +19,36 @@ inline std::vector<verify::TriangleCorners> toCorners(const std::vector<Triangle
 }
 
 // One micromap triangle with states of its own for each of `triangles`.
-inline Micromap emptyMicromap(std::size_t triangles, std::uint32_t level, Format format)
+inline Micromap emptyMicromap(size_t triangles, uint32_t level, Format format)
 {
     Micromap micromap;
-    for (std::size_t t = 0; t < triangles; ++t) {
+    for (size_t t = 0; t < triangles; ++t) {
         micromap.triangles.push_back(
-            {static_cast<std::uint32_t>(micromap.data.size()), static_cast<std::uint16_t>(level), format});
+            {static_cast<uint32_t>(micromap.data.size()), static_cast<uint16_t>(level), format});
         micromap.data.resize(micromap.data.size() + packedBytes(level, format));
-        micromap.indices.push_back(static_cast<std::int32_t>(t));
+        micromap.indices.push_back(static_cast<int32_t>(t));
     }
     return micromap;
 }
 
-inline void setState(Micromap &micromap, std::uint32_t triangle, std::uint32_t micro, State state)
+inline void setState(Micromap &micromap, uint32_t triangle, uint32_t micro, State state)
 {
     const MicromapTriangle &t = micromap.triangles[triangle];
     writeState(micromap.data.data() + t.dataOffset, micro, t.format, state);
 }
 
 // Each triangle gets data of its own, special indices too.
-inline Micromap unshared(const Micromap &baked, std::uint32_t level)
+inline Micromap unshared(const Micromap &baked, uint32_t level)
 {
     Micromap micromap = emptyMicromap(baked.indices.size(), level, Format::FourState);
-    for (std::uint32_t t = 0; t < baked.indices.size(); ++t) {
+    for (uint32_t t = 0; t < baked.indices.size(); ++t) {
         const auto special = specialState(baked.indices[t]);
-        for (std::uint32_t i = 0; i < microTriangleCount(level); ++i) {
+        for (uint32_t i = 0; i < microTriangleCount(level); ++i) {
             if (special) {
                 setState(micromap, t, i, *special);
                 continue;
             }
-            const MicromapTriangle &from = baked.triangles[static_cast<std::size_t>(baked.indices[t])];
+            const MicromapTriangle &from = baked.triangles[static_cast<size_t>(baked.indices[t])];
             setState(micromap, t, i, readState(baked.data.data() + from.dataOffset, i, from.format));
         }
     }
@@ -62,7 +62,7 @@ inline verify::Options verifyOptions(const BakeOptions &bake)
     options.tolerances = {bake.valueTolerance, bake.subtexelTolerance, bake.barycentricTolerance,
                           bake.interpolationTolerance};
     options.threads = 1;
-    options.maxFindings = std::size_t{1} << 30;
+    options.maxFindings = size_t{1} << 30;
     return options;
 }
 

@@ -15,7 +15,7 @@ namespace
 {
 
 // By triangle and micro-triangle.
-using Found = std::map<std::pair<std::uint32_t, std::uint32_t>, Finding>;
+using Found = std::map<std::pair<uint32_t, uint32_t>, Finding>;
 
 Found foundBy(const verify::Result &result)
 {
@@ -26,27 +26,27 @@ Found foundBy(const verify::Result &result)
     return found;
 }
 
-Micromap randomMicromap(TestRandom &random, std::size_t triangles, std::uint32_t level)
+Micromap randomMicromap(TestRandom &random, size_t triangles, uint32_t level)
 {
     Micromap micromap = emptyMicromap(triangles, level, Format::FourState);
-    for (std::uint8_t &byte : micromap.data)
-        byte = static_cast<std::uint8_t>(random());
+    for (uint8_t &byte : micromap.data)
+        byte = static_cast<uint8_t>(random());
     return micromap;
 }
 
 struct Sum {
-    std::size_t all = 0;
-    std::size_t mixed = 0;
-    std::size_t wrong = 0;
-    std::size_t needless = 0;
-    std::size_t outsideMargins = 0;
+    size_t all = 0;
+    size_t mixed = 0;
+    size_t wrong = 0;
+    size_t needless = 0;
+    size_t outsideMargins = 0;
 };
 
 // Whether what was found of one micro-triangle is what the oracle says, without tolerances. A place that is named must
 // contradict the claim.
 template <typename N>
-void check(Sum &sum, const AlphaTexture &texture, const Found &found, std::uint32_t triangle, std::uint32_t micro,
-           State state, const Oracle<N> &oracle, double cutoff, const N &hidden)
+void check(Sum &sum, const AlphaTexture &texture, const Found &found, uint32_t triangle, uint32_t micro, State state,
+           const Oracle<N> &oracle, double cutoff, const N &hidden)
 {
     const N limit = numberOf(cutoff, N{});
     const bool opaque = !(oracle.least() < limit);
@@ -91,8 +91,8 @@ void compare(Sum &sum, TestRandom &random, const RandomCase &c, const N &hidden)
     const Found found = foundBy(result);
     EXPECT_EQ(result.counts.open, 0u);
     EXPECT_EQ(result.counts.microTriangles(), triangles.size() * microTriangleCount(*options.level));
-    for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-        for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+    for (uint32_t t = 0; t < triangles.size(); ++t) {
+        for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
             Oracle<N> oracle(texture);
             oracle.addPolygon(cornersOf<N>(texture, triangles[t], i, *options.level));
             const MicromapTriangle &m = micromap.triangles[t];
@@ -145,9 +145,9 @@ TEST(VerifyExact, FindsWhatIsTrueButNotWithMargins)
         const auto &[texture, triangles, options] = c;
         const Micromap micromap = randomMicromap(random, triangles.size(), *options.level);
         const Found found = foundBy(verify::verify(texture, toCorners(triangles), micromap, verifyOptions(options)));
-        for (std::uint32_t k = 0; k < triangles.size(); ++k) {
+        for (uint32_t k = 0; k < triangles.size(); ++k) {
             const auto [marginX, marginY] = marginsOf(options, texture, triangles[k]);
-            for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+            for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
                 const auto corners = cornersOf<long double>(texture, triangles[k], i, *options.level);
                 Oracle<long double> wide(texture);
                 wide.addPolygon(widened(corners, marginX, marginY));

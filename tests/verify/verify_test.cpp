@@ -17,13 +17,13 @@ using verify::TriangleCorners;
 namespace
 {
 
-AlphaTexture leaves(std::uint32_t size)
+AlphaTexture leaves(uint32_t size)
 {
     TestRandom random(5);
     AlphaTexture t;
     t.width = t.height = size;
-    for (std::uint32_t y = 0; y < size; ++y) {
-        for (std::uint32_t x = 0; x < size; ++x) {
+    for (uint32_t y = 0; y < size; ++y) {
+        for (uint32_t x = 0; x < size; ++x) {
             const double wave = std::sin(x * 0.21) * std::sin(y * 0.17 + std::sin(x * 0.1));
             t.alpha.push_back(static_cast<float>(std::lround(std::clamp(0.5 + 1.6 * wave, 0.0, 1.0) * 255)) / 255.0f);
         }
@@ -43,9 +43,9 @@ bool known(State state)
 TEST(Verify, FindsNothingInWhatTheBakerMakes)
 {
     TestRandom random(21);
-    constexpr std::array<std::uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {16, 16}, {64, 48}, {255, 129}};
-    std::uint64_t claims = 0;
-    std::uint64_t unknown = 0;
+    constexpr std::array<uint32_t, 2> kSizes[] = {{1, 1}, {3, 5}, {16, 16}, {64, 48}, {255, 129}};
+    uint64_t claims = 0;
+    uint64_t unknown = 0;
     for (unsigned round = 0; round < 300; ++round) {
         const auto [width, height] = kSizes[round % std::size(kSizes)];
         RandomCase c{.texture =
@@ -85,8 +85,8 @@ TEST(Verify, FindsEachSingleWrongState)
         const Micromap good = unshared(bake(texture, kCard, options).micromap, *options.level);
         const verify::Options verifying = verifyOptions(options);
         ASSERT_EQ(verify::verify(texture, toCorners(kCard), good, verifying).findings.size(), 0u);
-        for (std::uint32_t t = 0; t < kCard.size(); ++t) {
-            for (std::uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
+        for (uint32_t t = 0; t < kCard.size(); ++t) {
+            for (uint32_t i = 0; i < microTriangleCount(*options.level); ++i) {
                 const State right = readState(good.data.data() + good.triangles[t].dataOffset, i, Format::FourState);
                 for (const State state :
                      {State::Opaque, State::Transparent, State::UnknownOpaque, State::UnknownTransparent}) {
@@ -130,10 +130,10 @@ TEST(Verify, SpecialIndicesAreClaimsOfTheWholeTriangle)
             const float v = static_cast<float>(y) / 16;
             const TriangleUvs uvs{{{u, v}, {u + 0.03f, v}, {u, v + 0.03f}}};
             const State state = *specialState(bake(texture, {&uvs, 1}, options).micromap.indices[0]);
-            of[known(state) ? static_cast<std::size_t>(state) : 2] = uvs;
+            of[known(state) ? static_cast<size_t>(state) : 2] = uvs;
         }
     }
-    for (std::size_t truth = 0; truth < 3; ++truth) {
+    for (size_t truth = 0; truth < 3; ++truth) {
         ASSERT_TRUE(of[truth].has_value());
         for (int index = -4; index < 0; ++index) {
             Micromap micromap;
@@ -142,7 +142,7 @@ TEST(Verify, SpecialIndicesAreClaimsOfTheWholeTriangle)
                 verify::verify(texture, toCorners({*of[truth]}), micromap, verifyOptions(options));
             const State said = *specialState(index);
             EXPECT_EQ(result.counts.microTriangles(), 1u);
-            if (known(said) ? static_cast<std::size_t>(said) == truth : truth == 2) {
+            if (known(said) ? static_cast<size_t>(said) == truth : truth == 2) {
                 EXPECT_TRUE(result.findings.empty()) << truth << ' ' << index;
                 continue;
             }
@@ -164,8 +164,8 @@ TEST(Verify, TwoStateDataIsAnApproximationUnlessAsked)
     const Micromap two = bake(texture, kCard, options).micromap;
     verify::Options verifying = verifyOptions(options);
     const verify::Result loose = verify::verify(texture, toCorners(kCard), two, verifying);
-    const auto number = [&](State state) { return four.statistics.states[static_cast<std::size_t>(state)]; };
-    const std::uint64_t mixed = number(State::UnknownOpaque) + number(State::UnknownTransparent);
+    const auto number = [&](State state) { return four.statistics.states[static_cast<size_t>(state)]; };
+    const uint64_t mixed = number(State::UnknownOpaque) + number(State::UnknownTransparent);
     EXPECT_EQ(loose.findings.size(), 0u);
     EXPECT_EQ(loose.counts.twoStateMixed, mixed);
     EXPECT_EQ(loose.counts.twoStateReversed, 0u);
@@ -177,8 +177,8 @@ TEST(Verify, TwoStateDataIsAnApproximationUnlessAsked)
     EXPECT_EQ(strict.counts.of(Kind::Needless), 0u);
 
     Micromap reversed = two;
-    for (std::uint8_t &byte : reversed.data)
-        byte = static_cast<std::uint8_t>(~byte);
+    for (uint8_t &byte : reversed.data)
+        byte = static_cast<uint8_t>(~byte);
     const verify::Result wrong = verify::verify(texture, toCorners(kCard), reversed, verifyOptions(options));
     EXPECT_EQ(wrong.counts.twoStateReversed, loose.counts.twoStateTrue);
     EXPECT_EQ(wrong.counts.twoStateMixed, mixed);
@@ -193,10 +193,10 @@ TEST(Verify, ListsTheFirstOfEachKindAndCountsAll)
     for (int i = 0; i < 5; ++i)
         cards.insert(cards.end(), kCard.begin(), kCard.end());
     Micromap micromap = unshared(bake(texture, cards, options).micromap, 5);
-    std::uint64_t wrong = 0;
-    std::uint64_t needless = 0;
-    for (std::uint32_t t = 0; t < cards.size(); ++t) {
-        for (std::uint32_t i = 0; i < microTriangleCount(5); ++i) {
+    uint64_t wrong = 0;
+    uint64_t needless = 0;
+    for (uint32_t t = 0; t < cards.size(); ++t) {
+        for (uint32_t i = 0; i < microTriangleCount(5); ++i) {
             const State state =
                 readState(micromap.data.data() + micromap.triangles[t].dataOffset, i, Format::FourState);
             if (state == State::Opaque) {
@@ -217,7 +217,7 @@ TEST(Verify, ListsTheFirstOfEachKindAndCountsAll)
         EXPECT_EQ(result.counts.of(Kind::Needless), needless);
         EXPECT_EQ(result.distinct, 10u); // each has data of its own
         ASSERT_EQ(result.findings.size(), 14u);
-        for (std::size_t i = 0; i < 14; ++i) {
+        for (size_t i = 0; i < 14; ++i) {
             EXPECT_EQ(result.findings[i].kind, i < 7 ? Kind::Wrong : Kind::Needless);
             EXPECT_EQ(result.findings[i].triangle, i < 7 ? 0u : 1u);
             EXPECT_EQ(result.findings[i].microTriangle, results[0].findings[i].microTriangle);
@@ -234,9 +234,9 @@ TEST(Verify, EqualTrianglesAreWalkedOnce)
     for (int i = 0; i < 50; ++i)
         cards.insert(cards.end(), kCard.begin(), kCard.end());
     const BakeResult baked = bake(texture, cards, options);
-    std::size_t told = 0;
+    size_t told = 0;
     verify::Options verifying = verifyOptions(options);
-    verifying.progress = [&](std::size_t done, std::size_t total) {
+    verifying.progress = [&](size_t done, size_t total) {
         EXPECT_EQ(total, 2u);
         told = done;
     };
@@ -275,21 +275,21 @@ TEST(Verify, FactorsThatChangeAreInterpolated)
     white.width = white.height = 1;
     white.alpha = {1};
     TriangleCorners corners{{0.1f, 0.7f, 0.2f}, {0, 0.3f, 0.9f}, {1, 0, 1}};
-    constexpr std::uint32_t kLevel = 4;
+    constexpr uint32_t kLevel = 4;
     verify::Options options;
     options.tolerances = {0, 0, 0, 0};
     options.cutoff = 0.40; // between two lines of the lattice
     options.maxFindings = 1000;
     for (const State state : {State::Opaque, State::Transparent, State::UnknownOpaque}) {
         Micromap micromap = emptyMicromap(1, kLevel, Format::FourState);
-        for (std::uint32_t i = 0; i < microTriangleCount(kLevel); ++i)
+        for (uint32_t i = 0; i < microTriangleCount(kLevel); ++i)
             setState(micromap, 0, i, state);
         const verify::Result result = verify::verify(white, {&corners, 1}, micromap, options);
         EXPECT_EQ(result.counts.open, 0u);
         std::vector<bool> found(microTriangleCount(kLevel));
         for (const Finding &f : result.findings)
             found[f.microTriangle] = true;
-        for (std::uint32_t i = 0; i < microTriangleCount(kLevel); ++i) {
+        for (uint32_t i = 0; i < microTriangleCount(kLevel); ++i) {
             // The factor is 1 - u.
             const auto points = microTriangleCorners(i, kLevel);
             const float least = 1 - std::max({points[0].u, points[1].u, points[2].u});
@@ -322,9 +322,9 @@ TEST(Verify, WhatIsNotANumberProvesNothing)
             const Micromap good = unshared(bake(spoiled, kCard, options).micromap, 2);
             EXPECT_TRUE(verify::verify(spoiled, toCorners(kCard), good, verifyOptions(options)).findings.empty());
             Micromap bold = good;
-            std::uint64_t unknown = 0;
-            for (std::uint32_t t = 0; t < 2; ++t)
-                for (std::uint32_t i = 0; i < 16; ++i) {
+            uint64_t unknown = 0;
+            for (uint32_t t = 0; t < 2; ++t)
+                for (uint32_t i = 0; i < 16; ++i) {
                     unknown += known(readState(good.data.data() + good.triangles[t].dataOffset, i, Format::FourState))
                                    ? 0u
                                    : 1u;
@@ -368,7 +368,7 @@ TEST(Verify, WorkIsBounded)
 {
     AlphaTexture texture;
     texture.width = texture.height = 64;
-    for (std::uint32_t i = 0; i < 64 * 64; ++i)
+    for (uint32_t i = 0; i < 64 * 64; ++i)
         texture.alpha.push_back(i / 64 % 2 == 0 ? 1.0f : 0.0f);
     // The value is 1 along the middle of a row, and less to both sides.
     const float v = 10.5f / 64;
@@ -385,14 +385,14 @@ TEST(Verify, WorkIsBounded)
 
 TEST(Verify, TheChildrenAreThoseOfTheCurve)
 {
-    for (const std::uint32_t level : {1u, 2u, 3u, 5u}) {
-        for (std::uint32_t micro = 0; micro < microTriangleCount(level); ++micro) {
+    for (const uint32_t level : {1u, 2u, 3u, 5u}) {
+        for (uint32_t micro = 0; micro < microTriangleCount(level); ++micro) {
             verify::MicroCorners corners{{{0, 0}, {1, 0}, {0, 1}}};
-            for (std::uint32_t l = level; l-- > 0;)
+            for (uint32_t l = level; l-- > 0;)
                 corners = verify::childrenOnCurve(corners)[(micro >> (2 * l)) & 3];
             const auto expected = microTriangleCorners(micro, level);
             const auto scale = static_cast<float>(1u << level);
-            for (std::size_t c = 0; c < 3; ++c) {
+            for (size_t c = 0; c < 3; ++c) {
                 EXPECT_EQ(static_cast<float>(corners[c].i), expected[c].u * scale);
                 EXPECT_EQ(static_cast<float>(corners[c].j), expected[c].v * scale);
             }

@@ -15,15 +15,15 @@ public:
     static constexpr unsigned kLimbs = 64;
 
     BigInt() = default;
-    explicit BigInt(std::int64_t value);
+    explicit BigInt(int64_t value);
     // value * 2^exponent, which must be an integer.
     static BigInt scaled(double value, int exponent);
 
-    [[nodiscard]] int sign() const { return m_size == 0 ? 0 : m_negative ? -1 : 1; }
+    [[nodiscard]] int sign() const { return size_ == 0 ? 0 : negative_ ? -1 : 1; }
     [[nodiscard]] BigInt operator-() const;
     [[nodiscard]] BigInt operator<<(unsigned bits) const;
     // The largest integer that is not above this / 2^bits; it must fit.
-    [[nodiscard]] std::int64_t floorShift(unsigned bits) const;
+    [[nodiscard]] int64_t floorShift(unsigned bits) const;
 
     friend BigInt operator+(const BigInt &a, const BigInt &b);
     friend BigInt operator-(const BigInt &a, const BigInt &b) { return a + -b; }
@@ -36,9 +36,9 @@ private:
     [[nodiscard]] static int compareMagnitudes(const BigInt &a, const BigInt &b);
     void trim();
 
-    unsigned m_size = 0; // limbs in use, the last of which is not 0
-    bool m_negative = false;
-    std::array<std::uint64_t, kLimbs> m_limbs; // least significant first; undefined from m_size on
+    unsigned size_ = 0; // limbs in use, the last of which is not 0
+    bool negative_ = false;
+    std::array<uint64_t, kLimbs> limbs_; // least significant first; undefined from size_ on
 };
 
 // The sign of a - b.

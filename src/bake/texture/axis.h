@@ -15,41 +15,41 @@ namespace vellum
 class Axis
 {
 public:
-    Axis(std::uint32_t size, Wrap wrap);
+    Axis(uint32_t size, Wrap wrap);
 
     // How many cells are stored; padded rows have one texel more.
-    [[nodiscard]] std::int64_t cells() const { return m_cells; }
+    [[nodiscard]] int64_t cells() const { return cells_; }
     // The texel of a padded row, -1 for the border.
-    [[nodiscard]] std::int64_t padded(std::int64_t index) const;
+    [[nodiscard]] int64_t padded(int64_t index) const;
     // Padded texels in front of texel 0.
-    [[nodiscard]] std::int64_t lead() const { return m_lead; }
+    [[nodiscard]] int64_t lead() const { return lead_; }
 
     // Neighbouring cells of one direction: cell `i + n` is stored cell `first + n * step`, for n below `count`. A step
     // of -1 reads its texels mirrored; with step 0 all of them are one.
     struct Run {
-        std::int64_t first;
-        std::int64_t step;
-        std::int64_t count;
+        int64_t first;
+        int64_t step;
+        int64_t count;
     };
     // The longest run from cell `i` on that ends at `last` or before.
-    [[nodiscard]] Run run(std::int64_t i, std::int64_t last) const
+    [[nodiscard]] Run run(int64_t i, int64_t last) const
     {
         // In front of the border, every mode is as simple as that.
-        if (i >= -m_lead && last < m_cells - m_lead)
-            return {i + m_lead, 1, last - i + 1};
+        if (i >= -lead_ && last < cells_ - lead_)
+            return {i + lead_, 1, last - i + 1};
         return foldedRun(i, last);
     }
     // A cell from which on the axis looks the same as from `i` on, as near to 0 as the mode allows.
-    [[nodiscard]] std::int64_t reduced(std::int64_t i) const;
+    [[nodiscard]] int64_t reduced(int64_t i) const;
 
 private:
-    [[nodiscard]] Run foldedRun(std::int64_t i, std::int64_t last) const;
+    [[nodiscard]] Run foldedRun(int64_t i, int64_t last) const;
 
-    std::int64_t m_size;
-    Wrap m_wrap;
-    std::int64_t m_cells;
-    std::int64_t m_lead;
-    std::int64_t m_period; // 0 where the mode has none
+    int64_t size_;
+    Wrap wrap_;
+    int64_t cells_;
+    int64_t lead_;
+    int64_t period_; // 0 where the mode has none
 };
 
 } // namespace vellum

@@ -7,60 +7,59 @@
 namespace vellum
 {
 
-AlphaTexture AlphaTexture::fromUnorm8(std::uint32_t width, std::uint32_t height, const std::uint8_t *first,
-                                      std::size_t stride, float scale)
+AlphaTexture AlphaTexture::fromUnorm8(uint32_t width, uint32_t height, const uint8_t *first, size_t stride, float scale)
 {
     AlphaTexture texture;
     texture.width = width;
     texture.height = height;
     std::array<float, 256> values;
-    for (std::size_t i = 0; i < values.size(); ++i)
+    for (size_t i = 0; i < values.size(); ++i)
         values[i] = static_cast<float>(i) / 255.0f * scale;
-    texture.appendRows([&](std::size_t y, float *to) {
-        const std::uint8_t *row = first + y * width * stride;
-        for (std::size_t x = 0; x < width; ++x)
+    texture.appendRows([&](size_t y, float *to) {
+        const uint8_t *row = first + y * width * stride;
+        for (size_t x = 0; x < width; ++x)
             to[x] = values[row[x * stride]];
     });
     return texture;
 }
 
-AlphaTexture AlphaTexture::fromUnorm16(std::uint32_t width, std::uint32_t height, const std::uint16_t *first,
-                                       std::size_t stride, float scale)
+AlphaTexture AlphaTexture::fromUnorm16(uint32_t width, uint32_t height, const uint16_t *first, size_t stride,
+                                       float scale)
 {
     AlphaTexture texture;
     texture.width = width;
     texture.height = height;
-    texture.appendRows([&](std::size_t y, float *to) {
-        const std::uint16_t *row = first + y * width * stride;
-        for (std::size_t x = 0; x < width; ++x)
+    texture.appendRows([&](size_t y, float *to) {
+        const uint16_t *row = first + y * width * stride;
+        for (size_t x = 0; x < width; ++x)
             to[x] = static_cast<float>(row[x * stride]) / 65535.0f * scale;
     });
     return texture;
 }
 
-std::int64_t wrapTexel(std::int64_t i, std::int64_t size, Wrap wrap)
+int64_t wrapTexel(int64_t i, int64_t size, Wrap wrap)
 {
-    const auto modulo = [](std::int64_t a, std::int64_t b) { return ((a % b) + b) % b; };
+    const auto modulo = [](int64_t a, int64_t b) { return ((a % b) + b) % b; };
     switch (wrap) {
     case Wrap::Repeat: return modulo(i, size);
     case Wrap::Mirror: {
-        const std::int64_t m = modulo(i, 2 * size);
+        const int64_t m = modulo(i, 2 * size);
         return m < size ? m : 2 * size - 1 - m;
     }
     case Wrap::Border: return i >= 0 && i < size ? i : -1;
     case Wrap::MirrorOnce: return std::min(i >= 0 ? i : -1 - i, size - 1);
     case Wrap::Clamp: break;
     }
-    return std::clamp<std::int64_t>(i, 0, size - 1);
+    return std::clamp<int64_t>(i, 0, size - 1);
 }
 
-float AlphaTexture::texel(std::int64_t x, std::int64_t y) const
+float AlphaTexture::texel(int64_t x, int64_t y) const
 {
-    const std::int64_t column = wrapTexel(x, width, wrapU);
-    const std::int64_t row = wrapTexel(y, height, wrapV);
+    const int64_t column = wrapTexel(x, width, wrapU);
+    const int64_t row = wrapTexel(y, height, wrapV);
     if (column < 0 || row < 0)
         return border;
-    return alpha[static_cast<std::size_t>(row * width + column)];
+    return alpha[static_cast<size_t>(row * width + column)];
 }
 
 double AlphaTexture::sample(double u, double v) const
@@ -68,14 +67,14 @@ double AlphaTexture::sample(double u, double v) const
     const double x = u * width;
     const double y = v * height;
     if (filter == Filter::Nearest)
-        return texel(static_cast<std::int64_t>(std::floor(x)), static_cast<std::int64_t>(std::floor(y)));
+        return texel(static_cast<int64_t>(std::floor(x)), static_cast<int64_t>(std::floor(y)));
     const double left = std::floor(x - 0.5);
     const double top = std::floor(y - 0.5);
     const double a = x - 0.5 - left;
     const double b = y - 0.5 - top;
-    const auto i = static_cast<std::int64_t>(left);
-    const auto j = static_cast<std::int64_t>(top);
-    const auto at = [this](std::int64_t column, std::int64_t row) { return static_cast<double>(texel(column, row)); };
+    const auto i = static_cast<int64_t>(left);
+    const auto j = static_cast<int64_t>(top);
+    const auto at = [this](int64_t column, int64_t row) { return static_cast<double>(texel(column, row)); };
     return (at(i, j) * (1 - a) + at(i + 1, j) * a) * (1 - b) + (at(i, j + 1) * (1 - a) + at(i + 1, j + 1) * a) * b;
 }
 

@@ -11,14 +11,14 @@ namespace vellum
 {
 
 // VkSamplerAddressMode. glTF knows the first three.
-enum class Wrap : std::uint8_t { Repeat, Mirror, Clamp, Border, MirrorOnce };
+enum class Wrap : uint8_t { Repeat, Mirror, Clamp, Border, MirrorOnce };
 
 // VkFilter of mip level 0, the one that alpha tests for ray tracing read.
-enum class Filter : std::uint8_t { Nearest, Bilinear };
+enum class Filter : uint8_t { Nearest, Bilinear };
 
 struct AlphaTexture {
-    std::uint32_t width = 0;  // in texels, at least 1
-    std::uint32_t height = 0; // in texels, at least 1
+    uint32_t width = 0;       // in texels, at least 1
+    uint32_t height = 0;      // in texels, at least 1
     std::vector<float> alpha; // width * height values, row 0 is at v = 0; what is not finite proves nothing
     Wrap wrapU = Wrap::Repeat;
     Wrap wrapV = Wrap::Repeat;
@@ -29,32 +29,32 @@ struct AlphaTexture {
     //   first   the alpha of texel (0, 0): 3 bytes after the pixels of an RGBA image
     //   stride  bytes from one texel to the next, 4 for RGBA
     //   scale   what the shader multiplies the filtered alpha with: glTF's baseColorFactor[3]
-    static AlphaTexture fromUnorm8(std::uint32_t width, std::uint32_t height, const std::uint8_t *first,
-                                   std::size_t stride, float scale = 1.0f);
+    static AlphaTexture fromUnorm8(uint32_t width, uint32_t height, const uint8_t *first, size_t stride,
+                                   float scale = 1.0f);
 
     // The same of 16-bit values, in native byte order; `stride` counts values.
-    static AlphaTexture fromUnorm16(std::uint32_t width, std::uint32_t height, const std::uint16_t *first,
-                                    std::size_t stride, float scale = 1.0f);
+    static AlphaTexture fromUnorm16(uint32_t width, uint32_t height, const uint16_t *first, size_t stride,
+                                    float scale = 1.0f);
 
     // Makes `alpha` of rows that function(y, to) writes.
     template <typename Function>
     void appendRows(Function &&function)
     {
-        reserveLarge(alpha, std::size_t{width} * height);
-        for (std::size_t y = 0; y < height; ++y) {
+        reserveLarge(alpha, size_t{width} * height);
+        for (size_t y = 0; y < height; ++y) {
             alpha.resize((y + 1) * width); // row by row, while the zeros are still near
             function(y, alpha.data() + y * width);
         }
     }
 
     // The texel at any integer position, wrapped, or the border.
-    [[nodiscard]] float texel(std::int64_t x, std::int64_t y) const;
+    [[nodiscard]] float texel(int64_t x, int64_t y) const;
     // The filtered value at (u, v), in double precision: exactly what Vulkan's "Texel Filtering" defines, with none of
     // a GPU's rounding. u and v must be finite and below 2^31 texels.
     [[nodiscard]] double sample(double u, double v) const;
 };
 
 // The texel that position `i` means on an axis of `size` texels; -1 for the border.
-std::int64_t wrapTexel(std::int64_t i, std::int64_t size, Wrap wrap);
+int64_t wrapTexel(int64_t i, int64_t size, Wrap wrap);
 
 } // namespace vellum

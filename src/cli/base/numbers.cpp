@@ -5,17 +5,17 @@
 namespace vellum::cli
 {
 
-std::string grouped(std::uint64_t number)
+std::string grouped(uint64_t number)
 {
     std::string text = std::to_string(number);
-    for (std::size_t i = text.size(); i > 3;) {
+    for (size_t i = text.size(); i > 3;) {
         i -= 3;
         text.insert(i, 1, ',');
     }
     return text;
 }
 
-std::string counted(std::uint64_t number, const char *one, const char *many)
+std::string counted(uint64_t number, const char *one, const char *many)
 {
     const std::string plural = many != nullptr ? many : std::string(one) + "s";
     return grouped(number) + " " + (number == 1 ? one : plural);

@@ -24,7 +24,7 @@ void checkWritable(const std::filesystem::path &path)
         throw Error(path.string() + " cannot be written: " + std::strerror(errno));
 }
 
-void writeWhole(const std::filesystem::path &path, std::span<const std::uint8_t> bytes)
+void writeWhole(const std::filesystem::path &path, std::span<const uint8_t> bytes)
 {
     try {
         OutputFiles files([] { return false; });

@@ -12,6 +12,6 @@ namespace vellum::cli
 void checkWritable(const std::filesystem::path &path);
 
 // The file appears whole, whatever happens. Throws Error.
-void writeWhole(const std::filesystem::path &path, std::span<const std::uint8_t> bytes);
+void writeWhole(const std::filesystem::path &path, std::span<const uint8_t> bytes);
 
 } // namespace vellum::cli

@@ -7,14 +7,14 @@ namespace vellum::cli
 
 void PairedTiming::measure()
 {
-    if (m_times[0].empty())
-        m_times[0].push_back(m_a());
-    const double before = m_times[0].back();
-    const double b = m_b();
-    const double after = m_a();
-    m_times[0].push_back(after);
-    m_times[1].push_back(b);
-    m_ratios.push_back(2 * b / (before + after));
+    if (times_[0].empty())
+        times_[0].push_back(a_());
+    const double before = times_[0].back();
+    const double b = b_();
+    const double after = a_();
+    times_[0].push_back(after);
+    times_[1].push_back(b);
+    ratios_.push_back(2 * b / (before + after));
 }
 
 double PairedTiming::uncertainty() const

@@ -17,24 +17,24 @@ class PairedTiming
 public:
     using Run = std::function<double()>; // returns how long it took
 
-    PairedTiming(Run a, Run b) : m_a(std::move(a)), m_b(std::move(b)) {}
+    PairedTiming(Run a, Run b) : a_(std::move(a)), b_(std::move(b)) {}
 
     // Adds a pair.
     void measure();
 
-    [[nodiscard]] std::size_t pairs() const { return m_ratios.size(); }
+    [[nodiscard]] size_t pairs() const { return ratios_.size(); }
     // After at least one pair: the median durations, and the ratios of B to A.
-    [[nodiscard]] double a() const { return median(m_times[0]); }
-    [[nodiscard]] double b() const { return median(m_times[1]); }
-    [[nodiscard]] Quartiles ratio() const { return quartiles(m_ratios); }
+    [[nodiscard]] double a() const { return median(times_[0]); }
+    [[nodiscard]] double b() const { return median(times_[1]); }
+    [[nodiscard]] Quartiles ratio() const { return quartiles(ratios_); }
     // The standard error of the median ratio, relative to it, estimated from the quartiles as if the ratios were
     // normally distributed. Means something from about five pairs on.
     [[nodiscard]] double uncertainty() const;
 
 private:
-    Run m_a, m_b;
-    std::vector<double> m_times[2];
-    std::vector<double> m_ratios;
+    Run a_, b_;
+    std::vector<double> times_[2];
+    std::vector<double> ratios_;
 };
 
 } // namespace vellum::cli

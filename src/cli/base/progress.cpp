@@ -7,25 +7,25 @@ namespace vellum::cli
 {
 
 Progress::Progress(std::string what, bool enabled)
-    : m_what(std::move(what)), m_enabled(enabled && isatty(STDERR_FILENO) == 1)
+    : what_(std::move(what)), enabled_(enabled && isatty(STDERR_FILENO) == 1)
 {
-    if (m_enabled)
-        std::fprintf(stderr, "\r\033[K%s ...", m_what.c_str());
+    if (enabled_)
+        std::fprintf(stderr, "\r\033[K%s ...", what_.c_str());
 }
 
 Progress::~Progress()
 {
-    if (m_enabled)
+    if (enabled_)
         std::fprintf(stderr, "\r\033[K");
 }
 
-void Progress::update(std::size_t done, std::size_t total)
+void Progress::update(size_t done, size_t total)
 {
     const int percent = total == 0 ? 100 : static_cast<int>(100 * done / total);
-    if (!m_enabled || percent == m_shown)
+    if (!enabled_ || percent == shown_)
         return;
-    m_shown = percent;
-    std::fprintf(stderr, "\r\033[K%s %3d %%", m_what.c_str(), percent);
+    shown_ = percent;
+    std::fprintf(stderr, "\r\033[K%s %3d %%", what_.c_str(), percent);
 }
 
 } // namespace vellum::cli

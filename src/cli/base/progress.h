@@ -17,12 +17,12 @@ public:
     Progress(const Progress &) = delete;
     Progress &operator=(const Progress &) = delete;
 
-    void update(std::size_t done, std::size_t total);
+    void update(size_t done, size_t total);
 
 private:
-    std::string m_what;
-    bool m_enabled;
-    int m_shown = -1; // percent
+    std::string what_;
+    bool enabled_;
+    int shown_ = -1; // percent
 };
 
 } // namespace vellum::cli

@@ -11,7 +11,7 @@ namespace
 
 std::set<std::string> extensionsOf(VkPhysicalDevice device)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr), "listing device extensions");
     std::vector<VkExtensionProperties> extensions(count);
     check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()),
@@ -33,7 +33,7 @@ const char *nameOf(VkPhysicalDeviceType type)
     }
 }
 
-std::string versionText(std::uint32_t version)
+std::string versionText(uint32_t version)
 {
     return std::to_string(VK_API_VERSION_MAJOR(version)) + "." + std::to_string(VK_API_VERSION_MINOR(version)) + "." +
            std::to_string(VK_API_VERSION_PATCH(version));
@@ -46,7 +46,7 @@ struct Features {
 };
 
 // What the layer asks of a device (docs/limits.md, "Device"). The device must be one of Vulkan 1.2.
-Features featuresOf(VkPhysicalDevice device, std::uint32_t version, const std::set<std::string> &extensions)
+Features featuresOf(VkPhysicalDevice device, uint32_t version, const std::set<std::string> &extensions)
 {
     VkPhysicalDeviceVulkan13Features features13{};
     features13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
@@ -69,7 +69,7 @@ Features featuresOf(VkPhysicalDevice device, std::uint32_t version, const std::s
             features13.synchronization2 == VK_TRUE || synchronization2.synchronization2 == VK_TRUE};
 }
 
-void findMissing(DeviceDetails &details, VkPhysicalDevice device, std::uint32_t version,
+void findMissing(DeviceDetails &details, VkPhysicalDevice device, uint32_t version,
                  const std::set<std::string> &extensions)
 {
     if (version < VK_API_VERSION_1_2) {

@@ -22,8 +22,8 @@ struct DeviceDetails {
     Provider ext = Provider::Nobody; // of VK_EXT_opacity_micromap
     Provider khr = Provider::Nobody; // of VK_KHR_opacity_micromap
     // With either extension.
-    std::uint32_t most2StateLevel = 0;
-    std::uint32_t most4StateLevel = 0;
+    uint32_t most2StateLevel = 0;
+    uint32_t most4StateLevel = 0;
     // Why the layer would not bring micromaps, one line each.
     std::vector<std::string> missing;
 

@@ -33,9 +33,9 @@ const char *meaningOf(const std::string &extension)
     return found == meanings.end() ? nullptr : found->second;
 }
 
-std::string typeOf(std::span<const std::uint8_t> bytes)
+std::string typeOf(std::span<const uint8_t> bytes)
 {
-    const std::string_view text(reinterpret_cast<const char *>(bytes.data()), std::min<std::size_t>(bytes.size(), 12));
+    const std::string_view text(reinterpret_cast<const char *>(bytes.data()), std::min<size_t>(bytes.size(), 12));
     if (text.starts_with("\x89PNG"))
         return "PNG";
     if (text.starts_with("\xff\xd8\xff"))
@@ -50,30 +50,30 @@ std::string typeOf(std::span<const std::uint8_t> bytes)
 class FileReader
 {
 public:
-    explicit FileReader(const Document &document) : m_document(document), m_model(document.model()) {}
+    explicit FileReader(const Document &document) : document_(document), model_(document.model()) {}
 
     FileReport read()
     {
-        m_report.path = m_document.path();
-        m_report.binary = m_document.binary();
-        m_report.bytes = m_document.bytes().size();
-        for (const std::string &name : m_model.extensionsUsed) {
-            const bool required = std::find(m_model.extensionsRequired.begin(), m_model.extensionsRequired.end(),
-                                            name) != m_model.extensionsRequired.end();
+        report_.path = document_.path();
+        report_.binary = document_.binary();
+        report_.bytes = document_.bytes().size();
+        for (const std::string &name : model_.extensionsUsed) {
+            const bool required = std::find(model_.extensionsRequired.begin(), model_.extensionsRequired.end(), name) !=
+                                  model_.extensionsRequired.end();
             const char *meaning = meaningOf(name);
-            m_report.extensions.push_back(name + (required ? " (required)" : "") +
-                                          (meaning != nullptr ? std::string(": ") + meaning : ""));
+            report_.extensions.push_back(name + (required ? " (required)" : "") +
+                                         (meaning != nullptr ? std::string(": ") + meaning : ""));
         }
-        m_report.scenes = m_model.scenes.size();
-        m_report.nodes = m_model.nodes.size();
-        m_report.meshes = m_model.meshes.size();
+        report_.scenes = model_.scenes.size();
+        report_.nodes = model_.nodes.size();
+        report_.meshes = model_.meshes.size();
         readMaterials();
         readPrimitives();
         readImages();
         readStored();
-        m_report.micromapPrimitives = m_micromapPrimitives.size();
+        report_.micromapPrimitives = micromapPrimitives_.size();
         findLeft();
-        return std::move(m_report);
+        return std::move(report_);
     }
 
 private:
@@ -85,9 +85,9 @@ private:
             read();
             return true;
         } catch (const GltfError &error) {
-            m_report.problems.push_back({place, m_document.reasonOf(error)});
+            report_.problems.push_back({place, document_.reasonOf(error)});
         } catch (const BakeError &error) {
-            m_report.problems.push_back({place, error.what()});
+            report_.problems.push_back({place, error.what()});
         }
         return false;
     }
@@ -98,63 +98,63 @@ private:
     void readStored();
     void findLeft();
 
-    const Document &m_document;
-    const gltf_json::Model &m_model;
-    std::vector<bool> m_masked;                    // by material
-    std::set<PrimitivePlace> m_micromapPrimitives; // those that have one
-    FileReport m_report;
+    const Document &document_;
+    const gltf_json::Model &model_;
+    std::vector<bool> masked_;                    // by material
+    std::set<PrimitivePlace> micromapPrimitives_; // those that have one
+    FileReport report_;
 };
 
 void FileReader::readMaterials()
 {
     static const char *const kModes[] = {"OPAQUE", "MASK", "BLEND"};
-    for (std::size_t i = 0; i < m_model.materials.size(); ++i) {
-        m_masked.push_back(m_model.materials[i].alphaMode == "MASK");
+    for (size_t i = 0; i < model_.materials.size(); ++i) {
+        masked_.push_back(model_.materials[i].alphaMode == "MASK");
         attempt("material " + std::to_string(i), [&] {
-            const Material material = readMaterial(m_document, static_cast<int>(i));
-            m_report.materials[kModes[static_cast<std::size_t>(material.alphaMode)]].push_back(material.name);
+            const Material material = readMaterial(document_, static_cast<int>(i));
+            report_.materials[kModes[static_cast<size_t>(material.alphaMode)]].push_back(material.name);
         });
     }
 }
 
 void FileReader::readPrimitives()
 {
-    for (const PrimitivePlace place : trianglePrimitives(m_document)) {
-        ++m_report.primitives;
-        const std::string name = m_document.nameOf(place);
+    for (const PrimitivePlace place : trianglePrimitives(document_)) {
+        ++report_.primitives;
+        const std::string name = document_.nameOf(place);
         try {
-            const Primitive primitive = readPrimitive(m_document, place, Positions::Leave);
-            const std::size_t triangles = primitive.triangleCount();
-            m_report.triangles += triangles;
-            if (static_cast<std::size_t>(primitive.material) < m_masked.size() &&
-                m_masked[static_cast<std::size_t>(primitive.material)])
-                m_report.maskedTriangles += triangles;
+            const Primitive primitive = readPrimitive(document_, place, Positions::Leave);
+            const size_t triangles = primitive.triangleCount();
+            report_.triangles += triangles;
+            if (static_cast<size_t>(primitive.material) < masked_.size() &&
+                masked_[static_cast<size_t>(primitive.material)])
+                report_.maskedTriangles += triangles;
         } catch (const GltfError &error) {
-            m_report.problems.push_back({name, m_document.reasonOf(place, error)});
+            report_.problems.push_back({name, document_.reasonOf(place, error)});
         }
     }
 }
 
 void FileReader::readImages()
 {
-    for (std::size_t i = 0; i < m_model.images.size(); ++i) {
-        FileReport::Image &image = m_report.images.emplace_back();
+    for (size_t i = 0; i < model_.images.size(); ++i) {
+        FileReport::Image &image = report_.images.emplace_back();
         try {
-            const EncodedImage encoded = readEncodedImage(m_document, static_cast<int>(i));
+            const EncodedImage encoded = readEncodedImage(document_, static_cast<int>(i));
             image.bytes = encoded.bytes().size();
             image.type = typeOf(encoded.bytes());
-            const vellum::Image decoded = readImage(m_document, static_cast<int>(i));
+            const vellum::Image decoded = readImage(document_, static_cast<int>(i));
             image.width = decoded.width;
             image.height = decoded.height;
         } catch (const GltfError &error) {
-            image.problem = m_document.reasonOf(error);
+            image.problem = document_.reasonOf(error);
         }
     }
 }
 
 std::string contentsOf(const StoredMicromap &micromap)
 {
-    std::map<std::pair<unsigned, unsigned>, std::size_t> counts; // by level and states
+    std::map<std::pair<unsigned, unsigned>, size_t> counts; // by level and states
     for (const MicromapTriangle &t : micromap.triangles)
         ++counts[{t.subdivisionLevel, t.format == Format::TwoState ? 2 : 4}];
     std::string text;
@@ -165,17 +165,17 @@ std::string contentsOf(const StoredMicromap &micromap)
 
 void FileReader::readStored()
 {
-    for (const MicromapOffence &offence : findMicromapOffences(m_document))
-        m_report.offences.push_back({offence.place, offence.message});
-    if (!m_report.offences.empty())
+    for (const MicromapOffence &offence : findMicromapOffences(document_))
+        report_.offences.push_back({offence.place, offence.message});
+    if (!report_.offences.empty())
         return;
     attempt("micromaps", [&] {
-        const StoredMicromaps stored = readMicromaps(m_document);
-        m_report.micromapExtension = stored.extension;
+        const StoredMicromaps stored = readMicromaps(document_);
+        report_.micromapExtension = stored.extension;
         for (const auto &[place, micromap] : stored.primitives)
-            m_micromapPrimitives.insert(place);
+            micromapPrimitives_.insert(place);
         for (const StoredMicromap &micromap : stored.micromaps)
-            m_report.micromaps.push_back({micromap.triangles.size(), micromap.data.size(), contentsOf(micromap)});
+            report_.micromaps.push_back({micromap.triangles.size(), micromap.data.size(), contentsOf(micromap)});
     });
 }
 
@@ -185,9 +185,9 @@ void FileReader::findLeft()
     attempt("bake", [&] {
         DocumentBakeOptions options;
         options.bake.level = 0;
-        for (const LeftPrimitive &left : bakeDocument(m_document, options).left)
-            if (!m_micromapPrimitives.contains(left.place))
-                m_report.left.push_back({m_document.nameOf(left.place), left.reason});
+        for (const LeftPrimitive &left : bakeDocument(document_, options).left)
+            if (!micromapPrimitives_.contains(left.place))
+                report_.left.push_back({document_.nameOf(left.place), left.reason});
     });
 }
 
@@ -201,8 +201,8 @@ void write(const std::vector<FileReport::Reason> &reasons, JsonWriter &json)
 
 void print(const char *what, const std::vector<FileReport::Reason> &reasons)
 {
-    constexpr std::size_t kMost = 20;
-    for (std::size_t i = 0; i < std::min(reasons.size(), kMost); ++i)
+    constexpr size_t kMost = 20;
+    for (size_t i = 0; i < std::min(reasons.size(), kMost); ++i)
         fmt::print("{:<11} {}: {}\n", what, reasons[i].place, reasons[i].text);
     if (reasons.size() > kMost)
         fmt::print("            and {} more\n", reasons.size() - kMost);
@@ -210,9 +210,9 @@ void print(const char *what, const std::vector<FileReport::Reason> &reasons)
 
 std::string joined(const std::vector<std::string> &names)
 {
-    constexpr std::size_t kMost = 8;
+    constexpr size_t kMost = 8;
     std::string text;
-    for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i)
+    for (size_t i = 0; i < std::min(names.size(), kMost); ++i)
         text += (i == 0 ? "" : ", ") + names[i];
     return names.size() > kMost ? fmt::format("{} and {} more", text, names.size() - kMost) : text;
 }
@@ -228,7 +228,7 @@ FileReport reportFile(const std::filesystem::path &path)
 void print(const FileReport &r)
 {
     fmt::print("file        {}: {}, {}\n", r.path.string(), r.binary ? "GLB" : "glTF text", counted(r.bytes, "byte"));
-    for (std::size_t i = 0; i < r.extensions.size(); ++i)
+    for (size_t i = 0; i < r.extensions.size(); ++i)
         fmt::print("{:<11} {}\n", i == 0 ? "extensions" : "", r.extensions[i]);
     fmt::print("scene       {}, {} with {} of triangles\n", counted(r.nodes, "node"),
                counted(r.meshes, "mesh", "meshes"), counted(r.primitives, "primitive"));
@@ -236,7 +236,7 @@ void print(const FileReport &r)
                r.maskedTriangles == 1 ? "is" : "are");
     for (const auto &[mode, names] : r.materials)
         fmt::print("materials   {} {}: {}\n", names.size(), mode, joined(names));
-    for (std::size_t i = 0; i < r.images.size(); ++i) {
+    for (size_t i = 0; i < r.images.size(); ++i) {
         const FileReport::Image &image = r.images[i];
         if (image.problem.empty())
             fmt::print("image {:<5} {} x {}, {}, {}\n", i, image.width, image.height, image.type,
@@ -249,7 +249,7 @@ void print(const FileReport &r)
     else
         fmt::print("micromaps   {} by {}, on {}\n", r.micromaps.size(), r.micromapExtension,
                    counted(r.micromapPrimitives, "primitive"));
-    for (std::size_t i = 0; i < r.micromaps.size(); ++i)
+    for (size_t i = 0; i < r.micromaps.size(); ++i)
         fmt::print("micromap {:<2} {}: {}; {} of data\n", i, counted(r.micromaps[i].triangles, "triangle"),
                    r.micromaps[i].contents, counted(r.micromaps[i].dataBytes, "byte"));
     print("wrong", r.offences);
@@ -277,8 +277,8 @@ void write(const FileReport &r, JsonWriter &json)
     json.end().key("images").beginArray();
     for (const FileReport::Image &image : r.images)
         json.beginObject()
-            .member("width", std::uint64_t{image.width})
-            .member("height", std::uint64_t{image.height})
+            .member("width", uint64_t{image.width})
+            .member("height", uint64_t{image.height})
             .member("type", image.type)
             .member("bytes", image.bytes)
             .member("problem", image.problem)

@@ -13,15 +13,15 @@ namespace vellum::cli
 
 struct FileReport {
     struct Image {
-        std::uint64_t bytes = 0; // encoded
-        std::uint32_t width = 0; // 0: it cannot be read, and `problem` says why
-        std::uint32_t height = 0;
+        uint64_t bytes = 0; // encoded
+        uint32_t width = 0; // 0: it cannot be read, and `problem` says why
+        uint32_t height = 0;
         std::string type;
         std::string problem;
     };
     struct Micromap {
-        std::uint64_t triangles = 0;
-        std::uint64_t dataBytes = 0;
+        uint64_t triangles = 0;
+        uint64_t dataBytes = 0;
         std::string contents; // "level 7, 4 states: 10; level 3, 2 states: 5"
     };
     struct Reason {
@@ -31,14 +31,14 @@ struct FileReport {
 
     std::filesystem::path path;
     bool binary = false;
-    std::uint64_t bytes = 0;
+    uint64_t bytes = 0;
     std::vector<std::string> extensions; // used, those that the file requires marked
-    std::uint64_t scenes = 0, nodes = 0, meshes = 0, primitives = 0, triangles = 0, maskedTriangles = 0;
+    uint64_t scenes = 0, nodes = 0, meshes = 0, primitives = 0, triangles = 0, maskedTriangles = 0;
     std::map<std::string, std::vector<std::string>> materials; // names by alphaMode
     std::vector<Image> images;
     std::string micromapExtension; // empty where it has none
     std::vector<Micromap> micromaps;
-    std::uint64_t micromapPrimitives = 0;
+    uint64_t micromapPrimitives = 0;
     std::vector<Reason> left;     // alpha-tested primitives that a bake would leave out, and why
     std::vector<Reason> offences; // against the rules of the micromaps' extension
     std::vector<Reason> problems; // what cannot be read

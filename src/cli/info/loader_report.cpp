@@ -20,7 +20,7 @@ bool isSet(const char *variable)
 
 bool loaderFindsLayer()
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     if (vkEnumerateInstanceLayerProperties(&count, nullptr) != VK_SUCCESS)
         return false;
     std::vector<VkLayerProperties> layers(count);
@@ -123,7 +123,7 @@ void findDevices(LoaderReport &report)
         return;
     }
     // What a driver has itself, the layer passes through unless it is told not to.
-    for (std::size_t i = 0; i < report.devices.size() && i < plain.size() && !isSet("VELLUM_FORCE_EMULATION"); ++i) {
+    for (size_t i = 0; i < report.devices.size() && i < plain.size() && !isSet("VELLUM_FORCE_EMULATION"); ++i) {
         if (plain[i].ext == Provider::Driver)
             report.devices[i].ext = Provider::Driver;
         if (plain[i].khr == Provider::Driver)
@@ -195,8 +195,8 @@ void write(const DeviceDetails &d, JsonWriter &json)
         .member("rayQueries", d.rayQueries)
         .member("rayTracingPipelines", d.rayTracingPipelines);
     json.member("VK_KHR_opacity_micromap", nameOf(d.khr)).member("VK_EXT_opacity_micromap", nameOf(d.ext));
-    json.member("max2StateSubdivisionLevel", std::uint64_t{d.most2StateLevel})
-        .member("max4StateSubdivisionLevel", std::uint64_t{d.most4StateLevel});
+    json.member("max2StateSubdivisionLevel", uint64_t{d.most2StateLevel})
+        .member("max4StateSubdivisionLevel", uint64_t{d.most4StateLevel});
     json.key("missing");
     write(d.missing, json);
     json.end();
@@ -207,7 +207,7 @@ void write(const DeviceDetails &d, JsonWriter &json)
 LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
 {
     LoaderReport report;
-    std::uint32_t version = VK_API_VERSION_1_0;
+    uint32_t version = VK_API_VERSION_1_0;
     vkEnumerateInstanceVersion(&version);
     report.loaderVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(version), VK_API_VERSION_MINOR(version),
                                        VK_API_VERSION_PATCH(version));
@@ -241,7 +241,7 @@ void print(const LoaderReport &report)
     fmt::print(
         "layer       {}, {}\n", report.layerFound ? "the loader finds it" : "the loader does not find it by itself",
         report.layerOnByVariable ? "and it is turned on by an environment variable" : "a program has to turn it on");
-    for (std::size_t i = 0; i < report.turnOn.size(); ++i)
+    for (size_t i = 0; i < report.turnOn.size(); ++i)
         fmt::print("{:<11} {}\n", i == 0 ? "turn it on" : "", report.turnOn[i]);
     for (const DeviceDetails &device : report.devices)
         print(device);

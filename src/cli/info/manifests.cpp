@@ -18,7 +18,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostBytes = 1 << 20;
+constexpr size_t kMostBytes = 1 << 20;
 
 std::vector<std::string> listOf(const char *variable)
 {
@@ -26,7 +26,7 @@ std::vector<std::string> listOf(const char *variable)
     std::vector<std::string> parts;
     std::string rest = value != nullptr ? value : "";
     while (!rest.empty()) {
-        const std::size_t end = std::min(rest.find(':'), rest.size());
+        const size_t end = std::min(rest.find(':'), rest.size());
         if (end != 0)
             parts.push_back(rest.substr(0, end));
         rest.erase(0, end + 1);
@@ -53,7 +53,7 @@ std::vector<fs::path> systemFolders(const std::string &name)
     const auto addEach = [&](const char *variable, const std::string &other) {
         std::vector<std::string> parts = listOf(variable);
         for (std::string rest = other; parts.empty() && !rest.empty();) {
-            const std::size_t end = std::min(rest.find(':'), rest.size());
+            const size_t end = std::min(rest.find(':'), rest.size());
             add(rest.substr(0, end));
             rest.erase(0, end + 1);
         }
@@ -119,7 +119,7 @@ void readManifest(Manifest &manifest, const char *kind)
     std::ifstream file(manifest.path, std::ios::binary);
     std::string text(kMostBytes, '\0');
     file.read(text.data(), static_cast<std::streamsize>(text.size()));
-    text.resize(static_cast<std::size_t>(file.gcount()));
+    text.resize(static_cast<size_t>(file.gcount()));
     if (text.empty()) {
         manifest.problem = "it cannot be read";
         return;

@@ -11,7 +11,7 @@ namespace vellum::cli
 {
 
 // A zlib stream (RFC 1950), which DecompressionStream("deflate") reads. Throws Error.
-std::vector<std::uint8_t> deflated(std::span<const std::uint8_t> bytes);
+std::vector<uint8_t> deflated(std::span<const uint8_t> bytes);
 
 // Text of an element or of an attribute in double quotes; what is no UTF-8 becomes U+FFFD.
 std::string htmlText(std::string_view text);

@@ -19,7 +19,7 @@ namespace vellum::cli
 
 // A triangle of a micromap.
 struct InspectedRecord {
-    std::uint32_t micromap = 0; // into StoredMicromaps::micromaps
+    uint32_t micromap = 0; // into StoredMicromaps::micromaps
     MicromapTriangle triangle;
     StateCounts states{};
 };
@@ -33,21 +33,21 @@ struct InspectedMaterial {
 
 struct InspectedPrimitive {
     PrimitivePlace place;
-    std::string mesh;          // the mesh's name; empty without
-    std::uint32_t material;    // into InspectedFile::materials
-    std::size_t triangles = 0; // that the primitive has
+    std::string mesh;     // the mesh's name; empty without
+    uint32_t material;    // into InspectedFile::materials
+    size_t triangles = 0; // that the primitive has
     // Of the chosen triangles: which they are, their coordinates, and what their micromap index leads to: an element of
     // InspectedFile::records or a special index.
-    std::vector<std::uint32_t> numbers;
+    std::vector<uint32_t> numbers;
     std::vector<TriangleUvs> uvs;
-    std::vector<std::int32_t> records;
-    std::uint64_t indexBytes = 0; // of the micromap indices in the file
+    std::vector<int32_t> records;
+    uint64_t indexBytes = 0; // of the micromap indices in the file
 };
 
 struct InspectedFile {
     std::string name;
-    std::uint64_t bytes = 0; // with those of the files that it names
-    bool baked = false;      // the micromaps were made just now
+    uint64_t bytes = 0; // with those of the files that it names
+    bool baked = false; // the micromaps were made just now
     struct Left {
         std::string name; // `mesh 2 "leaves" primitive 0`
         std::string material;
@@ -59,8 +59,8 @@ struct InspectedFile {
     std::vector<InspectedMaterial> materials;
     std::vector<InspectedPrimitive> primitives; // those with micromaps and chosen triangles, sorted by place
     std::vector<InspectedRecord> records;
-    std::size_t meshCount = 0;
-    std::size_t primitiveCount = 0; // made of triangles, with and without micromaps
+    size_t meshCount = 0;
+    size_t primitiveCount = 0; // made of triangles, with and without micromaps
 };
 
 // With `bake`, leaves aside what the file has and bakes it. Throws GltfError, BakeError, or Error where nothing is left
@@ -68,7 +68,7 @@ struct InspectedFile {
 InspectedFile inspectFile(const Document &document, const Selection &selection, const DocumentBakeOptions *bake);
 
 // What is drawn at a triangle.
-inline bool isSpecial(std::int32_t record)
+inline bool isSpecial(int32_t record)
 {
     return record < 0;
 }

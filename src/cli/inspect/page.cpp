@@ -18,10 +18,10 @@ std::string makePage(const Document &document, const InspectedFile &file, const 
     // The places in page.html where something belongs are comments.
     std::string_view rest = kPage_page_html;
     while (true) {
-        const std::size_t begin = rest.find("<!--@");
+        const size_t begin = rest.find("<!--@");
         if (begin == std::string_view::npos)
             return page.append(rest);
-        const std::size_t end = rest.find("-->", begin);
+        const size_t end = rest.find("-->", begin);
         page.append(rest.substr(0, begin));
         const std::string_view what = rest.substr(begin + 5, end - begin - 5);
         if (what == "title")

@@ -14,7 +14,7 @@ namespace vellum::cli
 namespace
 {
 
-std::uint32_t pageBytes(std::uint32_t level)
+uint32_t pageBytes(uint32_t level)
 {
     return packedBytes(level, Format::FourState);
 }
@@ -24,20 +24,20 @@ class StatesOfRecord
 {
 public:
     StatesOfRecord(const StoredMicromap &micromap, const StateCounter &counter, const MicromapTriangle &triangle)
-        : m_micromap(micromap), m_counter(counter), m_triangle(triangle)
+        : micromap_(micromap), counter_(counter), triangle_(triangle)
     {
     }
 
-    void write(std::uint32_t pageLevel, std::uint8_t *to) const
+    void write(uint32_t pageLevel, uint8_t *to) const
     {
-        const std::uint32_t level = m_triangle.subdivisionLevel;
-        const std::uint8_t *from = m_micromap.data.data() + m_triangle.dataOffset;
-        if (pageLevel == level && m_triangle.format == Format::FourState) {
+        const uint32_t level = triangle_.subdivisionLevel;
+        const uint8_t *from = micromap_.data.data() + triangle_.dataOffset;
+        if (pageLevel == level && triangle_.format == Format::FourState) {
             std::memcpy(to, from, pageBytes(level));
             return;
         }
-        for (std::uint32_t i = 0; i < microTriangleCount(pageLevel); ++i) {
-            const State state = pageLevel == level ? readState(from, i, m_triangle.format)
+        for (uint32_t i = 0; i < microTriangleCount(pageLevel); ++i) {
+            const State state = pageLevel == level ? readState(from, i, triangle_.format)
                                                    : most(i, microTriangleCount(level - pageLevel));
             writeState(to, i, Format::FourState, state);
         }
@@ -45,32 +45,32 @@ public:
 
 private:
     // Parts of a triangle are contiguous on the curve.
-    [[nodiscard]] State most(std::uint32_t part, std::uint32_t count) const
+    [[nodiscard]] State most(uint32_t part, uint32_t count) const
     {
-        const StateCounts counts = m_counter.count(m_triangle, std::uint64_t{part} * count, count);
+        const StateCounts counts = counter_.count(triangle_, uint64_t{part} * count, count);
         return static_cast<State>(std::max_element(counts.begin(), counts.end()) - counts.begin());
     }
 
-    const StoredMicromap &m_micromap;
-    const StateCounter &m_counter;
-    const MicromapTriangle &m_triangle;
+    const StoredMicromap &micromap_;
+    const StateCounter &counter_;
+    const MicromapTriangle &triangle_;
 };
 
 // Micromap triangles with the same data are one record of the page.
-using RecordKey = std::tuple<std::uint32_t, std::uint32_t, std::uint16_t, Format>;
+using RecordKey = std::tuple<uint32_t, uint32_t, uint16_t, Format>;
 
 struct ShapeKey {
-    std::uint32_t material = 0;
-    std::array<std::uint32_t, 6> uvs{};
-    std::int32_t record = 0;
+    uint32_t material = 0;
+    std::array<uint32_t, 6> uvs{};
+    int32_t record = 0;
     bool operator==(const ShapeKey &) const = default;
 };
 
 struct ShapeHash {
-    std::size_t operator()(const ShapeKey &key) const
+    size_t operator()(const ShapeKey &key) const
     {
-        static_assert(sizeof key == 8 * sizeof(std::uint32_t)); // no padding
-        return static_cast<std::size_t>(hashBytes(&key, sizeof key));
+        static_assert(sizeof key == 8 * sizeof(uint32_t)); // no padding
+        return static_cast<size_t>(hashBytes(&key, sizeof key));
     }
 };
 
@@ -78,7 +78,7 @@ class PageMaker
 {
 public:
     PageMaker(const InspectedFile &file, const PageLimits &limits)
-        : m_file(file), m_limits(limits), m_pageRecord(file.records.size(), -1)
+        : file_(file), limits_(limits), pageRecord_(file.records.size(), -1)
     {
     }
 
@@ -87,113 +87,113 @@ public:
         findTriangles();
         sortShapes();
         copyStates();
-        return std::move(m_data);
+        return std::move(data_);
     }
 
 private:
     void findTriangles();
-    std::int32_t useRecord(std::int32_t record);
+    int32_t useRecord(int32_t record);
     void sortShapes();
     void copyStates();
 
-    const InspectedFile &m_file;
-    const PageLimits &m_limits;
-    PageData m_data;
-    std::vector<std::int32_t> m_pageRecord; // by record of the file; -1: not used yet
-    std::map<RecordKey, std::int32_t> m_known;
-    std::vector<std::int32_t> m_recordOf; // of the file, by record of the page
-    std::unordered_map<ShapeKey, std::uint32_t, ShapeHash> m_shapes;
-    std::vector<std::uint32_t> m_materials; // of each shape
+    const InspectedFile &file_;
+    const PageLimits &limits_;
+    PageData data_;
+    std::vector<int32_t> pageRecord_; // by record of the file; -1: not used yet
+    std::map<RecordKey, int32_t> known_;
+    std::vector<int32_t> recordOf_; // of the file, by record of the page
+    std::unordered_map<ShapeKey, uint32_t, ShapeHash> shapes_;
+    std::vector<uint32_t> materials_; // of each shape
 };
 
-std::int32_t PageMaker::useRecord(std::int32_t record)
+int32_t PageMaker::useRecord(int32_t record)
 {
     if (isSpecial(record))
         return record;
-    std::int32_t &number = m_pageRecord[static_cast<std::size_t>(record)];
+    int32_t &number = pageRecord_[static_cast<size_t>(record)];
     if (number >= 0)
         return number;
-    const InspectedRecord &from = m_file.records[static_cast<std::size_t>(record)];
-    const auto [known, added] = m_known.emplace(
+    const InspectedRecord &from = file_.records[static_cast<size_t>(record)];
+    const auto [known, added] = known_.emplace(
         RecordKey{from.micromap, from.triangle.dataOffset, from.triangle.subdivisionLevel, from.triangle.format},
-        static_cast<std::int32_t>(m_data.records.size()));
+        static_cast<int32_t>(data_.records.size()));
     if (added) {
-        const auto level = static_cast<std::uint8_t>(from.triangle.subdivisionLevel);
-        m_data.records.push_back({level, level, from.triangle.format, from.states, 0});
-        m_recordOf.push_back(record);
+        const auto level = static_cast<uint8_t>(from.triangle.subdivisionLevel);
+        data_.records.push_back({level, level, from.triangle.format, from.states, 0});
+        recordOf_.push_back(record);
     }
     return number = known->second;
 }
 
 void PageMaker::findTriangles()
 {
-    for (const InspectedPrimitive &primitive : m_file.primitives) {
-        m_data.firstTriangle.push_back(static_cast<std::uint32_t>(m_data.shapeOf.size()));
-        for (std::size_t t = 0; t < primitive.records.size(); ++t) {
-            if (m_data.shapeOf.size() == m_limits.triangles) {
-                m_data.leftOut += primitive.records.size() - t;
+    for (const InspectedPrimitive &primitive : file_.primitives) {
+        data_.firstTriangle.push_back(static_cast<uint32_t>(data_.shapeOf.size()));
+        for (size_t t = 0; t < primitive.records.size(); ++t) {
+            if (data_.shapeOf.size() == limits_.triangles) {
+                data_.leftOut += primitive.records.size() - t;
                 break;
             }
             ShapeKey key{.material = primitive.material, .record = useRecord(primitive.records[t])};
-            for (std::size_t corner = 0; corner < 3; ++corner) {
-                key.uvs[2 * corner] = std::bit_cast<std::uint32_t>(primitive.uvs[t][corner].u);
-                key.uvs[2 * corner + 1] = std::bit_cast<std::uint32_t>(primitive.uvs[t][corner].v);
+            for (size_t corner = 0; corner < 3; ++corner) {
+                key.uvs[2 * corner] = std::bit_cast<uint32_t>(primitive.uvs[t][corner].u);
+                key.uvs[2 * corner + 1] = std::bit_cast<uint32_t>(primitive.uvs[t][corner].v);
             }
-            const auto [shape, added] = m_shapes.emplace(key, static_cast<std::uint32_t>(m_data.shapes.size()));
+            const auto [shape, added] = shapes_.emplace(key, static_cast<uint32_t>(data_.shapes.size()));
             if (added) {
-                m_data.shapes.push_back({primitive.uvs[t], key.record});
-                m_materials.push_back(primitive.material);
+                data_.shapes.push_back({primitive.uvs[t], key.record});
+                materials_.push_back(primitive.material);
             }
-            m_data.shapeOf.push_back(shape->second);
-            m_data.numbers.push_back(primitive.numbers[t]);
+            data_.shapeOf.push_back(shape->second);
+            data_.numbers.push_back(primitive.numbers[t]);
         }
     }
-    m_data.firstTriangle.push_back(static_cast<std::uint32_t>(m_data.shapeOf.size()));
+    data_.firstTriangle.push_back(static_cast<uint32_t>(data_.shapeOf.size()));
 }
 
 // By material, and in the order in which they were found.
 void PageMaker::sortShapes()
 {
-    m_data.firstShape.assign(m_file.materials.size() + 1, 0);
-    for (const std::uint32_t material : m_materials)
-        ++m_data.firstShape[material + 1];
-    for (std::size_t m = 1; m < m_data.firstShape.size(); ++m)
-        m_data.firstShape[m] += m_data.firstShape[m - 1];
-    std::vector<std::uint32_t> next(m_data.firstShape.begin(), m_data.firstShape.end());
-    std::vector<std::uint32_t> place(m_materials.size());
-    std::vector<PageShape> sorted(m_materials.size());
-    for (std::size_t s = 0; s < place.size(); ++s) {
-        place[s] = next[m_materials[s]]++;
-        sorted[place[s]] = m_data.shapes[s];
+    data_.firstShape.assign(file_.materials.size() + 1, 0);
+    for (const uint32_t material : materials_)
+        ++data_.firstShape[material + 1];
+    for (size_t m = 1; m < data_.firstShape.size(); ++m)
+        data_.firstShape[m] += data_.firstShape[m - 1];
+    std::vector<uint32_t> next(data_.firstShape.begin(), data_.firstShape.end());
+    std::vector<uint32_t> place(materials_.size());
+    std::vector<PageShape> sorted(materials_.size());
+    for (size_t s = 0; s < place.size(); ++s) {
+        place[s] = next[materials_[s]]++;
+        sorted[place[s]] = data_.shapes[s];
     }
-    m_data.shapes = std::move(sorted);
-    for (std::uint32_t &shape : m_data.shapeOf)
+    data_.shapes = std::move(sorted);
+    for (uint32_t &shape : data_.shapeOf)
         shape = place[shape];
 }
 
 void PageMaker::copyStates()
 {
-    const auto bytesUpTo = [&](std::uint32_t most) {
-        std::size_t bytes = 0;
-        for (const PageRecord &record : m_data.records)
-            bytes += pageBytes(std::min<std::uint32_t>(record.level, most));
+    const auto bytesUpTo = [&](uint32_t most) {
+        size_t bytes = 0;
+        for (const PageRecord &record : data_.records)
+            bytes += pageBytes(std::min<uint32_t>(record.level, most));
         return bytes;
     };
-    std::uint32_t most = 12;
-    while (most > 0 && bytesUpTo(most) > m_limits.stateBytes)
+    uint32_t most = 12;
+    while (most > 0 && bytesUpTo(most) > limits_.stateBytes)
         --most;
-    m_data.states.resize(bytesUpTo(most));
+    data_.states.resize(bytesUpTo(most));
     std::vector<StateCounter> counters;
-    for (const StoredMicromap &micromap : m_file.stored.micromaps)
+    for (const StoredMicromap &micromap : file_.stored.micromaps)
         counters.emplace_back(micromap.data);
-    std::uint32_t at = 0;
-    for (std::size_t r = 0; r < m_data.records.size(); ++r) {
-        PageRecord &record = m_data.records[r];
-        record.pageLevel = static_cast<std::uint8_t>(std::min<std::uint32_t>(record.level, most));
+    uint32_t at = 0;
+    for (size_t r = 0; r < data_.records.size(); ++r) {
+        PageRecord &record = data_.records[r];
+        record.pageLevel = static_cast<uint8_t>(std::min<uint32_t>(record.level, most));
         record.firstByte = at;
-        const InspectedRecord &from = m_file.records[static_cast<std::size_t>(m_recordOf[r])];
-        StatesOfRecord(m_file.stored.micromaps[from.micromap], counters[from.micromap], from.triangle)
-            .write(record.pageLevel, m_data.states.data() + at);
+        const InspectedRecord &from = file_.records[static_cast<size_t>(recordOf_[r])];
+        StatesOfRecord(file_.stored.micromaps[from.micromap], counters[from.micromap], from.triangle)
+            .write(record.pageLevel, data_.states.data() + at);
         at += pageBytes(record.pageLevel);
     }
 }
@@ -202,47 +202,47 @@ void PageMaker::copyStates()
 class ByteWriter
 {
 public:
-    void byte(std::uint8_t value) { m_bytes.push_back(value); }
-    void word(std::uint32_t value)
+    void byte(uint8_t value) { bytes_.push_back(value); }
+    void word(uint32_t value)
     {
         for (unsigned shift = 0; shift < 32; shift += 8)
-            m_bytes.push_back(static_cast<std::uint8_t>(value >> shift));
+            bytes_.push_back(static_cast<uint8_t>(value >> shift));
     }
-    void words(const std::vector<std::uint32_t> &values)
+    void words(const std::vector<uint32_t> &values)
     {
-        for (const std::uint32_t value : values)
+        for (const uint32_t value : values)
             word(value);
     }
-    std::vector<std::uint8_t> finish(const std::vector<std::uint8_t> &tail)
+    std::vector<uint8_t> finish(const std::vector<uint8_t> &tail)
     {
-        m_bytes.insert(m_bytes.end(), tail.begin(), tail.end());
-        return std::move(m_bytes);
+        bytes_.insert(bytes_.end(), tail.begin(), tail.end());
+        return std::move(bytes_);
     }
 
 private:
-    std::vector<std::uint8_t> m_bytes;
+    std::vector<uint8_t> bytes_;
 };
 
 } // namespace
 
-std::vector<std::uint8_t> PageData::bytes() const
+std::vector<uint8_t> PageData::bytes() const
 {
     ByteWriter to;
     for (const PageRecord &record : records) {
         to.byte(record.level);
         to.byte(record.pageLevel);
-        to.byte(static_cast<std::uint8_t>(record.format));
+        to.byte(static_cast<uint8_t>(record.format));
         to.byte(0);
         to.word(record.firstByte);
-        for (const std::uint64_t count : record.states)
-            to.word(static_cast<std::uint32_t>(count));
+        for (const uint64_t count : record.states)
+            to.word(static_cast<uint32_t>(count));
     }
     for (const PageShape &shape : shapes) {
         for (const TexCoord &uv : shape.uvs) {
-            to.word(std::bit_cast<std::uint32_t>(uv.u));
-            to.word(std::bit_cast<std::uint32_t>(uv.v));
+            to.word(std::bit_cast<uint32_t>(uv.u));
+            to.word(std::bit_cast<uint32_t>(uv.v));
         }
-        to.word(static_cast<std::uint32_t>(shape.record));
+        to.word(static_cast<uint32_t>(shape.record));
     }
     to.words(shapeOf);
     to.words(numbers);

@@ -17,7 +17,7 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::uint32_t kThumbnailEdge = 360;
+constexpr uint32_t kThumbnailEdge = 360;
 
 void writeTally(const Tally &tally, JsonWriter &json)
 {
@@ -36,7 +36,7 @@ std::string pngUri(const Picture &picture)
 
 Picture pictureOf(const Image &image)
 {
-    Picture picture{image.width, image.height, std::vector<std::uint32_t>(image.rgba.size() / 4)};
+    Picture picture{image.width, image.height, std::vector<uint32_t>(image.rgba.size() / 4)};
     std::memcpy(picture.pixels.data(), image.rgba.data(), image.rgba.size());
     return picture;
 }
@@ -50,7 +50,7 @@ const char *nameOf(Wrap wrap)
     }
 }
 
-void writeMaterial(const InspectedFile &file, std::uint32_t number, const PageData &data, const PageLimits &limits,
+void writeMaterial(const InspectedFile &file, uint32_t number, const PageData &data, const PageLimits &limits,
                    JsonWriter &json)
 {
     const InspectedMaterial &material = file.materials[number];
@@ -71,8 +71,8 @@ void writeMaterial(const InspectedFile &file, std::uint32_t number, const PageDa
     json.end();
 }
 
-void writePrimitive(const InspectedFile &file, const InspectedPrimitive &primitive, std::uint32_t first,
-                    std::uint32_t end, JsonWriter &json)
+void writePrimitive(const InspectedFile &file, const InspectedPrimitive &primitive, uint32_t first, uint32_t end,
+                    JsonWriter &json)
 {
     json.beginObject().member("mesh", primitive.place.mesh).member("name", primitive.mesh);
     json.member("primitive", primitive.place.primitive).member("material", primitive.material);
@@ -83,7 +83,7 @@ void writePrimitive(const InspectedFile &file, const InspectedPrimitive &primiti
 
 void writeMeshes(const Document &document, const InspectedFile &file, const PageLimits &limits, JsonWriter &json)
 {
-    std::set<std::uint32_t> drawn;
+    std::set<uint32_t> drawn;
     json.list("meshes", file.primitives, [&](const InspectedPrimitive &primitive) {
         if (drawn.size() == limits.thumbnails || !drawn.insert(primitive.place.mesh).second)
             return;
@@ -94,9 +94,9 @@ void writeMeshes(const Document &document, const InspectedFile &file, const Page
 
 void writeFile(const InspectedFile &file, JsonWriter &json)
 {
-    std::set<std::uint32_t> meshes;
-    std::uint64_t dataBytes = 0;
-    std::uint64_t records = 0;
+    std::set<uint32_t> meshes;
+    uint64_t dataBytes = 0;
+    uint64_t records = 0;
     for (const StoredMicromap &micromap : file.stored.micromaps) {
         dataBytes += micromap.data.size();
         records += micromap.triangles.size();
@@ -112,22 +112,22 @@ void writeFile(const InspectedFile &file, JsonWriter &json)
 
 } // namespace
 
-Image scaledDown(const Image &image, std::uint32_t edge)
+Image scaledDown(const Image &image, uint32_t edge)
 {
-    const std::uint32_t factor = (std::max(image.width, image.height) + edge - 1) / edge;
+    const uint32_t factor = (std::max(image.width, image.height) + edge - 1) / edge;
     if (factor <= 1)
         return image;
     Image small{(image.width + factor - 1) / factor, (image.height + factor - 1) / factor, {}};
-    small.rgba.reserve(std::size_t{4} * small.width * small.height);
-    for (std::uint32_t y = 0; y < small.height; ++y)
-        for (std::uint32_t x = 0; x < small.width; ++x)
-            for (std::size_t channel = 0; channel < 4; ++channel) {
-                std::uint32_t sum = 0;
-                std::uint32_t count = 0;
-                for (std::size_t v = y * factor; v < std::min((y + 1) * factor, image.height); ++v)
-                    for (std::size_t u = x * factor; u < std::min((x + 1) * factor, image.width); ++u, ++count)
+    small.rgba.reserve(size_t{4} * small.width * small.height);
+    for (uint32_t y = 0; y < small.height; ++y)
+        for (uint32_t x = 0; x < small.width; ++x)
+            for (size_t channel = 0; channel < 4; ++channel) {
+                uint32_t sum = 0;
+                uint32_t count = 0;
+                for (size_t v = y * factor; v < std::min((y + 1) * factor, image.height); ++v)
+                    for (size_t u = x * factor; u < std::min((x + 1) * factor, image.width); ++u, ++count)
                         sum += image.rgba[4 * (v * image.width + u) + channel];
-                small.rgba.push_back(static_cast<std::uint8_t>((sum + count / 2) / count));
+                small.rgba.push_back(static_cast<uint8_t>((sum + count / 2) / count));
             }
     return small;
 }
@@ -139,12 +139,12 @@ std::string pageFacts(const Document &document, const InspectedFile &file, const
     json.beginObject();
     writeFile(file, json);
     writeTally(tallyOf(file), json);
-    json.list("stateColors", kStateColors, [&](std::uint32_t color) { json.value(fmt::format("#{:06x}", color)); });
+    json.list("stateColors", kStateColors, [&](uint32_t color) { json.value(fmt::format("#{:06x}", color)); });
     json.key("materials").beginArray();
-    for (std::uint32_t m = 0; m < file.materials.size(); ++m)
+    for (uint32_t m = 0; m < file.materials.size(); ++m)
         writeMaterial(file, m, data, limits, json);
     json.end().key("primitives").beginArray();
-    for (std::size_t p = 0; p < file.primitives.size(); ++p)
+    for (size_t p = 0; p < file.primitives.size(); ++p)
         writePrimitive(file, file.primitives[p], data.firstTriangle[p], data.firstTriangle[p + 1], json);
     json.end();
     writeMeshes(document, file, limits, json);

@@ -13,6 +13,6 @@ std::string pageFacts(const Document &document, const InspectedFile &file, const
                       const PageLimits &limits);
 
 // With its longer edge at most `edge`, each texel the mean of a square of them.
-Image scaledDown(const Image &image, std::uint32_t edge);
+Image scaledDown(const Image &image, uint32_t edge);
 
 } // namespace vellum::cli

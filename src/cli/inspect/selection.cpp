@@ -11,13 +11,13 @@ namespace
 {
 
 // The number at the front of `text`, which loses it. Throws where there is none.
-std::uint32_t takeNumber(std::string_view &text)
+uint32_t takeNumber(std::string_view &text)
 {
-    std::uint32_t number = 0;
+    uint32_t number = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
     if (error != std::errc())
         throw Error("");
-    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+    text.remove_prefix(static_cast<size_t>(end - text.data()));
     return number;
 }
 
@@ -49,7 +49,7 @@ std::vector<NumberRange> parseRanges(const std::string &text, const std::string 
     }
 }
 
-bool contains(const std::vector<NumberRange> &ranges, std::uint32_t number)
+bool contains(const std::vector<NumberRange> &ranges, uint32_t number)
 {
     return ranges.empty() || std::any_of(ranges.begin(), ranges.end(), [&](const NumberRange &range) {
                return range.first <= number && number <= range.last;

@@ -10,15 +10,15 @@ namespace vellum::cli
 
 // Numbers from `first` to `last`, both included.
 struct NumberRange {
-    std::uint32_t first = 0;
-    std::uint32_t last = 0;
+    uint32_t first = 0;
+    uint32_t last = 0;
 };
 
 // "7", "3-9" or several with commas. Throws Error, which begins with `option`.
 std::vector<NumberRange> parseRanges(const std::string &text, const std::string &option);
 
 // Whether `ranges` have `number`; no ranges have every number.
-bool contains(const std::vector<NumberRange> &ranges, std::uint32_t number);
+bool contains(const std::vector<NumberRange> &ranges, uint32_t number);
 
 // What is chosen is in all of them. Empty ones choose everything.
 struct Selection {

@@ -7,76 +7,76 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::size_t kBlock = 64; // bytes
+constexpr size_t kBlock = 64; // bytes
 
 // For each value of a byte, how many of its four 2-bit states are which.
 constexpr auto kStatesOfByte = [] {
-    std::array<std::array<std::uint8_t, 4>, 256> counts{};
-    for (std::size_t byte = 0; byte < counts.size(); ++byte)
+    std::array<std::array<uint8_t, 4>, 256> counts{};
+    for (size_t byte = 0; byte < counts.size(); ++byte)
         for (unsigned shift = 0; shift < 8; shift += 2)
             ++counts[byte][(byte >> shift) & 3];
     return counts;
 }();
 
-void addByte(StateCounts &counts, std::uint8_t byte)
+void addByte(StateCounts &counts, uint8_t byte)
 {
-    for (std::size_t s = 0; s < 4; ++s)
+    for (size_t s = 0; s < 4; ++s)
         counts[s] += kStatesOfByte[byte][s];
 }
 
 } // namespace
 
-StateCounter::StateCounter(std::span<const std::uint8_t> data) : m_data(data)
+StateCounter::StateCounter(std::span<const uint8_t> data) : data_(data)
 {
-    m_four.reserve(data.size() / kBlock + 1);
-    m_two.reserve(data.size() / kBlock + 1);
+    four_.reserve(data.size() / kBlock + 1);
+    two_.reserve(data.size() / kBlock + 1);
     StateCounts four{};
-    std::uint64_t two = 0;
-    for (std::size_t i = 0; i < data.size(); ++i) {
+    uint64_t two = 0;
+    for (size_t i = 0; i < data.size(); ++i) {
         if (i % kBlock == 0) {
-            m_four.push_back(four);
-            m_two.push_back(two);
+            four_.push_back(four);
+            two_.push_back(two);
         }
         addByte(four, data[i]);
         two += static_cast<unsigned>(std::popcount(data[i]));
     }
     if (data.size() % kBlock == 0) { // a range may end here
-        m_four.push_back(four);
-        m_two.push_back(two);
+        four_.push_back(four);
+        two_.push_back(two);
     }
 }
 
-StateCounts StateCounter::before(std::uint64_t position, Format format) const
+StateCounts StateCounter::before(uint64_t position, Format format) const
 {
-    const std::uint64_t perByte = format == Format::TwoState ? 8 : 4;
-    const auto byte = static_cast<std::size_t>(position / perByte);
-    const std::size_t block = byte / kBlock;
+    const uint64_t perByte = format == Format::TwoState ? 8 : 4;
+    const auto byte = static_cast<size_t>(position / perByte);
+    const size_t block = byte / kBlock;
     const auto rest = static_cast<unsigned>(position % perByte);
     StateCounts counts{};
     if (format == Format::TwoState) {
-        std::uint64_t opaque = m_two[block];
-        for (std::size_t i = block * kBlock; i < byte; ++i)
-            opaque += static_cast<unsigned>(std::popcount(m_data[i]));
+        uint64_t opaque = two_[block];
+        for (size_t i = block * kBlock; i < byte; ++i)
+            opaque += static_cast<unsigned>(std::popcount(data_[i]));
         if (rest != 0)
-            opaque += static_cast<unsigned>(std::popcount(m_data[byte] & ((1u << rest) - 1)));
-        counts[static_cast<std::size_t>(State::Opaque)] = opaque;
-        counts[static_cast<std::size_t>(State::Transparent)] = position - opaque;
+            opaque += static_cast<unsigned>(std::popcount(data_[byte] & ((1u << rest) - 1)));
+        counts[static_cast<size_t>(State::Opaque)] = opaque;
+        counts[static_cast<size_t>(State::Transparent)] = position - opaque;
         return counts;
     }
-    counts = m_four[block];
-    for (std::size_t i = block * kBlock; i < byte; ++i)
-        addByte(counts, m_data[i]);
+    counts = four_[block];
+    for (size_t i = block * kBlock; i < byte; ++i)
+        addByte(counts, data_[i]);
     for (unsigned i = 0; i < rest; ++i)
-        ++counts[(m_data[byte] >> (2 * i)) & 3];
+        ++counts[(data_[byte] >> (2 * i)) & 3];
     return counts;
 }
 
-StateCounts StateCounter::count(const MicromapTriangle &triangle, std::uint64_t first, std::uint64_t count) const
+StateCounts StateCounter::count(const MicromapTriangle &triangle, uint64_t first, uint64_t count) const
 {
-    const std::uint64_t origin = std::uint64_t{triangle.dataOffset} * (triangle.format == Format::TwoState ? 8 : 4);
+    const uint64_t origin = uint64_t{triangle.dataOffset} * (triangle.format == Format::TwoState ? 8 : 4);
     StateCounts counts = before(origin + first + count, triangle.format);
     const StateCounts skipped = before(origin + first, triangle.format);
-    for (std::size_t s = 0; s < 4; ++s)
+    for (size_t s = 0; s < 4; ++s)
         counts[s] -= skipped[s];
     return counts;
 }

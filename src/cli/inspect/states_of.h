@@ -11,31 +11,31 @@ namespace vellum::cli
 class StatesOf
 {
 public:
-    StatesOf(const InspectedFile &file, std::int32_t record)
+    StatesOf(const InspectedFile &file, int32_t record)
     {
         if (isSpecial(record)) {
-            m_special = *specialState(record);
+            special_ = *specialState(record);
             return;
         }
-        const InspectedRecord &of = file.records[static_cast<std::size_t>(record)];
-        m_triangle = of.triangle;
-        m_data = file.stored.micromaps[of.micromap].data.data() + of.triangle.dataOffset;
+        const InspectedRecord &of = file.records[static_cast<size_t>(record)];
+        triangle_ = of.triangle;
+        data_ = file.stored.micromaps[of.micromap].data.data() + of.triangle.dataOffset;
     }
 
     [[nodiscard]] State at(double u, double v) const
     {
-        if (m_data == nullptr)
-            return m_special;
-        const std::uint32_t index =
-            shared::curveIndex(static_cast<float>(u), static_cast<float>(v), m_triangle.subdivisionLevel);
-        return readState(m_data, index, m_triangle.format);
+        if (data_ == nullptr)
+            return special_;
+        const uint32_t index =
+            shared::curveIndex(static_cast<float>(u), static_cast<float>(v), triangle_.subdivisionLevel);
+        return readState(data_, index, triangle_.format);
     }
-    [[nodiscard]] std::uint32_t level() const { return m_data == nullptr ? 0 : m_triangle.subdivisionLevel; }
+    [[nodiscard]] uint32_t level() const { return data_ == nullptr ? 0 : triangle_.subdivisionLevel; }
 
 private:
-    const std::uint8_t *m_data = nullptr;
-    MicromapTriangle m_triangle;
-    State m_special = State::Transparent;
+    const uint8_t *data_ = nullptr;
+    MicromapTriangle triangle_;
+    State special_ = State::Transparent;
 };
 
 } // namespace vellum::cli

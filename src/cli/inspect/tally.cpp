@@ -11,49 +11,49 @@ namespace
 class Tallier
 {
 public:
-    explicit Tallier(const InspectedFile &file) : m_file(file) {}
+    explicit Tallier(const InspectedFile &file) : file_(file) {}
 
     void add(const InspectedPrimitive &primitive)
     {
-        for (std::size_t t = 0; t < primitive.records.size(); ++t)
+        for (size_t t = 0; t < primitive.records.size(); ++t)
             add(primitive.records[t], uvArea(primitive.uvs[t]));
-        m_tally.indexBytes += primitive.indexBytes;
+        tally_.indexBytes += primitive.indexBytes;
     }
 
     Tally finish()
     {
-        for (double &share : m_tally.states)
-            share /= m_tally.triangles != 0 ? static_cast<double>(m_tally.triangles) : 1;
-        return m_tally;
+        for (double &share : tally_.states)
+            share /= tally_.triangles != 0 ? static_cast<double>(tally_.triangles) : 1;
+        return tally_;
     }
 
 private:
-    void add(std::int32_t record, double area)
+    void add(int32_t record, double area)
     {
-        ++m_tally.triangles;
-        const std::array<double, 4> shares = stateShares(m_file, record);
-        for (std::size_t s = 0; s < 4; ++s) {
-            m_tally.states[s] += shares[s];
-            m_tally.uvArea[s] += shares[s] * area;
+        ++tally_.triangles;
+        const std::array<double, 4> shares = stateShares(file_, record);
+        for (size_t s = 0; s < 4; ++s) {
+            tally_.states[s] += shares[s];
+            tally_.uvArea[s] += shares[s] * area;
         }
         if (isSpecial(record)) {
-            ++m_tally.special[static_cast<std::size_t>(*specialState(record))];
+            ++tally_.special[static_cast<size_t>(*specialState(record))];
             return;
         }
-        const auto number = static_cast<std::size_t>(record);
-        const MicromapTriangle &triangle = m_file.records[number].triangle;
-        ++m_tally.levels[triangle.subdivisionLevel][triangle.format == Format::TwoState ? 0 : 1];
-        if (!m_used.insert(number).second) {
-            ++m_tally.sharing;
+        const auto number = static_cast<size_t>(record);
+        const MicromapTriangle &triangle = file_.records[number].triangle;
+        ++tally_.levels[triangle.subdivisionLevel][triangle.format == Format::TwoState ? 0 : 1];
+        if (!used_.insert(number).second) {
+            ++tally_.sharing;
             return;
         }
-        ++m_tally.recordsUsed;
-        m_tally.dataBytes += dataBytes(m_file, record);
+        ++tally_.recordsUsed;
+        tally_.dataBytes += dataBytes(file_, record);
     }
 
-    const InspectedFile &m_file;
-    std::unordered_set<std::size_t> m_used; // there may be many more records, and many primitives to tally
-    Tally m_tally;
+    const InspectedFile &file_;
+    std::unordered_set<size_t> used_; // there may be many more records, and many primitives to tally
+    Tally tally_;
 };
 
 } // namespace
@@ -73,7 +73,7 @@ Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive)
     return tallier.finish();
 }
 
-Tally tallyOfMaterial(const InspectedFile &file, std::uint32_t material)
+Tally tallyOfMaterial(const InspectedFile &file, uint32_t material)
 {
     Tallier tallier(file);
     for (const InspectedPrimitive &primitive : file.primitives)
@@ -82,24 +82,24 @@ Tally tallyOfMaterial(const InspectedFile &file, std::uint32_t material)
     return tallier.finish();
 }
 
-std::array<double, 4> stateShares(const InspectedFile &file, std::int32_t record)
+std::array<double, 4> stateShares(const InspectedFile &file, int32_t record)
 {
     std::array<double, 4> shares{};
     if (isSpecial(record)) {
-        shares[static_cast<std::size_t>(*specialState(record))] = 1;
+        shares[static_cast<size_t>(*specialState(record))] = 1;
         return shares;
     }
-    const InspectedRecord &of = file.records[static_cast<std::size_t>(record)];
-    for (std::size_t s = 0; s < 4; ++s)
+    const InspectedRecord &of = file.records[static_cast<size_t>(record)];
+    for (size_t s = 0; s < 4; ++s)
         shares[s] = static_cast<double>(of.states[s]) / microTriangleCount(of.triangle.subdivisionLevel);
     return shares;
 }
 
-std::uint64_t dataBytes(const InspectedFile &file, std::int32_t record)
+uint64_t dataBytes(const InspectedFile &file, int32_t record)
 {
     if (isSpecial(record))
         return 0;
-    const MicromapTriangle &triangle = file.records[static_cast<std::size_t>(record)].triangle;
+    const MicromapTriangle &triangle = file.records[static_cast<size_t>(record)].triangle;
     return packedBytes(triangle.subdivisionLevel, triangle.format);
 }
 

@@ -10,15 +10,15 @@ namespace vellum::cli
 {
 
 struct Tally {
-    std::uint64_t triangles = 0;
-    std::uint64_t sharing = 0; // triangles whose micromap triangle an earlier one refers to as well
-    std::array<std::array<std::uint64_t, 2>, 13> levels{}; // triangles by level; of 2-state, of 4-state data
-    std::array<std::uint64_t, 4> special{};                // triangles by the State of their special index
-    std::array<double, 4> states{};                        // share of all triangles' area by State, in sum 1
-    std::array<double, 4> uvArea{};                        // by State, in squares of the unit of UVs
-    std::uint64_t recordsUsed = 0;                         // micromap triangles that a chosen triangle refers to
-    std::uint64_t dataBytes = 0;                           // of those micromap triangles' data
-    std::uint64_t indexBytes = 0;
+    uint64_t triangles = 0;
+    uint64_t sharing = 0; // triangles whose micromap triangle an earlier one refers to as well
+    std::array<std::array<uint64_t, 2>, 13> levels{}; // triangles by level; of 2-state, of 4-state data
+    std::array<uint64_t, 4> special{};                // triangles by the State of their special index
+    std::array<double, 4> states{};                   // share of all triangles' area by State, in sum 1
+    std::array<double, 4> uvArea{};                   // by State, in squares of the unit of UVs
+    uint64_t recordsUsed = 0;                         // micromap triangles that a chosen triangle refers to
+    uint64_t dataBytes = 0;                           // of those micromap triangles' data
+    uint64_t indexBytes = 0;
 };
 
 // Of the triangles that were chosen.
@@ -27,12 +27,12 @@ Tally tallyOf(const InspectedFile &file);
 Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive);
 
 // Of all with one material, of InspectedFile::materials.
-Tally tallyOfMaterial(const InspectedFile &file, std::uint32_t material);
+Tally tallyOfMaterial(const InspectedFile &file, uint32_t material);
 
 // Share of each State; for a special index 1 for its own.
-std::array<double, 4> stateShares(const InspectedFile &file, std::int32_t record);
+std::array<double, 4> stateShares(const InspectedFile &file, int32_t record);
 // 0 for a special index.
-std::uint64_t dataBytes(const InspectedFile &file, std::int32_t record);
+uint64_t dataBytes(const InspectedFile &file, int32_t record);
 // In squares of the unit of UVs; 0 where it is not a finite number.
 double uvArea(const TriangleUvs &uvs);
 

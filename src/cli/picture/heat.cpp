@@ -11,11 +11,11 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::uint32_t kBackground = 0xff181818u;
-constexpr std::uint32_t kInk = 0xffe8e8e8u;
+constexpr uint32_t kBackground = 0xff181818u;
+constexpr uint32_t kInk = 0xffe8e8e8u;
 
 // Björn Ottosson's Oklab: lightness 0..1, and two axes from green to red and from blue to yellow.
-std::uint32_t fromOklab(double lightness, double a, double b)
+uint32_t fromOklab(double lightness, double a, double b)
 {
     const auto cube = [](double x) { return x * x * x; };
     const double l = cube(lightness + 0.3963377774 * a + 0.2158037573 * b);
@@ -24,11 +24,11 @@ std::uint32_t fromOklab(double lightness, double a, double b)
     const double linear[3] = {4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s,
                               -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
                               -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s};
-    std::uint32_t color = 0xff000000u;
+    uint32_t color = 0xff000000u;
     for (unsigned channel = 0; channel < 3; ++channel) {
         const double x = std::clamp(linear[channel], 0.0, 1.0);
         const double encoded = x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055; // sRGB
-        color |= static_cast<std::uint32_t>(std::lround(255 * encoded)) << (8 * channel);
+        color |= static_cast<uint32_t>(std::lround(255 * encoded)) << (8 * channel);
     }
     return color;
 }
@@ -44,27 +44,26 @@ float niceStep(float scale)
     return std::max(10 * power, 1.0f);
 }
 
-void fill(Picture &picture, std::uint32_t left, std::uint32_t top, std::uint32_t width, std::uint32_t height,
-          std::uint32_t color)
+void fill(Picture &picture, uint32_t left, uint32_t top, uint32_t width, uint32_t height, uint32_t color)
 {
-    for (std::uint32_t y = top; y < std::min(top + height, picture.height); ++y)
-        for (std::uint32_t x = left; x < std::min(left + width, picture.width); ++x)
-            picture.pixels[std::size_t{y} * picture.width + x] = color;
+    for (uint32_t y = top; y < std::min(top + height, picture.height); ++y)
+        for (uint32_t x = left; x < std::min(left + width, picture.width); ++x)
+            picture.pixels[size_t{y} * picture.width + x] = color;
 }
 
 // A bar with marks, and what they mean, in kHeatFoot pixels from `top` on.
-void drawLegend(Picture &picture, std::uint32_t top, float scale, const std::string &what)
+void drawLegend(Picture &picture, uint32_t top, float scale, const std::string &what)
 {
-    constexpr std::uint32_t kMargin = 6;
-    constexpr std::uint32_t kThick = 10;
-    const std::uint32_t bar = std::max(std::min(picture.width, 300u), 2 * kMargin + 2) - 2 * kMargin;
-    for (std::uint32_t x = 0; x < bar; ++x)
+    constexpr uint32_t kMargin = 6;
+    constexpr uint32_t kThick = 10;
+    const uint32_t bar = std::max(std::min(picture.width, 300u), 2 * kMargin + 2) - 2 * kMargin;
+    for (uint32_t x = 0; x < bar; ++x)
         fill(picture, kMargin + x, top, 1, kThick,
              heatColor(static_cast<float>(x) / static_cast<float>(std::max(bar - 1, 1u))));
     const float step = niceStep(scale);
     const int baseline = static_cast<int>(top + kThick) + 16;
     for (float value = 0; value <= scale; value += step) {
-        const auto x = kMargin + static_cast<std::uint32_t>(value / scale * static_cast<float>(bar - 1));
+        const auto x = kMargin + static_cast<uint32_t>(value / scale * static_cast<float>(bar - 1));
         fill(picture, x, top + kThick, 1, 3, kInk);
         const std::string number = std::to_string(std::lround(value));
         const int half = value == 0 ? 0 : textWidth(number, Font::Small) / 2;
@@ -79,7 +78,7 @@ void drawLegend(Picture &picture, std::uint32_t top, float scale, const std::str
 
 } // namespace
 
-std::uint32_t heatColor(float value)
+uint32_t heatColor(float value)
 {
     const double t = std::clamp(static_cast<double>(value), 0.0, 1.0);
     const double lightness = 0.10 + 0.85 * t;
@@ -96,27 +95,27 @@ float heatScale(const std::vector<HeatMap> &maps)
         all.insert(all.end(), map.values.begin(), map.values.end());
     if (all.empty())
         return 1;
-    const auto place = all.begin() + static_cast<std::ptrdiff_t>((all.size() - 1) * 999 / 1000);
+    const auto place = all.begin() + static_cast<ptrdiff_t>((all.size() - 1) * 999 / 1000);
     std::nth_element(all.begin(), place, all.end());
     return std::max(std::ceil(*place), 1.0f);
 }
 
 Picture drawHeat(const std::vector<HeatMap> &maps, float scale, const std::string &what)
 {
-    const std::uint32_t height = maps.front().height;
+    const uint32_t height = maps.front().height;
     Picture picture;
     for (const HeatMap &map : maps)
         picture.width += map.width;
     picture.height = kHeatHead + height + kHeatFoot;
-    picture.pixels.assign(std::size_t{picture.width} * picture.height, kBackground);
-    std::uint32_t left = 0;
+    picture.pixels.assign(size_t{picture.width} * picture.height, kBackground);
+    uint32_t left = 0;
     for (const HeatMap &map : maps) {
         drawText(picture, static_cast<int>(left) + 6, 16,
                  fitText(map.title, Font::Small, static_cast<int>(map.width) - 8), Font::Small, kInk);
-        for (std::uint32_t y = 0; y < height; ++y)
-            for (std::uint32_t x = 0; x < map.width; ++x)
-                picture.pixels[std::size_t{kHeatHead + y} * picture.width + left + x] =
-                    heatColor(map.values[std::size_t{y} * map.width + x] / scale);
+        for (uint32_t y = 0; y < height; ++y)
+            for (uint32_t x = 0; x < map.width; ++x)
+                picture.pixels[size_t{kHeatHead + y} * picture.width + left + x] =
+                    heatColor(map.values[size_t{y} * map.width + x] / scale);
         left += map.width;
     }
     drawLegend(picture, kHeatHead + height + 6, scale, what);

@@ -10,8 +10,8 @@ namespace vellum::cli
 {
 
 struct Palette {
-    std::vector<std::uint32_t> colors; // at most 256, as pixels of a Picture
-    std::vector<std::uint8_t> indices; // one per pixel
+    std::vector<uint32_t> colors; // at most 256, as pixels of a Picture
+    std::vector<uint8_t> indices; // one per pixel
 };
 
 // Boxes of colours are split at their mean, always the one that errs most, until there are enough; each colour becomes

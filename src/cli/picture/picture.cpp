@@ -13,27 +13,27 @@ namespace vellum::cli
 namespace
 {
 
-std::vector<std::uint8_t> toRgb(const std::vector<std::uint32_t> &pixels)
+std::vector<uint8_t> toRgb(const std::vector<uint32_t> &pixels)
 {
-    std::vector<std::uint8_t> rgb;
+    std::vector<uint8_t> rgb;
     rgb.reserve(pixels.size() * 3);
-    for (const std::uint32_t pixel : pixels)
+    for (const uint32_t pixel : pixels)
         for (unsigned shift = 0; shift < 24; shift += 8)
-            rgb.push_back(static_cast<std::uint8_t>(pixel >> shift));
+            rgb.push_back(static_cast<uint8_t>(pixel >> shift));
     return rgb;
 }
 
 } // namespace
 
-std::vector<std::uint8_t> encodePng(const Picture &picture, Colors colors)
+std::vector<uint8_t> encodePng(const Picture &picture, Colors colors)
 {
     png_image image{};
     image.version = PNG_IMAGE_VERSION;
     image.width = picture.width;
     image.height = picture.height;
     image.format = PNG_FORMAT_RGB;
-    std::vector<std::uint8_t> bytesOfPixels;
-    std::vector<std::uint8_t> map;
+    std::vector<uint8_t> bytesOfPixels;
+    std::vector<uint8_t> map;
     if (colors == Colors::Few) {
         Palette palette = makePalette(picture);
         image.format = PNG_FORMAT_RGB_COLORMAP;
@@ -47,7 +47,7 @@ std::vector<std::uint8_t> encodePng(const Picture &picture, Colors colors)
     } else {
         bytesOfPixels = toRgb(picture.pixels);
     }
-    std::vector<std::uint8_t> file(PNG_IMAGE_PNG_SIZE_MAX(image));
+    std::vector<uint8_t> file(PNG_IMAGE_PNG_SIZE_MAX(image));
     png_alloc_size_t bytes = file.size();
     if (png_image_write_to_memory(&image, file.data(), &bytes, 0, bytesOfPixels.data(), 0, map.data()) == 0)
         throw Error(std::string("the picture cannot be encoded: ") + image.message);
@@ -63,9 +63,9 @@ void writePng(const std::filesystem::path &path, const Picture &picture, Colors 
 Picture sideBySide(const Picture &left, const Picture &right)
 {
     Picture both{left.width + right.width, left.height, {}};
-    for (std::size_t row = 0; row < both.height; ++row) {
+    for (size_t row = 0; row < both.height; ++row) {
         for (const Picture *part : {&left, &right}) {
-            const auto first = part->pixels.begin() + static_cast<std::ptrdiff_t>(row * part->width);
+            const auto first = part->pixels.begin() + static_cast<ptrdiff_t>(row * part->width);
             both.pixels.insert(both.pixels.end(), first, first + part->width);
         }
     }
@@ -75,16 +75,16 @@ Picture sideBySide(const Picture &left, const Picture &right)
 Difference compare(const Picture &a, const Picture &b)
 {
     Difference difference;
-    difference.amplified = {a.width, a.height, std::vector<std::uint32_t>(a.pixels.size(), 0xff000000u)};
-    for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+    difference.amplified = {a.width, a.height, std::vector<uint32_t>(a.pixels.size(), 0xff000000u)};
+    for (size_t i = 0; i < a.pixels.size(); ++i) {
         if (a.pixels[i] == b.pixels[i])
             continue;
         ++difference.pixels;
-        std::uint32_t shown = 0xff000000u;
+        uint32_t shown = 0xff000000u;
         for (unsigned shift = 0; shift < 24; shift += 8) {
-            const std::uint32_t x = (a.pixels[i] >> shift) & 255;
-            const std::uint32_t y = (b.pixels[i] >> shift) & 255;
-            const std::uint32_t apart = x > y ? x - y : y - x;
+            const uint32_t x = (a.pixels[i] >> shift) & 255;
+            const uint32_t y = (b.pixels[i] >> shift) & 255;
+            const uint32_t apart = x > y ? x - y : y - x;
             difference.largest = std::max(difference.largest, apart);
             shown |= std::clamp(8 * apart, 32u, 255u) << shift;
         }

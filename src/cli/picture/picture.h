@@ -9,9 +9,9 @@ namespace vellum::cli
 {
 
 struct Picture {
-    std::uint32_t width = 0;
-    std::uint32_t height = 0;
-    std::vector<std::uint32_t> pixels; // RGBA, red in the lowest byte, top row first
+    uint32_t width = 0;
+    uint32_t height = 0;
+    std::vector<uint32_t> pixels; // RGBA, red in the lowest byte, top row first
 };
 
 enum class Colors {
@@ -21,7 +21,7 @@ enum class Colors {
 };
 
 // The bytes of a PNG file. Throws Error.
-std::vector<std::uint8_t> encodePng(const Picture &picture, Colors colors = Colors::All);
+std::vector<uint8_t> encodePng(const Picture &picture, Colors colors = Colors::All);
 
 // Whole or not at all (base/output_file.h). Throws Error.
 void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors = Colors::All);
@@ -30,9 +30,9 @@ void writePng(const std::filesystem::path &path, const Picture &picture, Colors 
 Picture sideBySide(const Picture &left, const Picture &right);
 
 struct Difference {
-    std::uint64_t pixels = 0;  // that differ in any channel
-    std::uint32_t largest = 0; // of any channel, 1..255
-    Picture amplified;         // eight times the absolute difference on black, any difference visible
+    uint64_t pixels = 0;  // that differ in any channel
+    uint32_t largest = 0; // of any channel, 1..255
+    Picture amplified;    // eight times the absolute difference on black, any difference visible
 };
 
 // Both pictures must have the same size.

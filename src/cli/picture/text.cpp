@@ -12,7 +12,7 @@ namespace
 
 struct Face {
     std::span<const Glyph> glyphs;
-    std::span<const std::uint8_t> coverage;
+    std::span<const uint8_t> coverage;
 };
 
 Face faceOf(Font font)
@@ -29,7 +29,7 @@ template <typename Function>
 void forEachGlyph(std::string_view text, const Face &face, Function &&function)
 {
     for (const char c : text) {
-        const auto byte = static_cast<std::uint8_t>(c);
+        const auto byte = static_cast<uint8_t>(c);
         if ((byte & 0xc0) == 0x80) // belongs to the code point before it
             continue;
         function(face.glyphs[byte >= 32 && byte < 127 ? byte - 32u : '?' - 32u]);
@@ -45,7 +45,7 @@ int textWidth(std::string_view text, Font font)
     return (pen + 63) / 64;
 }
 
-void drawText(Picture &picture, int x, int y, std::string_view text, Font font, std::uint32_t color)
+void drawText(Picture &picture, int x, int y, std::string_view text, Font font, uint32_t color)
 {
     const Face face = faceOf(font);
     int pen = x * 64;
@@ -56,7 +56,7 @@ void drawText(Picture &picture, int x, int y, std::string_view text, Font font, 
                 const int py = y + glyph.top + row;
                 if (px < 0 || py < 0 || px >= static_cast<int>(picture.width) || py >= static_cast<int>(picture.height))
                     continue;
-                const std::size_t at = glyph.first + static_cast<std::size_t>(row * glyph.width + column);
+                const size_t at = glyph.first + static_cast<size_t>(row * glyph.width + column);
                 blendPixel(picture, px, py, color, face.coverage[at] / 255.0);
             }
         pen += glyph.advance;
@@ -73,14 +73,14 @@ std::string fitText(std::string_view text, Font font, int width)
     return fitting + "...";
 }
 
-void blendPixel(Picture &picture, int x, int y, std::uint32_t color, double coverage)
+void blendPixel(Picture &picture, int x, int y, uint32_t color, double coverage)
 {
-    std::uint32_t &pixel = picture.pixels[static_cast<std::size_t>(y) * picture.width + static_cast<std::size_t>(x)];
-    std::uint32_t mixed = 0xff000000u;
+    uint32_t &pixel = picture.pixels[static_cast<size_t>(y) * picture.width + static_cast<size_t>(x)];
+    uint32_t mixed = 0xff000000u;
     for (unsigned shift = 0; shift < 24; shift += 8) {
         const double below = (pixel >> shift) & 255;
         const double above = (color >> shift) & 255;
-        mixed |= static_cast<std::uint32_t>(std::lround(below + (above - below) * coverage)) << shift;
+        mixed |= static_cast<uint32_t>(std::lround(below + (above - below) * coverage)) << shift;
     }
     pixel = mixed;
 }

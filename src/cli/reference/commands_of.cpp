@@ -22,9 +22,9 @@ std::vector<std::string> wordsOf(const std::string &value)
     std::vector<std::string> words;
     if (value.find('|') == std::string::npos)
         return words;
-    std::size_t begin = 0;
+    size_t begin = 0;
     while (begin <= value.size()) {
-        const std::size_t end = std::min(value.find('|', begin), value.size());
+        const size_t end = std::min(value.find('|', begin), value.size());
         words.push_back(value.substr(begin, end - begin));
         begin = end + 1;
     }

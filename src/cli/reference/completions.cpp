@@ -24,7 +24,7 @@ std::vector<std::string> optionNames(const ReferenceCommand &command)
 std::vector<std::string> subcommandNames(const std::vector<ReferenceCommand> &commands)
 {
     std::vector<std::string> names;
-    for (std::size_t i = 1; i < commands.size(); ++i)
+    for (size_t i = 1; i < commands.size(); ++i)
         names.push_back(commands[i].name);
     return names;
 }
@@ -44,7 +44,7 @@ std::string quoted(const std::string &text, const std::string &special = "")
 // The first sentence: there is room for a line.
 std::string shortened(const std::string &description)
 {
-    const std::size_t end = std::min(description.find(". "), description.find(": "));
+    const size_t end = std::min(description.find(". "), description.find(": "));
     return description.substr(0, std::min(end, description.size()));
 }
 
@@ -113,7 +113,7 @@ std::string zshCompletion(const std::vector<ReferenceCommand> &commands)
 {
     std::string script = "#compdef vellum\n# Completion of vellum for zsh, made from its options when it was built.\n"
                          "_vellum() {\n    local -a subcommands\n    subcommands=(\n";
-    for (std::size_t i = 1; i < commands.size(); ++i)
+    for (size_t i = 1; i < commands.size(); ++i)
         script += "        " + quoted(commands[i].name + ":" + commands[i].description) + "\n";
     script += "    )\n    if (( CURRENT == 2 )); then\n";
     script += "        _arguments ";
@@ -122,7 +122,7 @@ std::string zshCompletion(const std::vector<ReferenceCommand> &commands)
     script += "\\\n            '1:subcommand:->subcommand'\n"
               "        [[ $words[2] == -* ]] || _describe subcommand subcommands\n        return\n    fi\n"
               "    local subcommand=$words[2]\n    shift words\n    (( CURRENT-- ))\n    case $subcommand in\n";
-    for (std::size_t i = 1; i < commands.size(); ++i) {
+    for (size_t i = 1; i < commands.size(); ++i) {
         script += "    " + commands[i].name + ")\n        _arguments ";
         for (const ReferenceOption &option : commands[i].options)
             script += "\\\n            " + zshArgument(option) + " ";
@@ -135,7 +135,7 @@ std::string fishCompletion(const std::vector<ReferenceCommand> &commands)
 {
     std::string script = "# Completion of vellum for fish, made from its options when it was built.\n";
     const std::string all = joined(subcommandNames(commands), " ");
-    for (std::size_t i = 1; i < commands.size(); ++i)
+    for (size_t i = 1; i < commands.size(); ++i)
         script += "complete -c vellum -f -n \"not __fish_seen_subcommand_from " + all + "\" -a " + commands[i].name +
                   " -d " + quoted(commands[i].description, "\\") + "\n";
     for (const ReferenceCommand &command : commands) {

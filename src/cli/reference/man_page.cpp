@@ -39,16 +39,16 @@ std::string upper(std::string text)
 std::vector<std::string> linesOf(const std::string &text)
 {
     std::vector<std::string> lines;
-    std::size_t begin = 0;
+    size_t begin = 0;
     while (begin < text.size()) {
-        const std::size_t end = std::min(text.find('\n', begin), text.size());
+        const size_t end = std::min(text.find('\n', begin), text.size());
         lines.push_back(text.substr(begin, end - begin));
         begin = end + 1;
     }
     return lines;
 }
 
-std::size_t indentOf(const std::string &line)
+size_t indentOf(const std::string &line)
 {
     return std::min(line.find_first_not_of(' '), line.size());
 }
@@ -59,7 +59,7 @@ std::string detailsOf(const std::string &details)
     std::string page;
     bool paragraph = false; // inside of one
     for (const std::string &line : linesOf(details)) {
-        const std::size_t indent = indentOf(line);
+        const size_t indent = indentOf(line);
         const std::string text = line.substr(indent);
         if (text.empty()) {
             paragraph = false;
@@ -106,15 +106,15 @@ std::string manPage(const std::vector<ReferenceCommand> &commands, const std::st
     const ReferenceCommand &own = commands.front();
     std::string page = ".TH VELLUM 1 \"" + date + "\" \"vellum " + version + "\" \"User Commands\"\n";
     page += ".SH NAME\nvellum \\- opacity micromaps for every device that traces rays\n.SH SYNOPSIS\n";
-    for (std::size_t i = 0; i < commands.size(); ++i)
+    for (size_t i = 0; i < commands.size(); ++i)
         page += (i == 0 ? "" : ".br\n") + synopsisOf(commands[i]);
     page += ".SH DESCRIPTION\n" + escaped(own.description) + "\nIts subcommands:\n";
-    for (std::size_t i = 1; i < commands.size(); ++i)
+    for (size_t i = 1; i < commands.size(); ++i)
         page += ".TP\n" + bold(commands[i].name) + "\n" + escaped(commands[i].description) + "\n";
     page += ".SH OPTIONS\n";
     for (const ReferenceOption &option : own.options)
         page += optionOf(option);
-    for (std::size_t i = 1; i < commands.size(); ++i) {
+    for (size_t i = 1; i < commands.size(); ++i) {
         page += ".SH VELLUM " + upper(commands[i].name) + "\n" + escaped(commands[i].description) + ".\n";
         for (const ReferenceOption &option : commands[i].options)
             page += optionOf(option);

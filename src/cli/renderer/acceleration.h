@@ -22,15 +22,15 @@ public:
     // What to put into the pNext chain of the triangles of its geometry; valid as long as this lives.
     [[nodiscard]] virtual const void *attachment() const = 0;
     // Bytes of the micromap and of its index buffer.
-    [[nodiscard]] VkDeviceSize bytes() const { return m_micromapBytes + m_indices.size(); }
+    [[nodiscard]] VkDeviceSize bytes() const { return micromapBytes_ + indices_.size(); }
 
 protected:
     // Uploads what both extensions read in the same way.
     GpuMicromap(Device &device, const Micromap &micromap);
 
-    Device &m_device;
-    Buffer m_indices;
-    VkDeviceSize m_micromapBytes = 0; // of the micromap object, where there is one
+    Device &device_;
+    Buffer indices_;
+    VkDeviceSize micromapBytes_ = 0; // of the micromap object, where there is one
 };
 
 // Builds it, on a device that has micromaps enabled. `micromap` must be valid; where it has nothing but special indices
@@ -46,20 +46,20 @@ public:
     // Builds the structure. geometries[i] has counts[i] primitives.
     AccelerationStructure(Device &device, VkAccelerationStructureTypeKHR type,
                           std::span<const VkAccelerationStructureGeometryKHR> geometries,
-                          std::span<const std::uint32_t> counts);
+                          std::span<const uint32_t> counts);
     ~AccelerationStructure();
     AccelerationStructure(const AccelerationStructure &) = delete;
     AccelerationStructure &operator=(const AccelerationStructure &) = delete;
 
-    [[nodiscard]] VkAccelerationStructureKHR handle() const { return m_structure; }
+    [[nodiscard]] VkAccelerationStructureKHR handle() const { return structure_; }
     [[nodiscard]] VkDeviceAddress address() const;
 
 private:
-    explicit AccelerationStructure(Device &device) : m_owner(&device) {}
+    explicit AccelerationStructure(Device &device) : owner_(&device) {}
 
-    Device *m_owner = nullptr;
-    Buffer m_storage;
-    VkAccelerationStructureKHR m_structure = VK_NULL_HANDLE;
+    Device *owner_ = nullptr;
+    Buffer storage_;
+    VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
 };
 
 // The scene to trace: a bottom level for each mesh, one for the ground, and a top level with the instances of all
@@ -70,7 +70,7 @@ public:
     // `micromaps`: none, or one for each geometry of the scene (null for geometries without).
     World(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps);
 
-    [[nodiscard]] VkAccelerationStructureKHR top() const { return m_top->handle(); }
+    [[nodiscard]] VkAccelerationStructureKHR top() const { return top_->handle(); }
     [[nodiscard]] VkDeviceSize micromapBytes() const;
 
 private:
@@ -79,10 +79,10 @@ private:
                                                        std::span<const Micromap *const> micromaps);
     void buildTop(Device &device, const RenderScene &scene);
 
-    std::vector<std::unique_ptr<GpuMicromap>> m_micromaps;
-    std::vector<std::unique_ptr<AccelerationStructure>> m_meshes;
-    std::unique_ptr<AccelerationStructure> m_ground;
-    std::unique_ptr<AccelerationStructure> m_top;
+    std::vector<std::unique_ptr<GpuMicromap>> micromaps_;
+    std::vector<std::unique_ptr<AccelerationStructure>> meshes_;
+    std::unique_ptr<AccelerationStructure> ground_;
+    std::unique_ptr<AccelerationStructure> top_;
 };
 
 } // namespace vellum::cli

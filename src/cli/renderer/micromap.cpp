@@ -4,10 +4,9 @@ namespace vellum::cli
 {
 
 GpuMicromap::GpuMicromap(Device &device, const Micromap &micromap)
-    : m_device(device),
-      m_indices(uploadBuffer(device, std::as_bytes(std::span(micromap.indices)),
-                             VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
-                                 VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR))
+    : device_(device), indices_(uploadBuffer(device, std::as_bytes(std::span(micromap.indices)),
+                                             VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                                                 VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR))
 {
 }
 

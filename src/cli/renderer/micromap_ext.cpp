@@ -17,7 +17,7 @@ std::vector<VkMicromapUsageEXT> toVulkan(const std::vector<MicromapUsage> &usage
 {
     std::vector<VkMicromapUsageEXT> result;
     for (const MicromapUsage &u : usages)
-        result.push_back({u.count, u.subdivisionLevel, static_cast<std::uint32_t>(u.format)});
+        result.push_back({u.count, u.subdivisionLevel, static_cast<uint32_t>(u.format)});
     return result;
 }
 
@@ -45,44 +45,44 @@ public:
     ExtMicromap(const ExtMicromap &) = delete;
     ExtMicromap &operator=(const ExtMicromap &) = delete;
 
-    [[nodiscard]] const void *attachment() const override { return &m_attachment; }
+    [[nodiscard]] const void *attachment() const override { return &attachment_; }
 
 private:
     void build(const Micromap &micromap);
 
-    Buffer m_storage;
-    VkMicromapEXT m_micromap = VK_NULL_HANDLE;
-    std::vector<VkMicromapUsageEXT> m_usage;
-    VkAccelerationStructureTrianglesOpacityMicromapEXT m_attachment{};
+    Buffer storage_;
+    VkMicromapEXT micromap_ = VK_NULL_HANDLE;
+    std::vector<VkMicromapUsageEXT> usage_;
+    VkAccelerationStructureTrianglesOpacityMicromapEXT attachment_{};
 };
 
 ExtMicromap::ExtMicromap(Device &device, const Micromap &micromap) : GpuMicromap(device, micromap)
 {
     if (!micromap.triangles.empty())
         build(micromap);
-    m_usage = toVulkan(micromap.geometryUsage());
-    m_attachment.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
-    m_attachment.indexType = VK_INDEX_TYPE_UINT32;
-    m_attachment.indexBuffer.deviceAddress = m_indices.address();
-    m_attachment.indexStride = sizeof(std::int32_t);
-    m_attachment.baseTriangle = micromap.baseTriangle;
-    m_attachment.usageCountsCount = static_cast<std::uint32_t>(m_usage.size());
-    m_attachment.pUsageCounts = m_usage.data();
-    m_attachment.micromap = m_micromap;
+    usage_ = toVulkan(micromap.geometryUsage());
+    attachment_.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
+    attachment_.indexType = VK_INDEX_TYPE_UINT32;
+    attachment_.indexBuffer.deviceAddress = indices_.address();
+    attachment_.indexStride = sizeof(int32_t);
+    attachment_.baseTriangle = micromap.baseTriangle;
+    attachment_.usageCountsCount = static_cast<uint32_t>(usage_.size());
+    attachment_.pUsageCounts = usage_.data();
+    attachment_.micromap = micromap_;
 }
 
 ExtMicromap::~ExtMicromap()
 {
-    if (m_micromap != VK_NULL_HANDLE)
-        m_device.functions().destroyMicromap(m_device.handle(), m_micromap, nullptr);
+    if (micromap_ != VK_NULL_HANDLE)
+        device_.functions().destroyMicromap(device_.handle(), micromap_, nullptr);
 }
 
 void ExtMicromap::build(const Micromap &micromap)
 {
     static_assert(sizeof(MicromapTriangle) == sizeof(VkMicromapTriangleEXT));
     const VkBufferUsageFlags input = kAddress | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
-    const Buffer data = uploadBuffer(m_device, std::as_bytes(std::span(micromap.data)), input, kAlignment);
-    const Buffer triangles = uploadBuffer(m_device, std::as_bytes(std::span(micromap.triangles)), input, kAlignment);
+    const Buffer data = uploadBuffer(device_, std::as_bytes(std::span(micromap.data)), input, kAlignment);
+    const Buffer triangles = uploadBuffer(device_, std::as_bytes(std::span(micromap.triangles)), input, kAlignment);
     const std::vector<VkMicromapUsageEXT> usage = toVulkan(micromap.buildUsage());
 
     VkMicromapBuildInfoEXT info{};
@@ -90,31 +90,31 @@ void ExtMicromap::build(const Micromap &micromap)
     info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
     info.flags = VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT;
     info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-    info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
+    info.usageCountsCount = static_cast<uint32_t>(usage.size());
     info.pUsageCounts = usage.data();
     info.data.deviceAddress = data.address(kAlignment);
     info.triangleArray.deviceAddress = triangles.address(kAlignment);
     info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
     VkMicromapBuildSizesInfoEXT sizes{};
     sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
-    const DeviceFunctions &vk = m_device.functions();
-    vk.getMicromapBuildSizes(m_device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &sizes);
+    const DeviceFunctions &vk = device_.functions();
+    vk.getMicromapBuildSizes(device_.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &sizes);
 
-    m_micromapBytes = sizes.micromapSize;
-    m_storage = Buffer(m_device, sizes.micromapSize, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT,
-                       Buffer::Place::Device);
+    micromapBytes_ = sizes.micromapSize;
+    storage_ =
+        Buffer(device_, sizes.micromapSize, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT, Buffer::Place::Device);
     VkMicromapCreateInfoEXT create{};
     create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = m_storage.handle();
+    create.buffer = storage_.handle();
     create.size = sizes.micromapSize;
     create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    check(vk.createMicromap(m_device.handle(), &create, nullptr, &m_micromap), "creating a micromap");
-    const VkDeviceSize alignment = std::max(kAlignment, m_device.scratchAlignment());
-    const Buffer scratch(m_device, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+    check(vk.createMicromap(device_.handle(), &create, nullptr, &micromap_), "creating a micromap");
+    const VkDeviceSize alignment = std::max(kAlignment, device_.scratchAlignment());
+    const Buffer scratch(device_, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
                          Buffer::Place::Device);
-    info.dstMicromap = m_micromap;
+    info.dstMicromap = micromap_;
     info.scratchData.deviceAddress = scratch.address(alignment);
-    m_device.run([&](VkCommandBuffer commands) {
+    device_.run([&](VkCommandBuffer commands) {
         vk.cmdBuildMicromaps(commands, 1, &info);
         micromapBarrier(commands);
     });

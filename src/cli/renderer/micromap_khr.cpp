@@ -47,47 +47,47 @@ public:
     KhrMicromap(const KhrMicromap &) = delete;
     KhrMicromap &operator=(const KhrMicromap &) = delete;
 
-    [[nodiscard]] const void *attachment() const override { return &m_attachment; }
+    [[nodiscard]] const void *attachment() const override { return &attachment_; }
 
 private:
     void build(const Micromap &micromap);
     void create(VkDeviceSize size);
 
-    Buffer m_storage;
-    VkAccelerationStructureKHR m_micromap = VK_NULL_HANDLE;
-    VkAccelerationStructureTrianglesOpacityMicromapKHR m_attachment{};
+    Buffer storage_;
+    VkAccelerationStructureKHR micromap_ = VK_NULL_HANDLE;
+    VkAccelerationStructureTrianglesOpacityMicromapKHR attachment_{};
 };
 
 KhrMicromap::KhrMicromap(Device &device, const Micromap &micromap) : GpuMicromap(device, micromap)
 {
     if (!micromap.triangles.empty())
         build(micromap);
-    m_attachment.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
-    m_attachment.indexType = VK_INDEX_TYPE_UINT32;
-    m_attachment.indexBuffer = m_indices.address();
-    m_attachment.indexStride = sizeof(std::int32_t);
-    m_attachment.baseTriangle = micromap.baseTriangle;
-    m_attachment.micromap = m_micromap;
+    attachment_.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+    attachment_.indexType = VK_INDEX_TYPE_UINT32;
+    attachment_.indexBuffer = indices_.address();
+    attachment_.indexStride = sizeof(int32_t);
+    attachment_.baseTriangle = micromap.baseTriangle;
+    attachment_.micromap = micromap_;
 }
 
 KhrMicromap::~KhrMicromap()
 {
-    if (m_micromap != VK_NULL_HANDLE)
-        m_device.functions().destroyAccelerationStructure(m_device.handle(), m_micromap, nullptr);
+    if (micromap_ != VK_NULL_HANDLE)
+        device_.functions().destroyAccelerationStructure(device_.handle(), micromap_, nullptr);
 }
 
 void KhrMicromap::build(const Micromap &micromap)
 {
     static_assert(sizeof(MicromapTriangle) == sizeof(VkMicromapTriangleKHR));
     const VkBufferUsageFlags input = kAddress | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
-    const Buffer data = uploadBuffer(m_device, std::as_bytes(std::span(micromap.data)), input, kInputAlignment);
+    const Buffer data = uploadBuffer(device_, std::as_bytes(std::span(micromap.data)), input, kInputAlignment);
     const Buffer triangles =
-        uploadBuffer(m_device, std::as_bytes(std::span(micromap.triangles)), input, kInputAlignment);
+        uploadBuffer(device_, std::as_bytes(std::span(micromap.triangles)), input, kInputAlignment);
     const std::vector<VkMicromapUsageKHR> usage = toVulkan(micromap.buildUsage());
 
     VkAccelerationStructureGeometryMicromapDataKHR source{};
     source.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR;
-    source.usageCountsCount = static_cast<std::uint32_t>(usage.size());
+    source.usageCountsCount = static_cast<uint32_t>(usage.size());
     source.pUsageCounts = usage.data();
     source.data = data.address(kInputAlignment);
     source.triangleArray = triangles.address(kInputAlignment);
@@ -105,20 +105,20 @@ void KhrMicromap::build(const Micromap &micromap)
     info.pGeometries = &geometry;
     VkAccelerationStructureBuildSizesInfoKHR sizes{};
     sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
-    const DeviceFunctions &vk = m_device.functions();
-    vk.getAccelerationStructureBuildSizes(m_device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
+    const DeviceFunctions &vk = device_.functions();
+    vk.getAccelerationStructureBuildSizes(device_.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
                                           nullptr, &sizes);
 
     create(sizes.accelerationStructureSize);
-    const VkDeviceSize alignment = std::max<VkDeviceSize>(m_device.scratchAlignment(), 1);
-    const Buffer scratch(m_device, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+    const VkDeviceSize alignment = std::max<VkDeviceSize>(device_.scratchAlignment(), 1);
+    const Buffer scratch(device_, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
                          Buffer::Place::Device);
-    info.dstAccelerationStructure = m_micromap;
+    info.dstAccelerationStructure = micromap_;
     info.scratchData.deviceAddress = scratch.address(alignment);
     // How much there is to build, the usage counts say.
     const VkAccelerationStructureBuildRangeInfoKHR range{};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
-    m_device.run([&](VkCommandBuffer commands) {
+    device_.run([&](VkCommandBuffer commands) {
         vk.cmdBuildAccelerationStructures(commands, 1, &info, &ranges);
         buildBarrier(commands);
     });
@@ -126,14 +126,14 @@ void KhrMicromap::build(const Micromap &micromap)
 
 void KhrMicromap::create(VkDeviceSize size)
 {
-    m_micromapBytes = size;
-    m_storage = Buffer(m_device, size + kStructureAlignment,
-                       kAddress | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR, Buffer::Place::Device);
+    micromapBytes_ = size;
+    storage_ = Buffer(device_, size + kStructureAlignment,
+                      kAddress | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR, Buffer::Place::Device);
     VkAccelerationStructureCreateInfo2KHR info{};
     info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-    info.addressRange = {m_storage.address(kStructureAlignment), size};
+    info.addressRange = {storage_.address(kStructureAlignment), size};
     info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    check(m_device.functions().createAccelerationStructure2(m_device.handle(), &info, nullptr, &m_micromap),
+    check(device_.functions().createAccelerationStructure2(device_.handle(), &info, nullptr, &micromap_),
           "creating a micromap");
 }
 

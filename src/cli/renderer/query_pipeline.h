@@ -12,11 +12,11 @@ public:
     QueryPipeline(Device &device, const TracePipelineInfo &info);
     ~QueryPipeline() override;
 
-    void record(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height) const override;
+    void record(VkCommandBuffer commands, uint32_t width, uint32_t height) const override;
 
 private:
-    Device &m_device;
-    VkPipeline m_pipeline = VK_NULL_HANDLE;
+    Device &device_;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
 };
 
 } // namespace vellum::cli

@@ -14,18 +14,18 @@ public:
     RayTracingPipeline(Device &device, const TracePipelineInfo &info);
     ~RayTracingPipeline() override;
 
-    void record(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height) const override;
+    void record(VkCommandBuffer commands, uint32_t width, uint32_t height) const override;
 
 private:
-    explicit RayTracingPipeline(Device &device) : m_device(device) {}
+    explicit RayTracingPipeline(Device &device) : device_(device) {}
     void create(const TracePipelineInfo &info);
     void createTable(const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &limits);
 
-    Device &m_device;
-    VkPipeline m_pipeline = VK_NULL_HANDLE;
-    std::uint32_t m_mostRays = 0; // of one vkCmdTraceRaysKHR
-    Buffer m_table;
-    VkStridedDeviceAddressRegionKHR m_raygen{}, m_miss{}, m_hit{}; // in m_table
+    Device &device_;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+    uint32_t mostRays_ = 0; // of one vkCmdTraceRaysKHR
+    Buffer table_;
+    VkStridedDeviceAddressRegionKHR raygen_{}, miss_{}, hit_{}; // in table_
 };
 
 } // namespace vellum::cli

@@ -10,8 +10,8 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::uint32_t kTextureBinding = 8;
-constexpr std::uint32_t kHeavyReads = 16;
+constexpr uint32_t kTextureBinding = 8;
+constexpr uint32_t kHeavyReads = 16;
 
 using Clock = std::chrono::steady_clock;
 
@@ -28,7 +28,7 @@ Image whiteImage()
 } // namespace
 
 Renderer::Renderer(Device &device, const RenderSettings &settings, World &&world)
-    : m_device(device), m_settings(settings), m_world(std::move(world))
+    : device_(device), settings_(settings), world_(std::move(world))
 {
 }
 
@@ -38,21 +38,21 @@ Renderer::Renderer(Device &device, const RenderScene &scene, std::span<const Mic
     : Renderer(device, settings,
                World(device, scene, settings.paintStates ? std::span<const Micromap *const>() : micromaps))
 {
-    m_frame = makeFrame(scene, settings);
+    frame_ = makeFrame(scene, settings);
     uploadScene(scene, micromaps);
     createLayouts();
     createDescriptors();
-    m_pipeline = makePipeline(false);
+    pipeline_ = makePipeline(false);
     recordFrame();
 }
 
 Renderer::~Renderer()
 {
-    const VkDevice device = m_device.handle();
-    vkDestroyQueryPool(device, m_timestamps, nullptr);
-    vkDestroyDescriptorPool(device, m_pool, nullptr);
-    vkDestroyPipelineLayout(device, m_layout, nullptr);
-    vkDestroyDescriptorSetLayout(device, m_setLayout, nullptr);
+    const VkDevice device = device_.handle();
+    vkDestroyQueryPool(device, timestamps_, nullptr);
+    vkDestroyDescriptorPool(device, pool_, nullptr);
+    vkDestroyPipelineLayout(device, layout_, nullptr);
+    vkDestroyDescriptorSetLayout(device, setLayout_, nullptr);
 }
 
 Renderer::Frame Renderer::makeFrame(const RenderScene &scene, const RenderSettings &settings)
@@ -82,109 +82,109 @@ Renderer::Frame Renderer::makeFrame(const RenderScene &scene, const RenderSettin
 void Renderer::uploadScene(const RenderScene &scene, std::span<const Micromap *const> micromaps)
 {
     constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
-    const std::size_t pixels = std::size_t{m_settings.width} * m_settings.height;
-    std::vector<std::uint32_t> states(1); // a buffer cannot be empty
-    if (m_settings.paintStates)
+    const size_t pixels = size_t{settings_.width} * settings_.height;
+    std::vector<uint32_t> states(1); // a buffer cannot be empty
+    if (settings_.paintStates)
         states = makeStateTable(scene, micromaps);
     const VkDeviceSize largest =
         std::max({pixels * 8, scene.uvs.size() * sizeof(float), scene.normals.size() * 4, states.size() * 4});
-    if (largest > m_device.limits().maxStorageBufferRange)
+    if (largest > device_.limits().maxStorageBufferRange)
         throw Error("the picture or the scene is too large for the device: a buffer of " + std::to_string(largest) +
-                    " bytes, where " + std::to_string(m_device.limits().maxStorageBufferRange) + " are allowed");
-    m_records = uploadBuffer(m_device, std::as_bytes(std::span(scene.records)), kStorage);
-    m_uvs = uploadBuffer(m_device, std::as_bytes(std::span(scene.uvs)), kStorage);
-    m_alphas = uploadBuffer(m_device, std::as_bytes(std::span(scene.alphas)), kStorage);
-    m_hasAlphas = !scene.alphas.empty();
-    m_normals = uploadBuffer(m_device, std::as_bytes(std::span(scene.normals)), kStorage);
-    m_states = uploadBuffer(m_device, std::as_bytes(std::span(states)), kStorage);
-    m_pixels = Buffer(m_device, pixels * 4, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device);
-    m_counts = Buffer(m_device, pixels * 8, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device);
-    for (const std::uint32_t material : scene.texturedMaterials) {
+                    " bytes, where " + std::to_string(device_.limits().maxStorageBufferRange) + " are allowed");
+    records_ = uploadBuffer(device_, std::as_bytes(std::span(scene.records)), kStorage);
+    uvs_ = uploadBuffer(device_, std::as_bytes(std::span(scene.uvs)), kStorage);
+    alphas_ = uploadBuffer(device_, std::as_bytes(std::span(scene.alphas)), kStorage);
+    hasAlphas_ = !scene.alphas.empty();
+    normals_ = uploadBuffer(device_, std::as_bytes(std::span(scene.normals)), kStorage);
+    states_ = uploadBuffer(device_, std::as_bytes(std::span(states)), kStorage);
+    pixels_ = Buffer(device_, pixels * 4, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device);
+    counts_ = Buffer(device_, pixels * 8, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, Buffer::Place::Device);
+    for (const uint32_t material : scene.texturedMaterials) {
         const Material &m = scene.scene.materials[material];
-        m_textures.emplace_back(m_device, scene.scene.images[static_cast<std::size_t>(m.image)], m);
+        textures_.emplace_back(device_, scene.scene.images[static_cast<size_t>(m.image)], m);
     }
-    if (m_textures.empty()) // an array cannot be empty
-        m_textures.emplace_back(m_device, whiteImage(), Material{});
-    if (m_textures.size() > m_device.limits().maxPerStageDescriptorSampledImages)
+    if (textures_.empty()) // an array cannot be empty
+        textures_.emplace_back(device_, whiteImage(), Material{});
+    if (textures_.size() > device_.limits().maxPerStageDescriptorSampledImages)
         throw Error("the scene has more textures than the device allows");
 }
 
 void Renderer::createLayouts()
 {
-    const VkShaderStageFlags stages = stagesOf(m_settings.trace).shaders;
+    const VkShaderStageFlags stages = stagesOf(settings_.trace).shaders;
     std::vector<VkDescriptorSetLayoutBinding> bindings;
-    const auto textures = static_cast<std::uint32_t>(m_textures.size());
-    for (std::uint32_t i = 0; i <= kTextureBinding; ++i) {
+    const auto textures = static_cast<uint32_t>(textures_.size());
+    for (uint32_t i = 0; i <= kTextureBinding; ++i) {
         const VkDescriptorType type = i == 0                 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR
                                       : i == kTextureBinding ? VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER
                                                              : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
         bindings.push_back({i, type, i == kTextureBinding ? textures : 1, stages, nullptr});
     }
     const VkDescriptorSetLayoutCreateInfo set{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0,
-                                              static_cast<std::uint32_t>(bindings.size()), bindings.data()};
-    check(vkCreateDescriptorSetLayout(m_device.handle(), &set, nullptr, &m_setLayout), "creating a descriptor layout");
+                                              static_cast<uint32_t>(bindings.size()), bindings.data()};
+    check(vkCreateDescriptorSetLayout(device_.handle(), &set, nullptr, &setLayout_), "creating a descriptor layout");
     const VkPushConstantRange range{stages, 0, sizeof(Frame)};
     const VkPipelineLayoutCreateInfo layout{
-        VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &m_setLayout, 1, &range};
-    check(vkCreatePipelineLayout(m_device.handle(), &layout, nullptr, &m_layout), "creating a pipeline layout");
+        VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout_, 1, &range};
+    check(vkCreatePipelineLayout(device_.handle(), &layout, nullptr, &layout_), "creating a pipeline layout");
 }
 
 void Renderer::createDescriptors()
 {
-    const auto textures = static_cast<std::uint32_t>(m_textures.size());
+    const auto textures = static_cast<uint32_t>(textures_.size());
     const VkDescriptorPoolSize sizes[] = {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1},
                                           {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 7},
                                           {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, textures}};
     const VkDescriptorPoolCreateInfo pool{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 3, sizes};
-    check(vkCreateDescriptorPool(m_device.handle(), &pool, nullptr, &m_pool), "creating a descriptor pool");
-    const VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, m_pool, 1,
-                                               &m_setLayout};
-    check(vkAllocateDescriptorSets(m_device.handle(), &allocate, &m_set), "allocating descriptors");
+    check(vkCreateDescriptorPool(device_.handle(), &pool, nullptr, &pool_), "creating a descriptor pool");
+    const VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool_, 1,
+                                               &setLayout_};
+    check(vkAllocateDescriptorSets(device_.handle(), &allocate, &set_), "allocating descriptors");
 
-    const VkAccelerationStructureKHR top = m_world.top();
+    const VkAccelerationStructureKHR top = world_.top();
     const VkWriteDescriptorSetAccelerationStructureKHR structure{
         VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR, nullptr, 1, &top};
     std::vector<VkDescriptorBufferInfo> buffers;
-    for (const Buffer *buffer : {&m_pixels, &m_records, &m_uvs, &m_normals, &m_counts, &m_states, &m_alphas})
+    for (const Buffer *buffer : {&pixels_, &records_, &uvs_, &normals_, &counts_, &states_, &alphas_})
         buffers.push_back({buffer->handle(), 0, VK_WHOLE_SIZE});
     std::vector<VkDescriptorImageInfo> images;
-    for (const Texture &texture : m_textures)
+    for (const Texture &texture : textures_)
         images.push_back({texture.sampler(), texture.view(), VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL});
     VkWriteDescriptorSet writes[3];
     std::fill(std::begin(writes), std::end(writes),
-              VkWriteDescriptorSet{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, m_set, 0, 0, 1,
+              VkWriteDescriptorSet{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set_, 0, 0, 1,
                                    VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, nullptr, nullptr, nullptr});
     writes[0].pNext = &structure;
     writes[1].dstBinding = 1; // and the bindings after it, which have the same type
-    writes[1].descriptorCount = static_cast<std::uint32_t>(buffers.size());
+    writes[1].descriptorCount = static_cast<uint32_t>(buffers.size());
     writes[1].descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
     writes[1].pBufferInfo = buffers.data();
     writes[2].dstBinding = kTextureBinding;
     writes[2].descriptorCount = textures;
     writes[2].descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
     writes[2].pImageInfo = images.data();
-    vkUpdateDescriptorSets(m_device.handle(), 3, writes, 0, nullptr);
+    vkUpdateDescriptorSets(device_.handle(), 3, writes, 0, nullptr);
 }
 
 std::unique_ptr<TracePipeline> Renderer::makePipeline(bool counting) const
 {
     TracePipelineInfo info;
-    info.layout = m_layout;
-    info.micromaps = m_world.micromapBytes() != 0;
-    info.constants.textures = static_cast<std::uint32_t>(m_textures.size());
-    info.constants.heavyReads = m_settings.heavy ? kHeavyReads : 0;
-    info.constants.painting = m_settings.paintStates ? VK_TRUE : VK_FALSE;
-    info.constants.vertexAlphas = m_hasAlphas ? VK_TRUE : VK_FALSE;
+    info.layout = layout_;
+    info.micromaps = world_.micromapBytes() != 0;
+    info.constants.textures = static_cast<uint32_t>(textures_.size());
+    info.constants.heavyReads = settings_.heavy ? kHeavyReads : 0;
+    info.constants.painting = settings_.paintStates ? VK_TRUE : VK_FALSE;
+    info.constants.vertexAlphas = hasAlphas_ ? VK_TRUE : VK_FALSE;
     info.constants.counting = counting ? VK_TRUE : VK_FALSE;
-    return makeTracePipeline(m_device, m_settings.trace, info);
+    return makeTracePipeline(device_, settings_.trace, info);
 }
 
 void Renderer::record(VkCommandBuffer commands, const TracePipeline &pipeline) const
 {
-    const TraceStages stages = stagesOf(m_settings.trace);
-    vkCmdBindDescriptorSets(commands, stages.bindPoint, m_layout, 0, 1, &m_set, 0, nullptr);
-    vkCmdPushConstants(commands, m_layout, stages.shaders, 0, sizeof(Frame), &m_frame);
-    pipeline.record(commands, m_settings.width, m_settings.height);
+    const TraceStages stages = stagesOf(settings_.trace);
+    vkCmdBindDescriptorSets(commands, stages.bindPoint, layout_, 0, 1, &set_, 0, nullptr);
+    vkCmdPushConstants(commands, layout_, stages.shaders, 0, sizeof(Frame), &frame_);
+    pipeline.record(commands, settings_.width, settings_.height);
     const VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_SHADER_WRITE_BIT,
                                   VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT};
     vkCmdPipelineBarrier(commands, stages.pipelineStage, VK_PIPELINE_STAGE_TRANSFER_BIT | stages.pipelineStage, 0, 1,
@@ -193,68 +193,68 @@ void Renderer::record(VkCommandBuffer commands, const TracePipeline &pipeline) c
 
 void Renderer::recordFrame()
 {
-    if (m_device.hasTimestamps()) {
+    if (device_.hasTimestamps()) {
         VkQueryPoolCreateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
         info.queryType = VK_QUERY_TYPE_TIMESTAMP;
         info.queryCount = 2;
-        check(vkCreateQueryPool(m_device.handle(), &info, nullptr, &m_timestamps), "creating a query pool");
-        m_nanosecondsPerTick = static_cast<double>(m_device.limits().timestampPeriod);
+        check(vkCreateQueryPool(device_.handle(), &info, nullptr, &timestamps_), "creating a query pool");
+        nanosecondsPerTick_ = static_cast<double>(device_.limits().timestampPeriod);
     }
-    m_commands = m_device.allocateCommands();
+    commands_ = device_.allocateCommands();
     const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO, nullptr, 0, nullptr};
-    check(vkBeginCommandBuffer(m_commands, &begin), "recording commands");
-    if (m_timestamps != VK_NULL_HANDLE) {
-        vkCmdResetQueryPool(m_commands, m_timestamps, 0, 2);
-        vkCmdWriteTimestamp(m_commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, m_timestamps, 0);
+    check(vkBeginCommandBuffer(commands_, &begin), "recording commands");
+    if (timestamps_ != VK_NULL_HANDLE) {
+        vkCmdResetQueryPool(commands_, timestamps_, 0, 2);
+        vkCmdWriteTimestamp(commands_, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, timestamps_, 0);
     }
-    record(m_commands, *m_pipeline);
-    if (m_timestamps != VK_NULL_HANDLE)
-        vkCmdWriteTimestamp(m_commands, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, m_timestamps, 1);
-    check(vkEndCommandBuffer(m_commands), "recording commands");
+    record(commands_, *pipeline_);
+    if (timestamps_ != VK_NULL_HANDLE)
+        vkCmdWriteTimestamp(commands_, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, timestamps_, 1);
+    check(vkEndCommandBuffer(commands_), "recording commands");
 }
 
 double Renderer::frame()
 {
     const Clock::time_point start = Clock::now();
-    m_device.submitAndWait(m_commands);
-    if (m_timestamps == VK_NULL_HANDLE)
+    device_.submitAndWait(commands_);
+    if (timestamps_ == VK_NULL_HANDLE)
         return millisecondsSince(start);
-    std::uint64_t ticks[2] = {};
-    check(vkGetQueryPoolResults(m_device.handle(), m_timestamps, 0, 2, sizeof(ticks), ticks, sizeof(ticks[0]),
+    uint64_t ticks[2] = {};
+    check(vkGetQueryPoolResults(device_.handle(), timestamps_, 0, 2, sizeof(ticks), ticks, sizeof(ticks[0]),
                                 VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
           "reading timestamps");
-    return static_cast<double>(ticks[1] - ticks[0]) * m_nanosecondsPerTick * 1e-6;
+    return static_cast<double>(ticks[1] - ticks[0]) * nanosecondsPerTick_ * 1e-6;
 }
 
 double Renderer::firstFrame()
 {
     const Clock::time_point start = Clock::now();
     const std::unique_ptr<TracePipeline> pipeline = makePipeline(false);
-    m_device.run([&](VkCommandBuffer commands) { record(commands, *pipeline); });
+    device_.run([&](VkCommandBuffer commands) { record(commands, *pipeline); });
     return millisecondsSince(start);
 }
 
 Picture Renderer::picture()
 {
-    const std::size_t pixels = std::size_t{m_settings.width} * m_settings.height;
-    return {m_settings.width, m_settings.height, downloadWords(m_device, m_pixels, pixels)};
+    const size_t pixels = size_t{settings_.width} * settings_.height;
+    return {settings_.width, settings_.height, downloadWords(device_, pixels_, pixels)};
 }
 
-std::vector<std::uint32_t> Renderer::countPixels()
+std::vector<uint32_t> Renderer::countPixels()
 {
-    if (!m_countingPipeline)
-        m_countingPipeline = makePipeline(true);
-    m_device.run([this](VkCommandBuffer commands) { record(commands, *m_countingPipeline); });
-    const std::size_t pixels = std::size_t{m_settings.width} * m_settings.height;
-    return downloadWords(m_device, m_counts, 2 * pixels);
+    if (!countingPipeline_)
+        countingPipeline_ = makePipeline(true);
+    device_.run([this](VkCommandBuffer commands) { record(commands, *countingPipeline_); });
+    const size_t pixels = size_t{settings_.width} * settings_.height;
+    return downloadWords(device_, counts_, 2 * pixels);
 }
 
 CandidateCount Renderer::count()
 {
-    const std::vector<std::uint32_t> counts = countPixels();
+    const std::vector<uint32_t> counts = countPixels();
     CandidateCount sum;
-    for (std::size_t i = 0; i < counts.size(); i += 2) {
+    for (size_t i = 0; i < counts.size(); i += 2) {
         sum.candidates += counts[i];
         sum.rays += counts[i + 1];
     }
@@ -263,10 +263,10 @@ CandidateCount Renderer::count()
 
 std::vector<float> Renderer::candidatesPerPixel()
 {
-    const std::vector<std::uint32_t> counts = countPixels();
+    const std::vector<uint32_t> counts = countPixels();
     std::vector<float> values;
-    for (std::size_t i = 0; i < counts.size(); i += 2)
-        values.push_back(static_cast<float>(counts[i]) / static_cast<float>(m_settings.samples));
+    for (size_t i = 0; i < counts.size(); i += 2)
+        values.push_back(static_cast<float>(counts[i]) / static_cast<float>(settings_.samples));
     return values;
 }
 

@@ -12,18 +12,18 @@ namespace vellum::cli
 {
 
 struct RenderSettings {
-    std::uint32_t width = 1280;
-    std::uint32_t height = 720;
-    std::uint32_t samples = 1; // per pixel
-    bool heavy = false;        // 16 more texture reads per candidate
+    uint32_t width = 1280;
+    uint32_t height = 720;
+    uint32_t samples = 1; // per pixel
+    bool heavy = false;   // 16 more texture reads per candidate
     Trace trace = Trace::Query;
     bool paintStates = false; // on the leaves, in kStateColors; by Trace::Query only
     View view;
 };
 
 struct CandidateCount {
-    std::uint64_t rays = 0;
-    std::uint64_t candidates = 0; // handed to the shader
+    uint64_t rays = 0;
+    uint64_t candidates = 0; // handed to the shader
     [[nodiscard]] double perRay() const
     {
         return rays == 0 ? 0 : static_cast<double>(candidates) / static_cast<double>(rays);
@@ -52,7 +52,7 @@ public:
     CandidateCount count();
     // The same by pixel: what the shader was handed for all rays of a sample, on average.
     std::vector<float> candidatesPerPixel();
-    [[nodiscard]] VkDeviceSize micromapBytes() const { return m_world.micromapBytes(); }
+    [[nodiscard]] VkDeviceSize micromapBytes() const { return world_.micromapBytes(); }
 
 private:
     struct Frame { // push constants of shaders/scene.glsl
@@ -67,24 +67,24 @@ private:
     [[nodiscard]] std::unique_ptr<TracePipeline> makePipeline(bool counting) const;
     void record(VkCommandBuffer commands, const TracePipeline &pipeline) const;
     void recordFrame();
-    std::vector<std::uint32_t> countPixels(); // candidates and rays of each
+    std::vector<uint32_t> countPixels(); // candidates and rays of each
 
-    Device &m_device;
-    RenderSettings m_settings;
-    World m_world;
-    Frame m_frame{};
-    std::vector<Texture> m_textures;
-    Buffer m_pixels, m_records, m_uvs, m_normals, m_counts, m_states, m_alphas;
-    bool m_hasAlphas = false; // of vertices
-    VkDescriptorSetLayout m_setLayout = VK_NULL_HANDLE;
-    VkPipelineLayout m_layout = VK_NULL_HANDLE;
-    VkDescriptorPool m_pool = VK_NULL_HANDLE;
-    VkDescriptorSet m_set = VK_NULL_HANDLE;
-    std::unique_ptr<TracePipeline> m_pipeline;
-    std::unique_ptr<TracePipeline> m_countingPipeline; // made when it is first needed
-    VkQueryPool m_timestamps = VK_NULL_HANDLE;
-    double m_nanosecondsPerTick = 1;
-    VkCommandBuffer m_commands = VK_NULL_HANDLE;
+    Device &device_;
+    RenderSettings settings_;
+    World world_;
+    Frame frame_{};
+    std::vector<Texture> textures_;
+    Buffer pixels_, records_, uvs_, normals_, counts_, states_, alphas_;
+    bool hasAlphas_ = false; // of vertices
+    VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
+    VkPipelineLayout layout_ = VK_NULL_HANDLE;
+    VkDescriptorPool pool_ = VK_NULL_HANDLE;
+    VkDescriptorSet set_ = VK_NULL_HANDLE;
+    std::unique_ptr<TracePipeline> pipeline_;
+    std::unique_ptr<TracePipeline> countingPipeline_; // made when it is first needed
+    VkQueryPool timestamps_ = VK_NULL_HANDLE;
+    double nanosecondsPerTick_ = 1;
+    VkCommandBuffer commands_ = VK_NULL_HANDLE;
 };
 
 } // namespace vellum::cli

@@ -36,25 +36,24 @@ std::unique_ptr<TracePipeline> makeTracePipeline(Device &device, Trace trace, co
     return std::make_unique<RayTracingPipeline>(device, info);
 }
 
-ShaderStage::ShaderStage(Device &device, VkShaderStageFlagBits stage, std::span<const std::uint32_t> code,
+ShaderStage::ShaderStage(Device &device, VkShaderStageFlagBits stage, std::span<const uint32_t> code,
                          const TraceConstants &constants)
-    : m_device(device.handle()), m_stage(stage), m_specialization{static_cast<std::uint32_t>(std::size(kConstants)),
-                                                                  kConstants, sizeof(constants), &constants}
+    : device_(device.handle()), stage_(stage), specialization_{static_cast<uint32_t>(std::size(kConstants)), kConstants,
+                                                               sizeof(constants), &constants}
 {
     const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, code.size_bytes(),
                                         code.data()};
-    check(vkCreateShaderModule(m_device, &info, nullptr, &m_module), "creating a shader module");
+    check(vkCreateShaderModule(device_, &info, nullptr, &module_), "creating a shader module");
 }
 
 ShaderStage::~ShaderStage()
 {
-    vkDestroyShaderModule(m_device, m_module, nullptr);
+    vkDestroyShaderModule(device_, module_, nullptr);
 }
 
 VkPipelineShaderStageCreateInfo ShaderStage::info() const
 {
-    return {
-        VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, m_stage, m_module, "main", &m_specialization};
+    return {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, stage_, module_, "main", &specialization_};
 }
 
 } // namespace vellum::cli

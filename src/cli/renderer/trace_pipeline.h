@@ -23,8 +23,8 @@ TraceStages stagesOf(Trace trace);
 
 // The specialization constants 0, 1, ... of shaders/scene.glsl.
 struct TraceConstants {
-    std::uint32_t textures = 1;
-    std::uint32_t heavyReads = 0;
+    uint32_t textures = 1;
+    uint32_t heavyReads = 0;
     VkBool32 counting = VK_FALSE;
     VkBool32 painting = VK_FALSE;
     VkBool32 vertexAlphas = VK_FALSE;
@@ -44,7 +44,7 @@ public:
     TracePipeline &operator=(const TracePipeline &) = delete;
 
     // Traces these many pixels. Descriptors and push constants must be bound.
-    virtual void record(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height) const = 0;
+    virtual void record(VkCommandBuffer commands, uint32_t width, uint32_t height) const = 0;
 
 protected:
     TracePipeline() = default;
@@ -58,7 +58,7 @@ class ShaderStage
 {
 public:
     // `constants` must outlive this.
-    ShaderStage(Device &device, VkShaderStageFlagBits stage, std::span<const std::uint32_t> code,
+    ShaderStage(Device &device, VkShaderStageFlagBits stage, std::span<const uint32_t> code,
                 const TraceConstants &constants);
     ~ShaderStage();
     ShaderStage(const ShaderStage &) = delete;
@@ -68,10 +68,10 @@ public:
     [[nodiscard]] VkPipelineShaderStageCreateInfo info() const;
 
 private:
-    VkDevice m_device;
-    VkShaderStageFlagBits m_stage;
-    VkShaderModule m_module = VK_NULL_HANDLE;
-    VkSpecializationInfo m_specialization;
+    VkDevice device_;
+    VkShaderStageFlagBits stage_;
+    VkShaderModule module_ = VK_NULL_HANDLE;
+    VkSpecializationInfo specialization_;
 };
 
 } // namespace vellum::cli

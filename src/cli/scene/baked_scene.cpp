@@ -13,22 +13,22 @@ namespace
 // Micro-triangles of all triangles by State, and triangles with a special index.
 BakeStatistics statisticsOf(const Micromap &micromap)
 {
-    std::vector<std::array<std::uint64_t, 4>> ofTriangle;
+    std::vector<std::array<uint64_t, 4>> ofTriangle;
     for (const MicromapTriangle &t : micromap.triangles) {
         ofTriangle.push_back({});
-        for (std::uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i)
-            ++ofTriangle.back()[static_cast<std::size_t>(readState(&micromap.data[t.dataOffset], i, t.format))];
+        for (uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i)
+            ++ofTriangle.back()[static_cast<size_t>(readState(&micromap.data[t.dataOffset], i, t.format))];
     }
     BakeStatistics statistics;
     statistics.distinct = micromap.triangles.size();
-    for (const std::int32_t index : micromap.indices) {
+    for (const int32_t index : micromap.indices) {
         if (const auto state = specialState(index)) {
-            ++statistics.special[static_cast<std::size_t>(*state)];
-            ++statistics.states[static_cast<std::size_t>(*state)];
+            ++statistics.special[static_cast<size_t>(*state)];
+            ++statistics.states[static_cast<size_t>(*state)];
             continue;
         }
-        for (std::size_t s = 0; s < 4; ++s)
-            statistics.states[s] += ofTriangle[static_cast<std::uint32_t>(index) + micromap.baseTriangle][s];
+        for (size_t s = 0; s < 4; ++s)
+            statistics.states[s] += ofTriangle[static_cast<uint32_t>(index) + micromap.baseTriangle][s];
     }
     return statistics;
 }
@@ -41,7 +41,7 @@ BakeResult resultOf(Micromap micromap)
 }
 
 // Gives each geometry its part of a micromap that was baked for all of them.
-void divide(const Scene &scene, const std::vector<std::size_t> &geometries, BakeResult whole, BakedScene &baked)
+void divide(const Scene &scene, const std::vector<size_t> &geometries, BakeResult whole, BakedScene &baked)
 {
     if (geometries.size() == 1) {
         baked.results[geometries.front()] = std::move(whole);
@@ -50,9 +50,9 @@ void divide(const Scene &scene, const std::vector<std::size_t> &geometries, Bake
     StoredMicromaps stored;
     stored.micromaps.push_back({std::move(whole.micromap.triangles), std::move(whole.micromap.data), {}});
     auto next = whole.micromap.indices.begin();
-    for (const std::size_t i : geometries) {
-        const auto end = next + static_cast<std::ptrdiff_t>(scene.geometries[i].indices.size() / 3);
-        const PrimitivePlace place{0, static_cast<std::uint32_t>(i)};
+    for (const size_t i : geometries) {
+        const auto end = next + static_cast<ptrdiff_t>(scene.geometries[i].indices.size() / 3);
+        const PrimitivePlace place{0, static_cast<uint32_t>(i)};
         stored.primitives[place] = {0, {next, end}, whole.micromap.baseTriangle};
         baked.results[i] = resultOf(*stored.of(place));
         next = end;
@@ -74,7 +74,7 @@ std::array<double, 4> BakedScene::stateShares() const
     std::array<double, 4> shares{};
     double total = 0;
     for (const std::optional<BakeResult> &r : results) {
-        for (std::size_t s = 0; r && s < 4; ++s) {
+        for (size_t s = 0; r && s < 4; ++s) {
             shares[s] += static_cast<double>(r->statistics.states[s]);
             total += static_cast<double>(r->statistics.states[s]);
         }
@@ -84,17 +84,17 @@ std::array<double, 4> BakedScene::stateShares() const
     return shares;
 }
 
-std::size_t BakedScene::distinctTriangles() const
+size_t BakedScene::distinctTriangles() const
 {
-    std::size_t count = 0;
+    size_t count = 0;
     for (const std::optional<BakeResult> &r : results)
         count += r ? r->statistics.distinct : 0;
     return count;
 }
 
-std::size_t BakedScene::count() const
+size_t BakedScene::count() const
 {
-    std::size_t count = 0;
+    size_t count = 0;
     for (const std::optional<BakeResult> &r : results)
         count += r ? 1u : 0u;
     return count;
@@ -102,8 +102,8 @@ std::size_t BakedScene::count() const
 
 BakedScene bakeScene(const Scene &scene, BakeOptions options)
 {
-    std::map<std::uint32_t, std::vector<std::size_t>> ofMaterial;
-    for (std::size_t i = 0; i < scene.geometries.size(); ++i)
+    std::map<uint32_t, std::vector<size_t>> ofMaterial;
+    for (size_t i = 0; i < scene.geometries.size(); ++i)
         if (scene.materials[scene.geometries[i].material].masked() && scene.geometries[i].alphas.empty())
             ofMaterial[scene.geometries[i].material].push_back(i);
     BakedScene baked;
@@ -113,13 +113,13 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options)
         options.cutoff = static_cast<double>(m.alphaCutoff);
         std::vector<TriangleUvs> triangles;
         BakeInput input;
-        for (const std::size_t i : geometries) {
+        for (const size_t i : geometries) {
             const Geometry &g = scene.geometries[i];
             input.uvTerms = std::max(input.uvTerms, static_cast<double>(g.uvTerms));
-            for (std::size_t t = 0; t + 2 < g.indices.size(); t += 3)
+            for (size_t t = 0; t + 2 < g.indices.size(); t += 3)
                 triangles.push_back({g.uvs[g.indices[t]], g.uvs[g.indices[t + 1]], g.uvs[g.indices[t + 2]]});
         }
-        const AlphaTexture texture = alphaTexture(m, scene.images[static_cast<std::size_t>(m.image)]);
+        const AlphaTexture texture = alphaTexture(m, scene.images[static_cast<size_t>(m.image)]);
         input.textures = {&texture, 1};
         input.triangles = triangles;
         divide(scene, geometries, bake({&input, 1}, options), baked);
@@ -127,10 +127,10 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options)
     return baked;
 }
 
-BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, std::uint64_t mostBytes)
+BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, uint64_t mostBytes)
 {
     BakedScene baked;
-    std::uint64_t bytes = 0;
+    uint64_t bytes = 0;
     baked.extension = stored.extension;
     for (const Geometry &g : scene.geometries) {
         baked.results.emplace_back();

@@ -22,9 +22,9 @@ struct BakedScene {
     [[nodiscard]] std::vector<const Micromap *> micromaps() const;
     // Micro-triangles of all geometry triangles by State.
     [[nodiscard]] std::array<double, 4> stateShares() const;
-    [[nodiscard]] std::size_t distinctTriangles() const;
+    [[nodiscard]] size_t distinctTriangles() const;
     // Geometries with a micromap.
-    [[nodiscard]] std::size_t count() const;
+    [[nodiscard]] size_t count() const;
 };
 
 // Bakes every masked geometry of a scene against its material's texture: one bake for each material, after which each
@@ -34,7 +34,6 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options);
 // The micromaps that the scene's file has for its masked geometries. A solid one is drawn as it is, whatever the file
 // says of it. Primitives may share what the file has, and each gets a copy, for a device too: throws GltfError where
 // those have more than `mostBytes` together.
-BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored,
-                       std::uint64_t mostBytes = std::uint64_t{512} << 20);
+BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, uint64_t mostBytes = uint64_t{512} << 20);
 
 } // namespace vellum::cli

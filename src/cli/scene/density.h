@@ -23,14 +23,14 @@ private:
     static constexpr int kCells = 40; // along the longest side
 
     [[nodiscard]] float at(const Vec3 &point) const;
-    void addTriangle(const Geometry &g, std::uint64_t triangle, const Transform &transform, float share);
+    void addTriangle(const Geometry &g, uint64_t triangle, const Transform &transform, float share);
     void add(const Vec3 &point, float area);
     void blur();
 
-    Box m_box;
-    float m_cell = 1;
-    std::array<int, 3> m_count{};
-    std::vector<float> m_area; // per volume, in 1 / length
+    Box box_;
+    float cell_ = 1;
+    std::array<int, 3> count_{};
+    std::vector<float> area_; // per volume, in 1 / length
 };
 
 } // namespace vellum::cli

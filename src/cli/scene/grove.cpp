@@ -19,9 +19,9 @@ struct Habit {
     float rise;      // how strongly shoots turn upwards
     float bare;      // share of a branch below its first child
     float cardSize;
-    int cards;            // on each branch of the last level
-    float droop;          // of the cards
-    std::uint32_t leaves; // their geometry in the scene
+    int cards;       // on each branch of the last level
+    float droop;     // of the cards
+    uint32_t leaves; // their geometry in the scene
 };
 
 struct Shoot {
@@ -43,20 +43,20 @@ Frame frameOf(const Vec3 &direction)
 class Grower
 {
 public:
-    Grower(Scene &scene, std::uint64_t seed) : m_scene(scene), m_random(seed) {}
+    Grower(Scene &scene, uint64_t seed) : scene_(scene), random_(seed) {}
 
     void grow(const Habit &habit, const Vec3 &foot, float scale)
     {
         Habit scaled = habit;
         scaled.trunkLength *= scale;
         scaled.trunkRadius *= scale;
-        const Vec3 up = normalize({m_random.between(-0.06f, 0.06f), 1, m_random.between(-0.06f, 0.06f)});
+        const Vec3 up = normalize({random_.between(-0.06f, 0.06f), 1, random_.between(-0.06f, 0.06f)});
         // The foot is sunk, so that no gap shows where the ground is.
         shoot(scaled, {foot - Vec3{0, 0.05f, 0}, up, scaled.trunkLength, scaled.trunkRadius}, 0);
     }
 
 private:
-    static constexpr std::uint32_t kWood = 0; // geometry of branches
+    static constexpr uint32_t kWood = 0; // geometry of branches
     static constexpr int kSegments = 6;
 
     void shoot(const Habit &habit, const Shoot &s, int level)
@@ -65,9 +65,9 @@ private:
         Vec3 direction = s.direction;
         for (int i = 0; i < kSegments; ++i) {
             const float wander = level == 0 ? 0.10f : 0.24f;
-            direction = normalize(direction + Vec3{m_random.between(-wander, wander),
-                                                   habit.rise / kSegments + m_random.between(-wander, wander) * 0.5f,
-                                                   m_random.between(-wander, wander)});
+            direction = normalize(direction + Vec3{random_.between(-wander, wander),
+                                                   habit.rise / kSegments + random_.between(-wander, wander) * 0.5f,
+                                                   random_.between(-wander, wander)});
             path.push_back(path.back() + direction * (s.length / kSegments));
         }
         tube(path, s.radius, level == 0);
@@ -87,15 +87,15 @@ private:
                int level)
     {
         const float place = along * kSegments;
-        const auto segment = std::min<std::size_t>(static_cast<std::size_t>(place), kSegments - 1);
+        const auto segment = std::min<size_t>(static_cast<size_t>(place), kSegments - 1);
         const Vec3 base = path[segment] + (path[segment + 1] - path[segment]) * (place - static_cast<float>(segment));
         const Vec3 direction = normalize(path[segment + 1] - path[segment]);
         const Frame frame = frameOf(direction);
-        const float angle = turn + m_random.between(-0.5f, 0.5f);
-        const float spread = habit.spread * m_random.between(0.8f, 1.2f) * (1.15f - 0.5f * along);
+        const float angle = turn + random_.between(-0.5f, 0.5f);
+        const float spread = habit.spread * random_.between(0.8f, 1.2f) * (1.15f - 0.5f * along);
         const Vec3 out = frame.side * std::cos(angle) + frame.other * std::sin(angle);
         // Lower branches are longer: a rounded crown.
-        const float length = parent.length * habit.shrink * (1.15f - 0.55f * along) * m_random.between(0.85f, 1.15f);
+        const float length = parent.length * habit.shrink * (1.15f - 0.55f * along) * random_.between(0.85f, 1.15f);
         const float radius = parent.radius * (1 - 0.8f * along) * 0.55f + 0.004f;
         shoot(habit, {base, normalize(direction * std::cos(spread) + out * std::sin(spread)), length, radius},
               level + 1);
@@ -103,26 +103,26 @@ private:
 
     void tube(const std::vector<Vec3> &path, float radius, bool trunk)
     {
-        Geometry &g = m_scene.geometries[kWood];
-        const std::uint32_t sides = trunk ? 12 : 6;
-        const auto first = static_cast<std::uint32_t>(g.positions.size());
-        for (std::size_t i = 0; i < path.size(); ++i) {
+        Geometry &g = scene_.geometries[kWood];
+        const uint32_t sides = trunk ? 12 : 6;
+        const auto first = static_cast<uint32_t>(g.positions.size());
+        for (size_t i = 0; i < path.size(); ++i) {
             const Vec3 direction = normalize(path[std::min(i + 1, path.size() - 1)] - path[i > 0 ? i - 1 : 0]);
             const Frame frame = frameOf(direction);
             const float along = static_cast<float>(i) / static_cast<float>(path.size() - 1);
             const float flare = trunk && i == 0 ? 1.5f : 1.0f;
             const float r = radius * (1 - 0.8f * along) * flare;
-            for (std::uint32_t k = 0; k < sides; ++k) {
+            for (uint32_t k = 0; k < sides; ++k) {
                 const float angle = 2 * kPi * static_cast<float>(k) / static_cast<float>(sides);
                 g.positions.push_back(path[i] + frame.side * (r * std::cos(angle)) +
                                       frame.other * (r * std::sin(angle)));
                 g.uvs.push_back({});
             }
         }
-        for (std::uint32_t i = 0; i + 1 < path.size(); ++i) {
-            for (std::uint32_t k = 0; k < sides; ++k) {
-                const std::uint32_t a = first + i * sides + k;
-                const std::uint32_t b = first + i * sides + (k + 1) % sides;
+        for (uint32_t i = 0; i + 1 < path.size(); ++i) {
+            for (uint32_t k = 0; k < sides; ++k) {
+                const uint32_t a = first + i * sides + k;
+                const uint32_t b = first + i * sides + (k + 1) % sides;
                 g.indices.insert(g.indices.end(), {a, a + sides, b, b, a + sides, b + sides});
             }
         }
@@ -133,35 +133,35 @@ private:
         for (int i = 0; i < habit.cards; ++i) {
             const float along = 0.25f + 0.75f * (static_cast<float>(i) + 1) / static_cast<float>(habit.cards);
             const float place = std::min(along, 0.999f) * kSegments;
-            const auto segment = static_cast<std::size_t>(place);
+            const auto segment = static_cast<size_t>(place);
             const Vec3 base =
                 path[segment] + (path[segment + 1] - path[segment]) * (place - static_cast<float>(segment));
             const Vec3 direction = normalize(path[segment + 1] - path[segment]);
             const Frame frame = frameOf(direction);
-            const float angle = 2.39996f * static_cast<float>(i) + m_random.between(-0.6f, 0.6f);
+            const float angle = 2.39996f * static_cast<float>(i) + random_.between(-0.6f, 0.6f);
             const Vec3 out = frame.side * std::cos(angle) + frame.other * std::sin(angle);
             const Vec3 up = normalize(direction * 0.7f + out * 0.9f - Vec3{0, habit.droop, 0});
-            card(habit.leaves, base, up, habit.cardSize * m_random.between(0.8f, 1.15f));
+            card(habit.leaves, base, up, habit.cardSize * random_.between(0.8f, 1.15f));
         }
     }
 
     // A twig's square, with the middle of its lower edge at `base`.
-    void card(std::uint32_t geometry, const Vec3 &base, const Vec3 &up, float size)
+    void card(uint32_t geometry, const Vec3 &base, const Vec3 &up, float size)
     {
-        Geometry &g = m_scene.geometries[geometry];
+        Geometry &g = scene_.geometries[geometry];
         // Leaves turn their faces upwards.
-        const Vec3 wish = {m_random.between(-0.8f, 0.8f), 1, m_random.between(-0.8f, 0.8f)};
+        const Vec3 wish = {random_.between(-0.8f, 0.8f), 1, random_.between(-0.8f, 0.8f)};
         const Vec3 across = normalize(cross(up, wish)) * (0.5f * size);
         const Vec3 top = base + up * size;
-        const auto first = static_cast<std::uint32_t>(g.positions.size());
+        const auto first = static_cast<uint32_t>(g.positions.size());
         g.positions.insert(g.positions.end(), {base - across, base + across, top + across, top - across});
         g.uvs.insert(g.uvs.end(), {{0, 1}, {1, 1}, {1, 0}, {0, 0}});
-        for (const std::uint32_t corner : {0u, 1u, 2u, 0u, 2u, 3u})
+        for (const uint32_t corner : {0u, 1u, 2u, 0u, 2u, 3u})
             g.indices.push_back(first + corner);
     }
 
-    Scene &m_scene;
-    Random m_random;
+    Scene &scene_;
+    Random random_;
 };
 
 Material leafMaterial(const char *name, int image)
@@ -175,8 +175,8 @@ Material leafMaterial(const char *name, int image)
     return m;
 }
 
-constexpr std::uint32_t kBeechLeaves = 1;
-constexpr std::uint32_t kBirchLeaves = 2;
+constexpr uint32_t kBeechLeaves = 1;
+constexpr uint32_t kBirchLeaves = 2;
 
 } // namespace
 
@@ -202,7 +202,7 @@ Scene makeGrove()
     wood.name = "branches";
     wood.baseColor = {0.36f, 0.29f, 0.22f, 1};
     scene.materials = {wood, leafMaterial("beech leaves", 0), leafMaterial("birch leaves", 1)};
-    for (std::uint32_t i = 0; i < 3; ++i)
+    for (uint32_t i = 0; i < 3; ++i)
         scene.geometries.emplace_back().material = i;
 
     const Habit beechTree = {4.6f, 0.26f, 2, {11, 6, 0}, 0.62f, 1.0f, 0.30f, 0.30f, 0.80f, 8, 0.15f, kBeechLeaves};

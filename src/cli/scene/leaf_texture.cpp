@@ -134,22 +134,22 @@ Paint paintAt(const LeafStyle &style, const std::vector<Leaf> &leaves, float x, 
     return {};
 }
 
-std::uint8_t toByte(float x)
+uint8_t toByte(float x)
 {
-    return static_cast<std::uint8_t>(std::lround(std::clamp(x, 0.0f, 1.0f) * 255));
+    return static_cast<uint8_t>(std::lround(std::clamp(x, 0.0f, 1.0f) * 255));
 }
 
 } // namespace
 
-Image paintTwig(const LeafStyle &style, std::uint32_t size)
+Image paintTwig(const LeafStyle &style, uint32_t size)
 {
     const std::vector<Leaf> leaves = arrange(style);
     const Vec3 mean = (style.young + style.old) * 0.5f;
     Image image{size, size, {}};
-    image.rgba.reserve(std::size_t{4} * size * size);
+    image.rgba.reserve(size_t{4} * size * size);
     const float step = 1.0f / (static_cast<float>(size) * kSubsamples);
-    for (std::uint32_t row = 0; row < size; ++row) {
-        for (std::uint32_t column = 0; column < size; ++column) {
+    for (uint32_t row = 0; row < size; ++row) {
+        for (uint32_t column = 0; column < size; ++column) {
             Vec3 sum{};
             int covered = 0;
             for (int i = 0; i < kSubsamples * kSubsamples; ++i) {

@@ -10,7 +10,7 @@ namespace vellum::cli
 
 // What a kind of leaf looks like. Lengths are in sizes of the texture.
 struct LeafStyle {
-    std::uint64_t seed = 1;
+    uint64_t seed = 1;
     int leaves = 11;                 // along the twig, alternating, and one at its tip
     float length = 0.30f;            // of a leaf blade
     float width = 0.17f;             // of a leaf blade, where it is widest
@@ -24,6 +24,6 @@ struct LeafStyle {
 
 // A square picture with the twig growing from the middle of the bottom edge (the last row) to the top; alpha is how
 // much of a texel is covered. Texels without any leaf have the leaves' mean colour, so that no dark rim is filtered in.
-Image paintTwig(const LeafStyle &style, std::uint32_t size);
+Image paintTwig(const LeafStyle &style, uint32_t size);
 
 } // namespace vellum::cli

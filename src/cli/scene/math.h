@@ -54,7 +54,7 @@ struct Box {
 
     void include(const Vec3 &p)
     {
-        for (std::size_t i = 0; i < 3; ++i) {
+        for (size_t i = 0; i < 3; ++i) {
             low[i] = std::fmin(low[i], p[i]);
             high[i] = std::fmax(high[i], p[i]);
         }

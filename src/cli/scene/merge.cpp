@@ -11,21 +11,21 @@ namespace
 bool flattens(const Transform &m)
 {
     double volume = 1; // if the axes were at right angles
-    for (std::size_t column = 0; column < 3; ++column)
+    for (size_t column = 0; column < 3; ++column)
         volume *= std::hypot(static_cast<double>(m[0][column]), static_cast<double>(m[1][column]),
                              static_cast<double>(m[2][column]));
     return !(std::abs(determinant(m)) > 1e-9 * volume);
 }
 
 // Mirrored meshes stay apart: their triangles wind the other way round in the world.
-bool merges(const MeshInstance &instance, const std::vector<std::uint32_t> &counts)
+bool merges(const MeshInstance &instance, const std::vector<uint32_t> &counts)
 {
     return counts[instance.mesh] == 1 && (determinant(instance.transform) > 0 || flattens(instance.transform));
 }
 
-std::vector<std::uint32_t> countInstances(const Scene &scene)
+std::vector<uint32_t> countInstances(const Scene &scene)
 {
-    std::vector<std::uint32_t> counts(scene.meshes.size());
+    std::vector<uint32_t> counts(scene.meshes.size());
     for (const MeshInstance &instance : scene.instances)
         ++counts[instance.mesh];
     return counts;
@@ -35,13 +35,13 @@ std::vector<std::uint32_t> countInstances(const Scene &scene)
 
 void mergeSingleMeshes(Scene &scene)
 {
-    std::vector<std::uint32_t> counts = countInstances(scene);
+    std::vector<uint32_t> counts = countInstances(scene);
     std::erase_if(scene.instances, [&](const MeshInstance &i) { return counts[i.mesh] > 1 && flattens(i.transform); });
     counts = countInstances(scene);
 
     std::vector<Geometry> geometries;
     const auto take = [&](const Mesh &mesh) {
-        for (std::uint32_t i = 0; i < mesh.geometryCount; ++i)
+        for (uint32_t i = 0; i < mesh.geometryCount; ++i)
             geometries.push_back(std::move(scene.geometries[mesh.firstGeometry + i]));
     };
     std::vector<MeshInstance> instances;
@@ -49,23 +49,23 @@ void mergeSingleMeshes(Scene &scene)
         if (!merges(instance, counts))
             continue;
         counts[instance.mesh] = 0; // has gone
-        const std::size_t first = geometries.size();
+        const size_t first = geometries.size();
         take(scene.meshes[instance.mesh]);
-        for (std::size_t i = first; i < geometries.size() && instance.transform != kInPlace; ++i)
+        for (size_t i = first; i < geometries.size() && instance.transform != kInPlace; ++i)
             for (Vec3 &position : geometries[i].positions)
                 position = transformed(instance.transform, position);
     }
     std::vector<Mesh> meshes;
     if (!geometries.empty()) {
-        meshes.push_back({0, static_cast<std::uint32_t>(geometries.size())});
+        meshes.push_back({0, static_cast<uint32_t>(geometries.size())});
         instances.push_back({0, kInPlace});
     }
-    std::vector<std::uint32_t> moved(scene.meshes.size());
-    for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    std::vector<uint32_t> moved(scene.meshes.size());
+    for (size_t i = 0; i < scene.meshes.size(); ++i) {
         if (counts[i] == 0)
             continue;
-        moved[i] = static_cast<std::uint32_t>(meshes.size());
-        meshes.push_back({static_cast<std::uint32_t>(geometries.size()), scene.meshes[i].geometryCount});
+        moved[i] = static_cast<uint32_t>(meshes.size());
+        meshes.push_back({static_cast<uint32_t>(geometries.size()), scene.meshes[i].geometryCount});
         take(scene.meshes[i]);
     }
     for (const MeshInstance &instance : scene.instances)

@@ -9,14 +9,14 @@ namespace vellum::cli
 class Random
 {
 public:
-    explicit Random(std::uint64_t seed) : m_state(seed * 6364136223846793005u + 1442695040888963407u) { next(); }
+    explicit Random(uint64_t seed) : state_(seed * 6364136223846793005u + 1442695040888963407u) { next(); }
 
-    std::uint32_t next()
+    uint32_t next()
     {
-        const std::uint64_t old = m_state;
-        m_state = old * 6364136223846793005u + 1442695040888963407u;
-        const auto mixed = static_cast<std::uint32_t>(((old >> 18u) ^ old) >> 27u);
-        const auto turn = static_cast<std::uint32_t>(old >> 59u);
+        const uint64_t old = state_;
+        state_ = old * 6364136223846793005u + 1442695040888963407u;
+        const auto mixed = static_cast<uint32_t>(((old >> 18u) ^ old) >> 27u);
+        const auto turn = static_cast<uint32_t>(old >> 59u);
         return (mixed >> turn) | (mixed << ((32 - turn) & 31));
     }
     // In [low, high).
@@ -26,7 +26,7 @@ public:
     }
 
 private:
-    std::uint64_t m_state;
+    uint64_t state_;
 };
 
 } // namespace vellum::cli

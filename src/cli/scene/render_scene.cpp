@@ -11,9 +11,9 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::size_t kMostInstances = std::size_t{1} << 22;
+constexpr size_t kMostInstances = size_t{1} << 22;
 
-std::uint32_t packNormal(const Vec3 &normal, float visibility)
+uint32_t packNormal(const Vec3 &normal, float visibility)
 {
     const float sum = std::abs(normal[0]) + std::abs(normal[1]) + std::abs(normal[2]);
     float x = normal[0] / sum;
@@ -23,8 +23,8 @@ std::uint32_t packNormal(const Vec3 &normal, float visibility)
         x = (1 - std::abs(y)) * (x >= 0 ? 1.0f : -1.0f);
         y = (1 - std::abs(old)) * (y >= 0 ? 1.0f : -1.0f);
     }
-    const auto twelve = [](float f) { return static_cast<std::uint32_t>(std::lround((f * 0.5f + 0.5f) * 4095)); };
-    const auto eight = static_cast<std::uint32_t>(std::lround(std::clamp(visibility, 0.0f, 1.0f) * 255));
+    const auto twelve = [](float f) { return static_cast<uint32_t>(std::lround((f * 0.5f + 0.5f) * 4095)); };
+    const auto eight = static_cast<uint32_t>(std::lround(std::clamp(visibility, 0.0f, 1.0f) * 255));
     return twelve(x) | twelve(y) << 12 | eight << 24;
 }
 
@@ -33,23 +33,23 @@ std::uint32_t packNormal(const Vec3 &normal, float visibility)
 Vec3 turnedBack(const Transform &place, const Vec3 &normal)
 {
     Vec3 result{};
-    for (std::size_t column = 0; column < 3; ++column)
-        for (std::size_t row = 0; row < 3; ++row)
+    for (size_t column = 0; column < 3; ++column)
+        for (size_t row = 0; row < 3; ++row)
             result[column] += place[row][column] * normal[row];
     return result;
 }
 
 // How many there are of something in all instances.
 template <typename Count>
-std::uint64_t drawn(const Scene &scene, Count &&count)
+uint64_t drawn(const Scene &scene, Count &&count)
 {
-    std::vector<std::uint64_t> ofMesh;
+    std::vector<uint64_t> ofMesh;
     for (const Mesh &mesh : scene.meshes) {
         ofMesh.push_back(0);
-        for (std::uint32_t i = 0; i < mesh.geometryCount; ++i)
+        for (uint32_t i = 0; i < mesh.geometryCount; ++i)
             ofMesh.back() += count(scene.geometries[mesh.firstGeometry + i]);
     }
-    std::uint64_t sum = 0;
+    uint64_t sum = 0;
     for (const MeshInstance &instance : scene.instances)
         sum += ofMesh[instance.mesh];
     return sum;
@@ -59,10 +59,10 @@ std::uint64_t drawn(const Scene &scene, Count &&count)
 std::vector<Vec3> smoothNormals(const Geometry &g)
 {
     std::vector<Vec3> normals(g.positions.size(), Vec3{});
-    for (std::size_t i = 0; i + 2 < g.indices.size(); i += 3) {
+    for (size_t i = 0; i + 2 < g.indices.size(); i += 3) {
         const Vec3 &a = g.positions[g.indices[i]];
         const Vec3 normal = cross(g.positions[g.indices[i + 1]] - a, g.positions[g.indices[i + 2]] - a);
-        for (std::size_t k = 0; k < 3; ++k)
+        for (size_t k = 0; k < 3; ++k)
             normals[g.indices[i + k]] = normals[g.indices[i + k]] + normal;
     }
     for (Vec3 &n : normals)
@@ -75,12 +75,12 @@ void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &r
                  const Transform &place)
 {
     std::vector<Vec3> normals = smoothNormals(g);
-    std::vector<std::uint32_t> packed(g.positions.size());
-    const bool leaves = record.kind == static_cast<std::uint32_t>(Kind::Leaves);
-    for (std::size_t i = 0; i < packed.size(); ++i) {
+    std::vector<uint32_t> packed(g.positions.size());
+    const bool leaves = record.kind == static_cast<uint32_t>(Kind::Leaves);
+    for (size_t i = 0; i < packed.size(); ++i) {
         const Vec3 p = transformed(place, g.positions[i]);
         float visibility = 1;
-        if (record.kind == static_cast<std::uint32_t>(Kind::Ground)) {
+        if (record.kind == static_cast<uint32_t>(Kind::Ground)) {
             for (const Placement &copy : result.copies)
                 visibility *= density.skyVisibility(copy.inverse(p));
         } else {
@@ -95,13 +95,13 @@ void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &r
         packed[i] = packNormal(normals[i], visibility);
     }
     result.records.push_back(record);
-    result.records.back().firstTriangle = static_cast<std::uint32_t>(result.normals.size() / 3);
+    result.records.back().firstTriangle = static_cast<uint32_t>(result.normals.size() / 3);
     if (!g.alphas.empty()) {
-        result.records.back().firstAlpha = static_cast<std::int32_t>(result.alphas.size());
-        for (const std::uint32_t index : g.indices)
+        result.records.back().firstAlpha = static_cast<int32_t>(result.alphas.size());
+        for (const uint32_t index : g.indices)
             result.alphas.push_back(g.alphas[index]);
     }
-    for (const std::uint32_t index : g.indices) {
+    for (const uint32_t index : g.indices) {
         result.normals.push_back(packed[index]);
         result.uvs.push_back(g.uvs[index].u);
         result.uvs.push_back(g.uvs[index].v);
@@ -131,7 +131,7 @@ Box boxOfInstances(const Scene &scene, const std::vector<Box> &boxes, Wanted &&w
     Box all;
     for (const MeshInstance &instance : scene.instances) {
         const Mesh &mesh = scene.meshes[instance.mesh];
-        for (std::uint32_t i = mesh.firstGeometry; i < mesh.firstGeometry + mesh.geometryCount; ++i)
+        for (uint32_t i = mesh.firstGeometry; i < mesh.firstGeometry + mesh.geometryCount; ++i)
             if (wanted(scene.geometries[i]))
                 for (unsigned corner = 0; corner < 8; ++corner)
                     all.include(transformed(instance.transform, boxes[i].corner(corner)));
@@ -147,13 +147,13 @@ float groundHeight(const Scene &scene, const std::vector<Box> &boxes, const Box 
     return solid.low[1] < 1e29f ? solid.low[1] : all.low[1];
 }
 
-std::vector<Placement> placeCopies(std::uint32_t copies, const Box &box)
+std::vector<Placement> placeCopies(uint32_t copies, const Box &box)
 {
     std::vector<Placement> placements;
-    auto side = static_cast<std::uint32_t>(std::ceil(std::sqrt(static_cast<double>(copies))));
+    auto side = static_cast<uint32_t>(std::ceil(std::sqrt(static_cast<double>(copies))));
     const Vec3 center = box.center();
     const float step = 0.9f * std::max(box.size()[0], box.size()[2]);
-    for (std::uint32_t i = 0; i < copies; ++i) {
+    for (uint32_t i = 0; i < copies; ++i) {
         Placement p;
         if (copies > 1) {
             const float x = static_cast<float>(i % side) - 0.5f * static_cast<float>(side - 1);
@@ -187,11 +187,11 @@ Geometry makeGround(const Box &bounds, float height)
             ground.uvs.push_back({});
         }
     }
-    const auto columns = static_cast<std::uint32_t>(steps.size());
-    for (std::uint32_t j = 0; j + 1 < columns; ++j) {
-        for (std::uint32_t i = 0; i + 1 < columns; ++i) {
-            const std::uint32_t a = j * columns + i;
-            const std::uint32_t c = a + columns;
+    const auto columns = static_cast<uint32_t>(steps.size());
+    for (uint32_t j = 0; j + 1 < columns; ++j) {
+        for (uint32_t i = 0; i + 1 < columns; ++i) {
+            const uint32_t a = j * columns + i;
+            const uint32_t c = a + columns;
             ground.indices.insert(ground.indices.end(), {a, c, a + 1, a + 1, c, c + 1});
         }
     }
@@ -201,19 +201,19 @@ Geometry makeGround(const Box &bounds, float height)
 // Enough points to see how the scene looks from any side.
 std::vector<Vec3> findOutline(const RenderScene &scene, float height)
 {
-    constexpr std::size_t kEnough = 60000;
-    const std::uint64_t step =
+    constexpr size_t kEnough = 60000;
+    const uint64_t step =
         drawn(scene.scene, [](const Geometry &g) { return g.positions.size(); }) * scene.copies.size() / kEnough + 1;
     std::vector<Vec3> points;
     const auto add = [&](const Vec3 &p) {
         points.push_back(p);
         points.back()[1] = std::max(points.back()[1], height);
     };
-    std::uint64_t next = 0; // of the points of all instances, one behind the other
+    uint64_t next = 0; // of the points of all instances, one behind the other
     for (const Placement &copy : scene.copies) {
         for (const MeshInstance &instance : scene.scene.instances) {
             const Mesh &mesh = scene.scene.meshes[instance.mesh];
-            for (std::uint32_t i = 0; i < mesh.geometryCount; ++i) {
+            for (uint32_t i = 0; i < mesh.geometryCount; ++i) {
                 const std::vector<Vec3> &positions = scene.scene.geometries[mesh.firstGeometry + i].positions;
                 for (; next < positions.size(); next += step)
                     add(copy.apply(transformed(instance.transform, positions[next])));
@@ -237,19 +237,19 @@ std::vector<Transform> placesOf(const Scene &scene)
 
 } // namespace
 
-std::uint64_t RenderScene::maskedTriangles() const
+uint64_t RenderScene::maskedTriangles() const
 {
     return drawn(scene,
                  [&](const Geometry &g) { return scene.materials[g.material].masked() ? g.indices.size() / 3 : 0; });
 }
 
-std::uint64_t RenderScene::solidTriangles() const
+uint64_t RenderScene::solidTriangles() const
 {
     return drawn(scene,
                  [&](const Geometry &g) { return scene.materials[g.material].masked() ? 0 : g.indices.size() / 3; });
 }
 
-RenderScene prepareScene(Scene scene, std::uint32_t copies)
+RenderScene prepareScene(Scene scene, uint32_t copies)
 {
     RenderScene result;
     result.scene = std::move(scene);
@@ -273,16 +273,16 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
     result.ground = makeGround(result.bounds, height);
     result.outline = findOutline(result, height);
 
-    std::vector<std::int32_t> textureOf;
-    for (std::size_t i = 0; i < result.scene.materials.size(); ++i) {
+    std::vector<int32_t> textureOf;
+    for (size_t i = 0; i < result.scene.materials.size(); ++i) {
         const bool textured = result.scene.materials[i].image >= 0;
-        textureOf.push_back(textured ? static_cast<std::int32_t>(result.texturedMaterials.size()) : -1);
+        textureOf.push_back(textured ? static_cast<int32_t>(result.texturedMaterials.size()) : -1);
         if (textured)
-            result.texturedMaterials.push_back(static_cast<std::uint32_t>(i));
+            result.texturedMaterials.push_back(static_cast<uint32_t>(i));
     }
     const Density density(result.scene, box);
     const std::vector<Transform> places = placesOf(result.scene);
-    for (std::size_t i = 0; i < result.scene.geometries.size(); ++i) {
+    for (size_t i = 0; i < result.scene.geometries.size(); ++i) {
         const Geometry &g = result.scene.geometries[i];
         const Material &m = result.scene.materials[g.material];
         const Kind kind = m.masked() ? Kind::Leaves : Kind::Solid;
@@ -290,14 +290,14 @@ RenderScene prepareScene(Scene scene, std::uint32_t copies)
                     {0,
                      textureOf[g.material],
                      m.alphaCutoff,
-                     static_cast<std::uint32_t>(kind),
+                     static_cast<uint32_t>(kind),
                      {m.baseColor[0], m.baseColor[1], m.baseColor[2], m.baseColor[3]},
                      -1,
                      {}},
                     density, places[i]);
     }
-    addGeometry(result, result.ground, {0, -1, 0, static_cast<std::uint32_t>(Kind::Ground), {1, 1, 1, 1}, -1, {}},
-                density, kInPlace);
+    addGeometry(result, result.ground, {0, -1, 0, static_cast<uint32_t>(Kind::Ground), {1, 1, 1, 1}, -1, {}}, density,
+                kInPlace);
     return result;
 }
 

@@ -28,12 +28,12 @@ public:
     Instance(const Instance &) = delete;
     Instance &operator=(const Instance &) = delete;
 
-    [[nodiscard]] VkInstance handle() const { return m_instance; }
-    [[nodiscard]] bool layerEnabled() const { return m_layerEnabled; }
+    [[nodiscard]] VkInstance handle() const { return instance_; }
+    [[nodiscard]] bool layerEnabled() const { return layerEnabled_; }
 
 private:
-    VkInstance m_instance = VK_NULL_HANDLE;
-    bool m_layerEnabled = false;
+    VkInstance instance_ = VK_NULL_HANDLE;
+    bool layerEnabled_ = false;
 };
 
 // The extension that micromaps are made and used with.
@@ -101,20 +101,20 @@ public:
     Device(const Device &) = delete;
     Device &operator=(const Device &) = delete;
 
-    [[nodiscard]] VkDevice handle() const { return m_device; }
-    [[nodiscard]] const DeviceInfo &info() const { return m_info; }
+    [[nodiscard]] VkDevice handle() const { return device_; }
+    [[nodiscard]] const DeviceInfo &info() const { return info_; }
     // What micromaps are made with, where they are enabled.
-    [[nodiscard]] std::optional<MicromapApi> micromapApi() const { return m_micromapApi; }
-    [[nodiscard]] const DeviceFunctions &functions() const { return m_functions; }
-    [[nodiscard]] VkDeviceSize scratchAlignment() const { return m_scratchAlignment; }
-    [[nodiscard]] const VkPhysicalDeviceLimits &limits() const { return m_limits; }
+    [[nodiscard]] std::optional<MicromapApi> micromapApi() const { return micromapApi_; }
+    [[nodiscard]] const DeviceFunctions &functions() const { return functions_; }
+    [[nodiscard]] VkDeviceSize scratchAlignment() const { return scratchAlignment_; }
+    [[nodiscard]] const VkPhysicalDeviceLimits &limits() const { return limits_; }
     // Timestamps are worth more than the host's clock: a processor that is not the host's, with a timer.
-    [[nodiscard]] bool hasTimestamps() const { return m_timestamps; }
+    [[nodiscard]] bool hasTimestamps() const { return timestamps_; }
 
-    [[nodiscard]] MemoryPool &bufferMemory() { return *m_bufferMemory; }
+    [[nodiscard]] MemoryPool &bufferMemory() { return *bufferMemory_; }
     // A memory type of `allowed` with all `needed` properties, best with `preferred` too; nothing where there is none.
-    [[nodiscard]] std::optional<std::uint32_t> memoryType(std::uint32_t allowed, VkMemoryPropertyFlags needed,
-                                                          VkMemoryPropertyFlags preferred) const;
+    [[nodiscard]] std::optional<uint32_t> memoryType(uint32_t allowed, VkMemoryPropertyFlags needed,
+                                                     VkMemoryPropertyFlags preferred) const;
     // Records commands, submits them and waits until they are done.
     void run(const std::function<void(VkCommandBuffer)> &record);
     // For work that is recorded once and submitted often.
@@ -122,24 +122,24 @@ public:
     void submitAndWait(VkCommandBuffer commands);
 
 private:
-    Device(const DeviceInfo &info, std::optional<MicromapApi> micromaps) : m_info(info), m_micromapApi(micromaps) {}
+    Device(const DeviceInfo &info, std::optional<MicromapApi> micromaps) : info_(info), micromapApi_(micromaps) {}
     void create(const DeviceNeeds &needs);
     void loadFunctions(const DeviceNeeds &needs);
     void readProperties();
 
-    DeviceInfo m_info;
-    std::optional<MicromapApi> m_micromapApi;
-    VkDevice m_device = VK_NULL_HANDLE;
-    VkQueue m_queue = VK_NULL_HANDLE;
-    std::uint32_t m_family = 0;
-    bool m_timestamps = false;
-    VkCommandPool m_pool = VK_NULL_HANDLE;
-    VkFence m_fence = VK_NULL_HANDLE;
-    std::unique_ptr<MemoryPool> m_bufferMemory;
-    DeviceFunctions m_functions{};
-    VkPhysicalDeviceMemoryProperties m_memory{};
-    VkPhysicalDeviceLimits m_limits{};
-    VkDeviceSize m_scratchAlignment = 0;
+    DeviceInfo info_;
+    std::optional<MicromapApi> micromapApi_;
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkQueue queue_ = VK_NULL_HANDLE;
+    uint32_t family_ = 0;
+    bool timestamps_ = false;
+    VkCommandPool pool_ = VK_NULL_HANDLE;
+    VkFence fence_ = VK_NULL_HANDLE;
+    std::unique_ptr<MemoryPool> bufferMemory_;
+    DeviceFunctions functions_{};
+    VkPhysicalDeviceMemoryProperties memory_{};
+    VkPhysicalDeviceLimits limits_{};
+    VkDeviceSize scratchAlignment_ = 0;
 };
 
 } // namespace vellum::cli

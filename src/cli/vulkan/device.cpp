@@ -20,13 +20,13 @@ Device::Device(const DeviceInfo &info, const DeviceNeeds &needs) : Device(info, 
 
 Device::~Device()
 {
-    if (m_device == VK_NULL_HANDLE)
+    if (device_ == VK_NULL_HANDLE)
         return;
-    vkDeviceWaitIdle(m_device);
-    vkDestroyFence(m_device, m_fence, nullptr);
-    vkDestroyCommandPool(m_device, m_pool, nullptr);
-    m_bufferMemory.reset();
-    vkDestroyDevice(m_device, nullptr);
+    vkDeviceWaitIdle(device_);
+    vkDestroyFence(device_, fence_, nullptr);
+    vkDestroyCommandPool(device_, pool_, nullptr);
+    bufferMemory_.reset();
+    vkDestroyDevice(device_, nullptr);
 }
 
 void Device::readProperties()
@@ -34,23 +34,23 @@ void Device::readProperties()
     VkPhysicalDeviceAccelerationStructurePropertiesKHR structures{};
     structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR;
     VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &structures, {}};
-    vkGetPhysicalDeviceProperties2(m_info.handle, &properties);
-    m_limits = properties.properties.limits;
-    m_scratchAlignment = structures.minAccelerationStructureScratchOffsetAlignment;
-    vkGetPhysicalDeviceMemoryProperties(m_info.handle, &m_memory);
+    vkGetPhysicalDeviceProperties2(info_.handle, &properties);
+    limits_ = properties.properties.limits;
+    scratchAlignment_ = structures.minAccelerationStructureScratchOffsetAlignment;
+    vkGetPhysicalDeviceMemoryProperties(info_.handle, &memory_);
 
-    std::uint32_t count = 0;
-    vkGetPhysicalDeviceQueueFamilyProperties(m_info.handle, &count, nullptr);
+    uint32_t count = 0;
+    vkGetPhysicalDeviceQueueFamilyProperties(info_.handle, &count, nullptr);
     std::vector<VkQueueFamilyProperties> families(count);
-    vkGetPhysicalDeviceQueueFamilyProperties(m_info.handle, &count, families.data());
+    vkGetPhysicalDeviceQueueFamilyProperties(info_.handle, &count, families.data());
     const auto found = std::find_if(families.begin(), families.end(), [](const VkQueueFamilyProperties &f) {
         return (f.queueFlags & VK_QUEUE_COMPUTE_BIT) != 0;
     });
     if (found == families.end())
-        throw Error(m_info.name + " has no queue for compute shaders");
-    m_family = static_cast<std::uint32_t>(found - families.begin());
+        throw Error(info_.name + " has no queue for compute shaders");
+    family_ = static_cast<uint32_t>(found - families.begin());
     // On a CPU driver the host's clock is the device's own, and it includes nothing more.
-    m_timestamps = found->timestampValidBits != 0 && m_info.type != VK_PHYSICAL_DEVICE_TYPE_CPU;
+    timestamps_ = found->timestampValidBits != 0 && info_.type != VK_PHYSICAL_DEVICE_TYPE_CPU;
 }
 
 void Device::create(const DeviceNeeds &needs)
@@ -58,9 +58,9 @@ void Device::create(const DeviceNeeds &needs)
     VkPhysicalDeviceVulkan12Features supported{};
     supported.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
     VkPhysicalDeviceFeatures2 query{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &supported, {}};
-    vkGetPhysicalDeviceFeatures2(m_info.handle, &query);
+    vkGetPhysicalDeviceFeatures2(info_.handle, &query);
     if (supported.shaderSampledImageArrayNonUniformIndexing == VK_FALSE)
-        throw Error(m_info.name + " cannot index textures freely (shaderSampledImageArrayNonUniformIndexing)");
+        throw Error(info_.name + " cannot index textures freely (shaderSampledImageArrayNonUniformIndexing)");
 
     VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR, nullptr, VK_TRUE};
@@ -92,7 +92,7 @@ void Device::create(const DeviceNeeds &needs)
     const float priority = 1;
     VkDeviceQueueCreateInfo queue{};
     queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueFamilyIndex = m_family;
+    queue.queueFamilyIndex = family_;
     queue.queueCount = 1;
     queue.pQueuePriorities = &priority;
     std::vector<const char *> extensions = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
@@ -115,60 +115,60 @@ void Device::create(const DeviceNeeds &needs)
     info.pNext = &features;
     info.queueCreateInfoCount = 1;
     info.pQueueCreateInfos = &queue;
-    info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
     info.ppEnabledExtensionNames = extensions.data();
-    check(vkCreateDevice(m_info.handle, &info, nullptr, &m_device), "creating a Vulkan device");
-    m_bufferMemory = std::make_unique<MemoryPool>(m_device);
-    vkGetDeviceQueue(m_device, m_family, 0, &m_queue);
-    const VkCommandPoolCreateInfo pool{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, m_family};
-    check(vkCreateCommandPool(m_device, &pool, nullptr, &m_pool), "creating a command pool");
+    check(vkCreateDevice(info_.handle, &info, nullptr, &device_), "creating a Vulkan device");
+    bufferMemory_ = std::make_unique<MemoryPool>(device_);
+    vkGetDeviceQueue(device_, family_, 0, &queue_);
+    const VkCommandPoolCreateInfo pool{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, family_};
+    check(vkCreateCommandPool(device_, &pool, nullptr, &pool_), "creating a command pool");
     const VkFenceCreateInfo fence{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO, nullptr, 0};
-    check(vkCreateFence(m_device, &fence, nullptr, &m_fence), "creating a fence");
+    check(vkCreateFence(device_, &fence, nullptr, &fence_), "creating a fence");
 }
 
 void Device::loadFunctions(const DeviceNeeds &needs)
 {
     const auto load = [this](auto &function, const char *name) {
-        function = reinterpret_cast<std::remove_reference_t<decltype(function)>>(vkGetDeviceProcAddr(m_device, name));
+        function = reinterpret_cast<std::remove_reference_t<decltype(function)>>(vkGetDeviceProcAddr(device_, name));
         if (function == nullptr)
-            throw Error(m_info.name + " lacks the function " + name);
+            throw Error(info_.name + " lacks the function " + name);
     };
-    load(m_functions.createAccelerationStructure, "vkCreateAccelerationStructureKHR");
-    load(m_functions.destroyAccelerationStructure, "vkDestroyAccelerationStructureKHR");
-    load(m_functions.getAccelerationStructureBuildSizes, "vkGetAccelerationStructureBuildSizesKHR");
-    load(m_functions.getAccelerationStructureDeviceAddress, "vkGetAccelerationStructureDeviceAddressKHR");
-    load(m_functions.cmdBuildAccelerationStructures, "vkCmdBuildAccelerationStructuresKHR");
+    load(functions_.createAccelerationStructure, "vkCreateAccelerationStructureKHR");
+    load(functions_.destroyAccelerationStructure, "vkDestroyAccelerationStructureKHR");
+    load(functions_.getAccelerationStructureBuildSizes, "vkGetAccelerationStructureBuildSizesKHR");
+    load(functions_.getAccelerationStructureDeviceAddress, "vkGetAccelerationStructureDeviceAddressKHR");
+    load(functions_.cmdBuildAccelerationStructures, "vkCmdBuildAccelerationStructuresKHR");
     if (needs.micromaps == MicromapApi::Khr)
-        load(m_functions.createAccelerationStructure2, "vkCreateAccelerationStructure2KHR");
+        load(functions_.createAccelerationStructure2, "vkCreateAccelerationStructure2KHR");
     if (needs.micromaps == MicromapApi::Ext) {
-        load(m_functions.createMicromap, "vkCreateMicromapEXT");
-        load(m_functions.destroyMicromap, "vkDestroyMicromapEXT");
-        load(m_functions.getMicromapBuildSizes, "vkGetMicromapBuildSizesEXT");
-        load(m_functions.cmdBuildMicromaps, "vkCmdBuildMicromapsEXT");
+        load(functions_.createMicromap, "vkCreateMicromapEXT");
+        load(functions_.destroyMicromap, "vkDestroyMicromapEXT");
+        load(functions_.getMicromapBuildSizes, "vkGetMicromapBuildSizesEXT");
+        load(functions_.cmdBuildMicromaps, "vkCmdBuildMicromapsEXT");
     }
     if (needs.rayTracingPipelines) {
-        load(m_functions.createRayTracingPipelines, "vkCreateRayTracingPipelinesKHR");
-        load(m_functions.getRayTracingShaderGroupHandles, "vkGetRayTracingShaderGroupHandlesKHR");
-        load(m_functions.cmdTraceRays, "vkCmdTraceRaysKHR");
+        load(functions_.createRayTracingPipelines, "vkCreateRayTracingPipelinesKHR");
+        load(functions_.getRayTracingShaderGroupHandles, "vkGetRayTracingShaderGroupHandlesKHR");
+        load(functions_.cmdTraceRays, "vkCmdTraceRaysKHR");
     }
 }
 
-std::optional<std::uint32_t> Device::memoryType(std::uint32_t allowed, VkMemoryPropertyFlags needed,
-                                                VkMemoryPropertyFlags preferred) const
+std::optional<uint32_t> Device::memoryType(uint32_t allowed, VkMemoryPropertyFlags needed,
+                                           VkMemoryPropertyFlags preferred) const
 {
     for (const VkMemoryPropertyFlags flags : {needed | preferred, needed})
-        for (std::uint32_t i = 0; i < m_memory.memoryTypeCount; ++i)
-            if ((allowed & (1u << i)) != 0 && (m_memory.memoryTypes[i].propertyFlags & flags) == flags)
+        for (uint32_t i = 0; i < memory_.memoryTypeCount; ++i)
+            if ((allowed & (1u << i)) != 0 && (memory_.memoryTypes[i].propertyFlags & flags) == flags)
                 return i;
     return std::nullopt;
 }
 
 VkCommandBuffer Device::allocateCommands()
 {
-    const VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, m_pool,
+    const VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool_,
                                            VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
     VkCommandBuffer commands = VK_NULL_HANDLE;
-    check(vkAllocateCommandBuffers(m_device, &info, &commands), "allocating a command buffer");
+    check(vkAllocateCommandBuffers(device_, &info, &commands), "allocating a command buffer");
     return commands;
 }
 
@@ -178,9 +178,9 @@ void Device::submitAndWait(VkCommandBuffer commands)
     submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
     submit.commandBufferCount = 1;
     submit.pCommandBuffers = &commands;
-    check(vkResetFences(m_device, 1, &m_fence), "resetting a fence");
-    check(vkQueueSubmit(m_queue, 1, &submit, m_fence), "submitting work");
-    check(vkWaitForFences(m_device, 1, &m_fence, VK_TRUE, UINT64_MAX), "waiting for the device");
+    check(vkResetFences(device_, 1, &fence_), "resetting a fence");
+    check(vkQueueSubmit(queue_, 1, &submit, fence_), "submitting work");
+    check(vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX), "waiting for the device");
 }
 
 void Device::run(const std::function<void(VkCommandBuffer)> &record)
@@ -192,7 +192,7 @@ void Device::run(const std::function<void(VkCommandBuffer)> &record)
     record(commands);
     check(vkEndCommandBuffer(commands), "recording commands");
     submitAndWait(commands);
-    vkFreeCommandBuffers(m_device, m_pool, 1, &commands);
+    vkFreeCommandBuffers(device_, pool_, 1, &commands);
 }
 
 } // namespace vellum::cli

@@ -29,7 +29,7 @@ const char *nameOf(VkResult result)
 
 bool layerIsAvailable()
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     vkEnumerateInstanceLayerProperties(&count, nullptr);
     std::vector<VkLayerProperties> layers(count);
     vkEnumerateInstanceLayerProperties(&count, layers.data());
@@ -39,7 +39,7 @@ bool layerIsAvailable()
 
 std::set<std::string> extensionsOf(VkPhysicalDevice device)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr), "listing device extensions");
     std::vector<VkExtensionProperties> extensions(count);
     check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()),
@@ -51,9 +51,9 @@ std::set<std::string> extensionsOf(VkPhysicalDevice device)
 }
 
 // Who implements the extensions: the layer reports itself as a tool, with what it does for the device.
-std::string describeImplementation(VkPhysicalDevice device, std::uint32_t version)
+std::string describeImplementation(VkPhysicalDevice device, uint32_t version)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     std::vector<VkPhysicalDeviceToolProperties> tools;
     if (version >= VK_API_VERSION_1_3 && vkGetPhysicalDeviceToolProperties(device, &count, nullptr) == VK_SUCCESS) {
         tools.resize(count, {VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES, nullptr, {}, {}, 0, {}, {}});
@@ -166,7 +166,7 @@ void requireMicromaps(const DeviceInfo &device, MicromapApi api, bool layer)
 
 Instance::Instance(bool wantLayer)
 {
-    m_layerEnabled = wantLayer && layerIsAvailable();
+    layerEnabled_ = wantLayer && layerIsAvailable();
     VkApplicationInfo application{};
     application.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
     application.pApplicationName = "vellum";
@@ -175,22 +175,22 @@ Instance::Instance(bool wantLayer)
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
     info.pApplicationInfo = &application;
     const char *layer = kLayerName;
-    info.enabledLayerCount = m_layerEnabled ? 1 : 0;
+    info.enabledLayerCount = layerEnabled_ ? 1 : 0;
     info.ppEnabledLayerNames = &layer;
-    const VkResult result = vkCreateInstance(&info, nullptr, &m_instance);
-    if (m_layerEnabled && result == VK_ERROR_LAYER_NOT_PRESENT) // its manifest is there, its library is not
+    const VkResult result = vkCreateInstance(&info, nullptr, &instance_);
+    if (layerEnabled_ && result == VK_ERROR_LAYER_NOT_PRESENT) // its manifest is there, its library is not
         throw Error(std::string("the layer ") + kLayerName + " cannot be loaded; --no-layer does without it");
     check(result, "creating a Vulkan instance");
 }
 
 Instance::~Instance()
 {
-    vkDestroyInstance(m_instance, nullptr);
+    vkDestroyInstance(instance_, nullptr);
 }
 
 std::vector<DeviceInfo> listDevices(const Instance &instance)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     // Without any driver some loaders fail here instead of at the instance's creation.
     if (vkEnumeratePhysicalDevices(instance.handle(), &count, nullptr) != VK_SUCCESS)
         count = 0;
@@ -209,7 +209,7 @@ DeviceInfo chooseDevice(const Instance &instance, const std::optional<std::strin
     if (devices.empty())
         throw Error("there is no Vulkan device");
     const DeviceInfo *best = nullptr;
-    for (std::size_t i = 0; i < devices.size(); ++i) {
+    for (size_t i = 0; i < devices.size(); ++i) {
         const DeviceInfo &d = devices[i];
         if (wish && *wish != std::to_string(i) && !contains(d.name, *wish))
             continue;

@@ -18,24 +18,24 @@ constexpr VkDeviceSize kSmall = kBlock / 8; // what shares a block
 class MemoryPool::Block
 {
 public:
-    std::uint32_t type = 0;
+    uint32_t type = 0;
     bool mapped = false;
     VkDeviceMemory memory = VK_NULL_HANDLE;
     std::byte *bytes = nullptr;
     VkDeviceSize size = 0;
     VkDeviceSize used = 0;
-    std::size_t pieces = 0;
+    size_t pieces = 0;
 };
 
-MemoryPool::MemoryPool(VkDevice device) : m_device(device) {}
+MemoryPool::MemoryPool(VkDevice device) : device_(device) {}
 
 MemoryPool::~MemoryPool()
 {
-    for (const auto &block : m_blocks)
-        vkFreeMemory(m_device, block->memory, nullptr);
+    for (const auto &block : blocks_)
+        vkFreeMemory(device_, block->memory, nullptr);
 }
 
-MemoryPool::Piece MemoryPool::allocate(const VkMemoryRequirements &requirements, std::uint32_t type, bool mapped)
+MemoryPool::Piece MemoryPool::allocate(const VkMemoryRequirements &requirements, uint32_t type, bool mapped)
 {
     const auto offsetIn = [&](const Block &block) {
         return (block.used + requirements.alignment - 1) / requirements.alignment * requirements.alignment;
@@ -44,8 +44,8 @@ MemoryPool::Piece MemoryPool::allocate(const VkMemoryRequirements &requirements,
         return block->type == type && block->mapped == mapped && offsetIn(*block) <= block->size &&
                requirements.size <= block->size - offsetIn(*block);
     };
-    auto found = std::find_if(m_blocks.begin(), m_blocks.end(), fits);
-    if (found == m_blocks.end()) {
+    auto found = std::find_if(blocks_.begin(), blocks_.end(), fits);
+    if (found == blocks_.end()) {
         auto block = std::make_unique<Block>();
         block->type = type;
         block->mapped = mapped;
@@ -53,12 +53,12 @@ MemoryPool::Piece MemoryPool::allocate(const VkMemoryRequirements &requirements,
         const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
                                               VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
         const VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, block->size, type};
-        check(vkAllocateMemory(m_device, &info, nullptr, &block->memory), "allocating device memory");
-        m_blocks.push_back(std::move(block));
-        found = m_blocks.end() - 1;
+        check(vkAllocateMemory(device_, &info, nullptr, &block->memory), "allocating device memory");
+        blocks_.push_back(std::move(block));
+        found = blocks_.end() - 1;
         void *bytes = nullptr;
         if (mapped)
-            check(vkMapMemory(m_device, (*found)->memory, 0, VK_WHOLE_SIZE, 0, &bytes), "mapping memory");
+            check(vkMapMemory(device_, (*found)->memory, 0, VK_WHOLE_SIZE, 0, &bytes), "mapping memory");
         (*found)->bytes = static_cast<std::byte *>(bytes);
     }
     Block &block = **found;
@@ -75,8 +75,8 @@ void MemoryPool::free(const Piece &piece)
     piece.block->used = 0;
     if (piece.block->size == kBlock)
         return;
-    vkFreeMemory(m_device, piece.memory, nullptr);
-    std::erase_if(m_blocks, [&](const auto &block) { return block.get() == piece.block; });
+    vkFreeMemory(device_, piece.memory, nullptr);
+    std::erase_if(blocks_, [&](const auto &block) { return block.get() == piece.block; });
 }
 
 } // namespace vellum::cli

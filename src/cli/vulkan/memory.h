@@ -29,12 +29,12 @@ public:
 
     // Memory that buffers with a device address may lie in. Mapped memory must be of a host-coherent type. Throws
     // Error.
-    Piece allocate(const VkMemoryRequirements &requirements, std::uint32_t type, bool mapped);
+    Piece allocate(const VkMemoryRequirements &requirements, uint32_t type, bool mapped);
     void free(const Piece &piece);
 
 private:
-    VkDevice m_device;
-    std::vector<std::unique_ptr<Block>> m_blocks;
+    VkDevice device_;
+    std::vector<std::unique_ptr<Block>> blocks_;
 };
 
 } // namespace vellum::cli

@@ -9,7 +9,7 @@ namespace vellum::cli
 namespace
 {
 
-std::uint32_t memoryTypeFor(Device &device, const VkMemoryRequirements &requirements, Buffer::Place place)
+uint32_t memoryTypeFor(Device &device, const VkMemoryRequirements &requirements, Buffer::Place place)
 {
     const bool host = place == Buffer::Place::Host;
     const auto type = device.memoryType(
@@ -43,43 +43,43 @@ VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
 // Constructors delegate to the empty one, so that the destructor also runs where they throw.
 Buffer::Buffer(Device &device, VkDeviceSize size, VkBufferUsageFlags usage, Place place) : Buffer()
 {
-    m_device = device.handle();
-    m_size = std::max<VkDeviceSize>(size, 16);
+    device_ = device.handle();
+    size_ = std::max<VkDeviceSize>(size, 16);
     VkBufferCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.size = m_size;
+    info.size = size_;
     info.usage = usage;
-    check(vkCreateBuffer(m_device, &info, nullptr, &m_buffer), "creating a buffer");
+    check(vkCreateBuffer(device_, &info, nullptr, &buffer_), "creating a buffer");
     VkMemoryRequirements requirements;
-    vkGetBufferMemoryRequirements(m_device, m_buffer, &requirements);
-    m_pool = &device.bufferMemory();
-    m_memory = m_pool->allocate(requirements, memoryTypeFor(device, requirements, place), place == Place::Host);
-    check(vkBindBufferMemory(m_device, m_buffer, m_memory.memory, m_memory.offset), "binding memory");
+    vkGetBufferMemoryRequirements(device_, buffer_, &requirements);
+    pool_ = &device.bufferMemory();
+    memory_ = pool_->allocate(requirements, memoryTypeFor(device, requirements, place), place == Place::Host);
+    check(vkBindBufferMemory(device_, buffer_, memory_.memory, memory_.offset), "binding memory");
 }
 
 Buffer::~Buffer()
 {
-    if (m_device == VK_NULL_HANDLE)
+    if (device_ == VK_NULL_HANDLE)
         return;
-    vkDestroyBuffer(m_device, m_buffer, nullptr);
-    if (m_pool != nullptr)
-        m_pool->free(m_memory);
+    vkDestroyBuffer(device_, buffer_, nullptr);
+    if (pool_ != nullptr)
+        pool_->free(memory_);
 }
 
 Buffer &Buffer::operator=(Buffer &&other) noexcept
 {
-    std::swap(m_device, other.m_device);
-    std::swap(m_buffer, other.m_buffer);
-    std::swap(m_memory, other.m_memory);
-    std::swap(m_pool, other.m_pool);
-    std::swap(m_size, other.m_size);
+    std::swap(device_, other.device_);
+    std::swap(buffer_, other.buffer_);
+    std::swap(memory_, other.memory_);
+    std::swap(pool_, other.pool_);
+    std::swap(size_, other.size_);
     return *this;
 }
 
 VkDeviceAddress Buffer::address(VkDeviceSize alignment) const
 {
-    const VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, m_buffer};
-    return alignUp(vkGetBufferDeviceAddress(m_device, &info), alignment);
+    const VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer_};
+    return alignUp(vkGetBufferDeviceAddress(device_, &info), alignment);
 }
 
 Buffer uploadBuffer(Device &device, std::span<const std::byte> bytes, VkBufferUsageFlags usage, VkDeviceSize alignment)
@@ -102,9 +102,9 @@ Buffer uploadBuffer(Device &device, std::span<const std::byte> bytes, VkBufferUs
     return buffer;
 }
 
-std::vector<std::uint32_t> downloadWords(Device &device, const Buffer &buffer, std::size_t words)
+std::vector<uint32_t> downloadWords(Device &device, const Buffer &buffer, size_t words)
 {
-    const VkDeviceSize size = words * sizeof(std::uint32_t);
+    const VkDeviceSize size = words * sizeof(uint32_t);
     const Buffer staging(device, size, VK_BUFFER_USAGE_TRANSFER_DST_BIT, Buffer::Place::Host);
     device.run([&](VkCommandBuffer commands) {
         const VkBufferCopy region{0, 0, size};
@@ -114,14 +114,14 @@ std::vector<std::uint32_t> downloadWords(Device &device, const Buffer &buffer, s
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier, 0,
                              nullptr, 0, nullptr);
     });
-    std::vector<std::uint32_t> result(words);
+    std::vector<uint32_t> result(words);
     std::memcpy(result.data(), staging.mapped(), size);
     return result;
 }
 
 Texture::Texture(Device &device, const Image &image, const Material &material) : Texture()
 {
-    m_device = device.handle();
+    device_ = device.handle();
     // UNORM, not SRGB: alpha is the same, and the conversion is done once per hit instead of once per texel.
     constexpr VkFormat kFormat = VK_FORMAT_R8G8B8A8_UNORM;
     VkImageCreateInfo info{};
@@ -134,32 +134,32 @@ Texture::Texture(Device &device, const Image &image, const Material &material) :
     info.samples = VK_SAMPLE_COUNT_1_BIT;
     info.tiling = VK_IMAGE_TILING_OPTIMAL;
     info.usage = VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
-    const std::uint32_t largest = device.limits().maxImageDimension2D;
+    const uint32_t largest = device.limits().maxImageDimension2D;
     if (image.width > largest || image.height > largest)
         throw Error("a texture is larger than the device's limit of " + std::to_string(largest) + " texels");
-    check(vkCreateImage(m_device, &info, nullptr, &m_image), "creating an image");
+    check(vkCreateImage(device_, &info, nullptr, &image_), "creating an image");
     VkMemoryRequirements requirements;
-    vkGetImageMemoryRequirements(m_device, m_image, &requirements);
+    vkGetImageMemoryRequirements(device_, image_, &requirements);
     const VkMemoryAllocateInfo memory{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, nullptr, requirements.size,
                                       memoryTypeFor(device, requirements, Buffer::Place::Device)};
-    check(vkAllocateMemory(m_device, &memory, nullptr, &m_memory), "allocating device memory");
-    check(vkBindImageMemory(m_device, m_image, m_memory, 0), "binding memory");
+    check(vkAllocateMemory(device_, &memory, nullptr, &memory_), "allocating device memory");
+    check(vkBindImageMemory(device_, image_, memory_, 0), "binding memory");
     upload(device, image);
 
     VkImageViewCreateInfo view{};
     view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
-    view.image = m_image;
+    view.image = image_;
     view.viewType = VK_IMAGE_VIEW_TYPE_2D;
     view.format = kFormat;
     view.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
-    check(vkCreateImageView(m_device, &view, nullptr, &m_view), "creating an image view");
+    check(vkCreateImageView(device_, &view, nullptr, &view_), "creating an image view");
     VkSamplerCreateInfo sampler{};
     sampler.sType = VK_STRUCTURE_TYPE_SAMPLER_CREATE_INFO;
     sampler.magFilter = material.filter == Filter::Nearest ? VK_FILTER_NEAREST : VK_FILTER_LINEAR;
     sampler.minFilter = sampler.magFilter;
     sampler.addressModeU = addressMode(material.wrapU);
     sampler.addressModeV = addressMode(material.wrapV);
-    check(vkCreateSampler(m_device, &sampler, nullptr, &m_sampler), "creating a sampler");
+    check(vkCreateSampler(device_, &sampler, nullptr, &sampler_), "creating a sampler");
 }
 
 void Texture::upload(Device &device, const Image &image)
@@ -174,14 +174,14 @@ void Texture::upload(Device &device, const Image &image)
         barrier.newLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
         barrier.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
         barrier.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-        barrier.image = m_image;
+        barrier.image = image_;
         barrier.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 0, nullptr,
                              0, nullptr, 1, &barrier);
         VkBufferImageCopy region{};
         region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
         region.imageExtent = {image.width, image.height, 1};
-        vkCmdCopyBufferToImage(commands, staging.handle(), m_image, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &region);
+        vkCmdCopyBufferToImage(commands, staging.handle(), image_, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &region);
         barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
         barrier.dstAccessMask = VK_ACCESS_SHADER_READ_BIT;
         barrier.oldLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
@@ -193,21 +193,21 @@ void Texture::upload(Device &device, const Image &image)
 
 Texture::~Texture()
 {
-    if (m_device == VK_NULL_HANDLE)
+    if (device_ == VK_NULL_HANDLE)
         return;
-    vkDestroySampler(m_device, m_sampler, nullptr);
-    vkDestroyImageView(m_device, m_view, nullptr);
-    vkDestroyImage(m_device, m_image, nullptr);
-    vkFreeMemory(m_device, m_memory, nullptr);
+    vkDestroySampler(device_, sampler_, nullptr);
+    vkDestroyImageView(device_, view_, nullptr);
+    vkDestroyImage(device_, image_, nullptr);
+    vkFreeMemory(device_, memory_, nullptr);
 }
 
 Texture &Texture::operator=(Texture &&other) noexcept
 {
-    std::swap(m_device, other.m_device);
-    std::swap(m_image, other.m_image);
-    std::swap(m_memory, other.m_memory);
-    std::swap(m_view, other.m_view);
-    std::swap(m_sampler, other.m_sampler);
+    std::swap(device_, other.device_);
+    std::swap(image_, other.image_);
+    std::swap(memory_, other.memory_);
+    std::swap(view_, other.view_);
+    std::swap(sampler_, other.sampler_);
     return *this;
 }
 

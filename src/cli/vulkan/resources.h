@@ -26,18 +26,18 @@ public:
     Buffer(Buffer &&other) noexcept { *this = std::move(other); }
     Buffer &operator=(Buffer &&other) noexcept;
 
-    [[nodiscard]] VkBuffer handle() const { return m_buffer; }
-    [[nodiscard]] VkDeviceSize size() const { return m_size; }
-    [[nodiscard]] void *mapped() const { return m_memory.mapped; }
+    [[nodiscard]] VkBuffer handle() const { return buffer_; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    [[nodiscard]] void *mapped() const { return memory_.mapped; }
     // The first address that is a multiple of `alignment`. Needs VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address(VkDeviceSize alignment = 1) const;
 
 private:
-    VkDevice m_device = VK_NULL_HANDLE;
-    VkBuffer m_buffer = VK_NULL_HANDLE;
-    MemoryPool *m_pool = nullptr;
-    MemoryPool::Piece m_memory;
-    VkDeviceSize m_size = 0;
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkBuffer buffer_ = VK_NULL_HANDLE;
+    MemoryPool *pool_ = nullptr;
+    MemoryPool::Piece memory_;
+    VkDeviceSize size_ = 0;
 };
 
 // A buffer in the device's memory with these bytes at its first address that is a multiple of `alignment`, and zeros
@@ -46,7 +46,7 @@ Buffer uploadBuffer(Device &device, std::span<const std::byte> bytes, VkBufferUs
                     VkDeviceSize alignment = 1);
 
 // The first bytes of a device buffer that can be copied from.
-std::vector<std::uint32_t> downloadWords(Device &device, const Buffer &buffer, std::size_t words);
+std::vector<uint32_t> downloadWords(Device &device, const Buffer &buffer, size_t words);
 
 class Texture
 {
@@ -57,18 +57,18 @@ public:
     Texture(Texture &&other) noexcept { *this = std::move(other); }
     Texture &operator=(Texture &&other) noexcept;
 
-    [[nodiscard]] VkImageView view() const { return m_view; }
-    [[nodiscard]] VkSampler sampler() const { return m_sampler; }
+    [[nodiscard]] VkImageView view() const { return view_; }
+    [[nodiscard]] VkSampler sampler() const { return sampler_; }
 
 private:
     Texture() = default;
     void upload(Device &device, const Image &image);
 
-    VkDevice m_device = VK_NULL_HANDLE;
-    VkImage m_image = VK_NULL_HANDLE;
-    VkDeviceMemory m_memory = VK_NULL_HANDLE;
-    VkImageView m_view = VK_NULL_HANDLE;
-    VkSampler m_sampler = VK_NULL_HANDLE;
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkImage image_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkImageView view_ = VK_NULL_HANDLE;
+    VkSampler sampler_ = VK_NULL_HANDLE;
 };
 
 } // namespace vellum::cli

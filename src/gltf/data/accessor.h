@@ -15,19 +15,18 @@ namespace vellum
 
 // `count` elements of `components` floats each: from FLOAT, or from 8/16-bit integers, normalized or not
 // (KHR_mesh_quantization).
-std::vector<float> readFloats(const BufferViews &views, int accessor, std::uint32_t components,
-                              const std::string &what);
+std::vector<float> readFloats(const BufferViews &views, int accessor, uint32_t components, const std::string &what);
 
 // The fourth components of colours; none where they have three.
 std::vector<float> readAlphas(const BufferViews &views, int accessor, const std::string &what);
 
 // Vertex indices, from unsigned 8/16/32-bit data.
-std::vector<std::uint32_t> readIndices(const BufferViews &views, int accessor, const std::string &what);
+std::vector<uint32_t> readIndices(const BufferViews &views, int accessor, const std::string &what);
 
 // How many elements it has, once it is certain that all of them are there.
-std::size_t countElements(const BufferViews &views, int accessor, const std::string &what);
+size_t countElements(const BufferViews &views, int accessor, const std::string &what);
 
 // How many elements it says it has.
-std::size_t accessorCount(const gltf_json::Model &model, int accessor, const std::string &what);
+size_t accessorCount(const gltf_json::Model &model, int accessor, const std::string &what);
 
 } // namespace vellum

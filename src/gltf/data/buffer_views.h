@@ -18,29 +18,29 @@ namespace vellum
 class BufferViews
 {
 public:
-    explicit BufferViews(const gltf_json::Model &model) : m_model(model) {}
+    explicit BufferViews(const gltf_json::Model &model) : model_(model) {}
 
-    [[nodiscard]] const gltf_json::Model &model() const { return m_model; }
+    [[nodiscard]] const gltf_json::Model &model() const { return model_; }
 
     // What EXT_meshopt_compression or KHR_meshopt_compression has in it is decompressed at the first call, and kept.
     // Throws GltfError, which begins with `what`, where the view does not exist, reaches outside of its buffer or
     // cannot be decompressed.
-    [[nodiscard]] std::span<const std::uint8_t> bytes(int view, const std::string &what) const;
+    [[nodiscard]] std::span<const uint8_t> bytes(int view, const std::string &what) const;
 
     // Whether a compressed view has uncompressed data beside it, for those who do not know the compression, and that is
     // other data.
     [[nodiscard]] bool differsFromFallback(int view, const std::string &what) const;
 
 private:
-    [[nodiscard]] std::span<const std::uint8_t> stored(int buffer, std::size_t offset, std::size_t length,
-                                                       const std::string &name) const;
-    [[nodiscard]] std::span<const std::uint8_t> decompressed(int view, const std::string &name) const;
-    void account(std::size_t bytes) const;
+    [[nodiscard]] std::span<const uint8_t> stored(int buffer, size_t offset, size_t length,
+                                                  const std::string &name) const;
+    [[nodiscard]] std::span<const uint8_t> decompressed(int view, const std::string &name) const;
+    void account(size_t bytes) const;
 
-    const gltf_json::Model &m_model;
-    mutable std::mutex m_mutex;
-    mutable std::map<int, std::vector<std::uint8_t>> m_decompressed;
-    mutable std::optional<std::uint64_t> m_allowance; // of bytes to decompress to
+    const gltf_json::Model &model_;
+    mutable std::mutex mutex_;
+    mutable std::map<int, std::vector<uint8_t>> decompressed_;
+    mutable std::optional<uint64_t> allowance_; // of bytes to decompress to
 };
 
 } // namespace vellum

@@ -19,12 +19,12 @@ JsonValue extensionOf(const gltf_json::BufferView &view)
     return {};
 }
 
-std::size_t sizeOf(const JsonValue &extension, const char *name, std::int64_t otherwise)
+size_t sizeOf(const JsonValue &extension, const char *name, int64_t otherwise)
 {
-    const std::int64_t number = extension[name].integer().value_or(otherwise);
+    const int64_t number = extension[name].integer().value_or(otherwise);
     if (number < 0)
         throw GltfError(std::string("has a compression without \"") + name + "\"");
-    return static_cast<std::size_t>(number);
+    return static_cast<size_t>(number);
 }
 
 // "For the extension object to be valid, the following must hold".
@@ -53,7 +53,7 @@ void check(const CompressedView &view, const gltf_json::BufferView &parent)
 }
 
 // The stream begins with its kind and, in the lower half of the byte, its version.
-bool isNewer(const CompressedView &view, std::span<const std::uint8_t> encoded)
+bool isNewer(const CompressedView &view, std::span<const uint8_t> encoded)
 {
     const int newest = view.mode == "ATTRIBUTES" ? 0xa0 : view.mode == "TRIANGLES" ? 0xe1 : 0xd1;
     return !encoded.empty() && (encoded[0] & 0xf0) == (newest & 0xf0) && encoded[0] > newest;
@@ -83,9 +83,9 @@ CompressedView readCompressedView(const gltf_json::BufferView &parent)
     return view;
 }
 
-std::vector<std::uint8_t> decompressView(const CompressedView &view, std::span<const std::uint8_t> encoded)
+std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const uint8_t> encoded)
 {
-    std::vector<std::uint8_t> decoded(view.bytes());
+    std::vector<uint8_t> decoded(view.bytes());
     int error = 0;
     if (view.mode == "ATTRIBUTES")
         error = meshopt_decodeVertexBuffer(decoded.data(), view.count, view.byteStride, encoded.data(), encoded.size());

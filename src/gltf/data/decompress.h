@@ -14,15 +14,15 @@ namespace vellum
 // What an extension of a buffer view says of its data.
 struct CompressedView {
     int buffer = -1;
-    std::size_t byteOffset = 0;
-    std::size_t byteLength = 0;
-    std::size_t byteStride = 0;
-    std::size_t count = 0;
+    size_t byteOffset = 0;
+    size_t byteLength = 0;
+    size_t byteStride = 0;
+    size_t count = 0;
     std::string mode;
     std::string filter;
 
     // The bytes that it is decompressed to.
-    [[nodiscard]] std::size_t bytes() const { return byteStride * count; }
+    [[nodiscard]] size_t bytes() const { return byteStride * count; }
 };
 
 // Whether EXT_meshopt_compression or KHR_meshopt_compression is in a buffer view.
@@ -33,6 +33,6 @@ bool isCompressed(const gltf_json::BufferView &view);
 CompressedView readCompressedView(const gltf_json::BufferView &view);
 
 // Throws GltfError where `encoded` does not decode to `view`.
-std::vector<std::uint8_t> decompressView(const CompressedView &view, std::span<const std::uint8_t> encoded);
+std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const uint8_t> encoded);
 
 } // namespace vellum

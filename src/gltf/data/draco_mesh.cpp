@@ -16,26 +16,26 @@ namespace
 
 // The library takes the numbers of faces and points that a stream begins with at their word, and so a few bytes could
 // ask for gigabytes. These are far more than an encoder makes of real meshes.
-constexpr std::uint64_t kAlwaysAllowed = std::uint64_t{1} << 17;
-constexpr std::uint64_t kMostPerByte = 8;
-constexpr std::uint64_t kMostAttributeBytes = std::uint64_t{64} << 20;
-constexpr std::uint64_t kMostAttributeBytesPerByte = 256;
+constexpr uint64_t kAlwaysAllowed = uint64_t{1} << 17;
+constexpr uint64_t kMostPerByte = 8;
+constexpr uint64_t kMostAttributeBytes = uint64_t{64} << 20;
+constexpr uint64_t kMostAttributeBytesPerByte = 256;
 
 // One of the library's decoders, with checks between its steps.
 template <typename Decoder>
 class CheckedDecoder : public Decoder
 {
 public:
-    explicit CheckedDecoder(std::size_t encodedBytes) : m_encodedBytes(encodedBytes) {}
+    explicit CheckedDecoder(size_t encodedBytes) : encodedBytes_(encodedBytes) {}
 
 protected:
     // Where it begins, the stream has the numbers (of version 2.2): of vertices and faces, or of faces and points.
     bool DecodeConnectivity() override
     {
         draco::DecoderBuffer ahead(*this->buffer());
-        std::uint32_t first = 0;
-        std::uint32_t second = 0;
-        const std::uint64_t most = kAlwaysAllowed + kMostPerByte * m_encodedBytes;
+        uint32_t first = 0;
+        uint32_t second = 0;
+        const uint64_t most = kAlwaysAllowed + kMostPerByte * encodedBytes_;
         return draco::DecodeVarint(&first, &ahead) && draco::DecodeVarint(&second, &ahead) && first <= most &&
                second <= most && Decoder::DecodeConnectivity();
     }
@@ -43,20 +43,20 @@ protected:
     // All attributes are known and none of them is decoded.
     bool DecodeAllAttributes() override
     {
-        std::uint64_t bytes = 0;
+        uint64_t bytes = 0;
         for (int i = 0; i < this->point_cloud()->num_attributes(); ++i)
-            bytes += std::uint64_t{this->point_cloud()->num_points()} *
-                     static_cast<std::uint64_t>(this->point_cloud()->attribute(i)->byte_stride());
-        return bytes <= kMostAttributeBytes + kMostAttributeBytesPerByte * m_encodedBytes &&
+            bytes += uint64_t{this->point_cloud()->num_points()} *
+                     static_cast<uint64_t>(this->point_cloud()->attribute(i)->byte_stride());
+        return bytes <= kMostAttributeBytes + kMostAttributeBytesPerByte * encodedBytes_ &&
                Decoder::DecodeAllAttributes();
     }
 
 private:
-    std::size_t m_encodedBytes;
+    size_t encodedBytes_;
 };
 
 template <typename Decoder>
-bool decode(std::span<const std::uint8_t> encoded, draco::Mesh &mesh)
+bool decode(std::span<const uint8_t> encoded, draco::Mesh &mesh)
 {
     draco::DecoderBuffer buffer;
     buffer.Init(reinterpret_cast<const char *>(encoded.data()), encoded.size());
@@ -66,9 +66,9 @@ bool decode(std::span<const std::uint8_t> encoded, draco::Mesh &mesh)
 }
 
 // glTF's is version 2.2, and so none of the library's code for older ones is ever used.
-void checkHeader(std::span<const std::uint8_t> encoded, const std::string &what)
+void checkHeader(std::span<const uint8_t> encoded, const std::string &what)
 {
-    constexpr std::size_t kHeaderBytes = 11;
+    constexpr size_t kHeaderBytes = 11;
     constexpr std::string_view kMagic = "DRACO";
     if (encoded.size() < kHeaderBytes || !std::equal(kMagic.begin(), kMagic.end(), encoded.begin()))
         throw GltfError(what + ": what it is compressed to is not Draco's");
@@ -77,7 +77,7 @@ void checkHeader(std::span<const std::uint8_t> encoded, const std::string &what)
                               std::to_string(encoded[6]) + " is not 2.2");
 }
 
-float normalized(std::int32_t value, DracoMesh::As as)
+float normalized(int32_t value, DracoMesh::As as)
 {
     const auto f = static_cast<float>(value);
     switch (as) {
@@ -94,21 +94,20 @@ float normalized(std::int32_t value, DracoMesh::As as)
 struct DracoMesh::Decoded {
     draco::Mesh mesh;
 
-    [[nodiscard]] const draco::PointAttribute &attribute(std::int64_t id, const std::string &what) const
+    [[nodiscard]] const draco::PointAttribute &attribute(int64_t id, const std::string &what) const
     {
         const draco::PointAttribute *found =
-            id < 0 || id > 0xffffffff ? nullptr : mesh.GetAttributeByUniqueId(static_cast<std::uint32_t>(id));
+            id < 0 || id > 0xffffffff ? nullptr : mesh.GetAttributeByUniqueId(static_cast<uint32_t>(id));
         if (found == nullptr)
             throw GltfError(what + ": Draco's attribute " + std::to_string(id) + " does not exist");
         return *found;
     }
 };
 
-DracoMesh::DracoMesh(std::span<const std::uint8_t> encoded, const std::string &what)
-    : m_decoded(std::make_unique<Decoded>())
+DracoMesh::DracoMesh(std::span<const uint8_t> encoded, const std::string &what) : decoded_(std::make_unique<Decoded>())
 {
     checkHeader(encoded, what);
-    draco::Mesh &mesh = m_decoded->mesh;
+    draco::Mesh &mesh = decoded_->mesh;
     const bool isMesh = encoded[7] == draco::TRIANGULAR_MESH;
     const bool edgebreaker = encoded[8] == draco::MESH_EDGEBREAKER_ENCODING;
     if (!isMesh || !(edgebreaker ? decode<draco::MeshEdgebreakerDecoder>(encoded, mesh)
@@ -123,48 +122,48 @@ DracoMesh::DracoMesh(std::span<const std::uint8_t> encoded, const std::string &w
 
 DracoMesh::~DracoMesh() = default;
 
-std::size_t DracoMesh::vertexCount() const
+size_t DracoMesh::vertexCount() const
 {
-    return m_decoded->mesh.num_points();
+    return decoded_->mesh.num_points();
 }
 
-std::vector<std::uint32_t> DracoMesh::indices() const
+std::vector<uint32_t> DracoMesh::indices() const
 {
-    std::vector<std::uint32_t> indices;
-    indices.reserve(std::size_t{3} * m_decoded->mesh.num_faces());
-    for (draco::FaceIndex face(0); face < m_decoded->mesh.num_faces(); ++face)
-        for (const draco::PointIndex &corner : m_decoded->mesh.face(face))
+    std::vector<uint32_t> indices;
+    indices.reserve(size_t{3} * decoded_->mesh.num_faces());
+    for (draco::FaceIndex face(0); face < decoded_->mesh.num_faces(); ++face)
+        for (const draco::PointIndex &corner : decoded_->mesh.face(face))
             indices.push_back(corner.value());
     return indices;
 }
 
-std::uint32_t DracoMesh::components(std::int64_t id, const std::string &what) const
+uint32_t DracoMesh::components(int64_t id, const std::string &what) const
 {
-    return static_cast<std::uint32_t>(std::max(int{m_decoded->attribute(id, what).num_components()}, 0));
+    return static_cast<uint32_t>(std::max(int{decoded_->attribute(id, what).num_components()}, 0));
 }
 
-std::vector<float> DracoMesh::floats(std::int64_t id, std::uint32_t components, As as, const std::string &what) const
+std::vector<float> DracoMesh::floats(int64_t id, uint32_t components, As as, const std::string &what) const
 {
-    constexpr std::uint32_t kMostComponents = 4;
-    const draco::PointAttribute &attribute = m_decoded->attribute(id, what);
+    constexpr uint32_t kMostComponents = 4;
+    const draco::PointAttribute &attribute = decoded_->attribute(id, what);
     if (components > kMostComponents || this->components(id, what) < components)
         throw GltfError(what + ": Draco's attribute " + std::to_string(id) + " has the wrong type");
     if (attribute.buffer() == nullptr ||
-        attribute.byte_offset() + static_cast<std::int64_t>(attribute.size()) * attribute.byte_stride() >
-            static_cast<std::int64_t>(attribute.buffer()->data_size()))
+        attribute.byte_offset() + static_cast<int64_t>(attribute.size()) * attribute.byte_stride() >
+            static_cast<int64_t>(attribute.buffer()->data_size()))
         throw GltfError(what + ": Draco's attribute " + std::to_string(id) + " is not whole");
     const bool isFloat = attribute.data_type() == draco::DT_FLOAT32;
     std::vector<float> values;
     values.reserve(vertexCount() * components);
     std::array<float, kMostComponents> reals{};
-    std::array<std::int32_t, kMostComponents> integers{};
-    for (draco::PointIndex vertex(0); vertex < m_decoded->mesh.num_points(); ++vertex) {
+    std::array<int32_t, kMostComponents> integers{};
+    for (draco::PointIndex vertex(0); vertex < decoded_->mesh.num_points(); ++vertex) {
         const draco::AttributeValueIndex place = attribute.mapped_index(vertex);
-        const auto count = static_cast<std::int8_t>(components);
+        const auto count = static_cast<int8_t>(components);
         if (place.value() >= attribute.size() || !(isFloat ? attribute.ConvertValue(place, count, reals.data())
                                                            : attribute.ConvertValue(place, count, integers.data())))
             throw GltfError(what + ": Draco's attribute " + std::to_string(id) + " is not whole");
-        for (std::uint32_t c = 0; c < components; ++c)
+        for (uint32_t c = 0; c < components; ++c)
             values.push_back(isFloat ? reals[c] : normalized(integers[c], as));
     }
     return values;

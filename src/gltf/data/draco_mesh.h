@@ -15,24 +15,23 @@ class DracoMesh
 public:
     // Throws GltfError, which begins with `what`, for anything but a whole mesh of a size that its bytes can be worth,
     // and GltfUnsupported for another version of Draco's format than glTF's.
-    DracoMesh(std::span<const std::uint8_t> encoded, const std::string &what);
+    DracoMesh(std::span<const uint8_t> encoded, const std::string &what);
     ~DracoMesh();
 
-    [[nodiscard]] std::size_t vertexCount() const;
+    [[nodiscard]] size_t vertexCount() const;
     // Three for each triangle, all below vertexCount().
-    [[nodiscard]] std::vector<std::uint32_t> indices() const;
+    [[nodiscard]] std::vector<uint32_t> indices() const;
 
     // How the values of an attribute become floats: by the type that its accessor has.
-    enum class As : std::uint8_t { IntegersOrFloats, Signed8, Unsigned8, Signed16, Unsigned16 };
+    enum class As : uint8_t { IntegersOrFloats, Signed8, Unsigned8, Signed16, Unsigned16 };
     // `components` for each vertex, of the attribute that has this unique id. `what` begins the GltfError for one that
     // does not exist or has fewer components.
-    [[nodiscard]] std::vector<float> floats(std::int64_t id, std::uint32_t components, As as,
-                                            const std::string &what) const;
-    [[nodiscard]] std::uint32_t components(std::int64_t id, const std::string &what) const;
+    [[nodiscard]] std::vector<float> floats(int64_t id, uint32_t components, As as, const std::string &what) const;
+    [[nodiscard]] uint32_t components(int64_t id, const std::string &what) const;
 
 private:
     struct Decoded;
-    std::unique_ptr<Decoded> m_decoded;
+    std::unique_ptr<Decoded> decoded_;
 };
 
 } // namespace vellum

@@ -11,16 +11,16 @@ namespace vellum
 {
 
 struct Image {
-    std::uint32_t width = 0;
-    std::uint32_t height = 0;
-    std::vector<std::uint8_t> rgba; // 4 * width * height bytes, as stored (colour is sRGB)
+    uint32_t width = 0;
+    uint32_t height = 0;
+    std::vector<uint8_t> rgba; // 4 * width * height bytes, as stored (colour is sRGB)
     // All bits of an alpha of 16, width * height values; empty where it has 8 or fewer.
-    std::vector<std::uint16_t> alpha16{};
+    std::vector<uint16_t> alpha16{};
 };
 
 // Decodes to RGBA. Of colours of 16 bits the upper 8 are taken. Throws GltfError, its message beginning with `what`,
 // for anything but a whole image of at most 16,384 texels in each direction and not far more of them than its bytes can
 // be worth, and GltfUnsupported for KTX2, AVIF, DDS and those kinds of JPEG that nothing here decodes.
-Image decodeImage(std::span<const std::uint8_t> encoded, const std::string &what);
+Image decodeImage(std::span<const uint8_t> encoded, const std::string &what);
 
 } // namespace vellum

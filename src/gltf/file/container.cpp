@@ -12,13 +12,13 @@ namespace
 {
 
 // Checks that all chunks lie in the length that the header announces. Returns where the JSON text is.
-std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &bytes)
+std::pair<size_t, size_t> checkGlb(const std::vector<uint8_t> &bytes)
 {
     if (bytes.size() < kGlbHeaderBytes + kGlbChunkHeaderBytes)
         throw GltfError("truncated: " + std::to_string(bytes.size()) + " bytes are too short for a GLB header");
     if (glbWord(bytes, 4) != 2)
         throw GltfError("GLB version " + std::to_string(glbWord(bytes, 4)) + " is not 2");
-    const std::size_t length = glbWord(bytes, 8);
+    const size_t length = glbWord(bytes, 8);
     if (length > bytes.size())
         throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes, there are " +
                         std::to_string(bytes.size()));
@@ -26,11 +26,11 @@ std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &by
         throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes");
     if (glbWord(bytes, 16) != kGlbJson)
         throw GltfError("the first GLB chunk is not JSON");
-    std::size_t offset = kGlbHeaderBytes;
+    size_t offset = kGlbHeaderBytes;
     while (offset < length) {
         if (length - offset < kGlbChunkHeaderBytes)
             throw GltfError("truncated inside a chunk header");
-        const std::size_t chunk = glbWord(bytes, offset);
+        const size_t chunk = glbWord(bytes, offset);
         if (chunk > length - offset - kGlbChunkHeaderBytes)
             throw GltfError("a GLB chunk of " + std::to_string(chunk) + " bytes ends outside of the file");
         offset += kGlbChunkHeaderBytes + chunk;
@@ -43,13 +43,13 @@ std::pair<std::size_t, std::size_t> checkGlb(const std::vector<std::uint8_t> &by
 void checkStructure(std::string_view text)
 {
     constexpr int kMostDepth = 128;
-    constexpr std::size_t kMostLists = std::size_t{4} << 20;
-    constexpr std::size_t kMostCommas = std::size_t{8} << 20;
+    constexpr size_t kMostLists = size_t{4} << 20;
+    constexpr size_t kMostCommas = size_t{8} << 20;
     int depth = 0;
-    std::size_t lists = 0; // objects, too
-    std::size_t commas = 0;
+    size_t lists = 0; // objects, too
+    size_t commas = 0;
     bool quoted = false;
-    for (std::size_t i = 0; i < text.size(); ++i) {
+    for (size_t i = 0; i < text.size(); ++i) {
         const char c = text[i];
         if (quoted) {
             if (c == '\\')
@@ -80,7 +80,7 @@ void checkStructure(std::string_view text)
 Container readContainer(const std::filesystem::path &path)
 {
     Container container{.bytes = readWholeFile(path)};
-    const std::vector<std::uint8_t> &bytes = container.bytes;
+    const std::vector<uint8_t> &bytes = container.bytes;
     if (bytes.empty())
         throw GltfError("the file is empty");
     const char *text = reinterpret_cast<const char *>(bytes.data());
@@ -90,7 +90,7 @@ Container readContainer(const std::filesystem::path &path)
         // What follows is none of its chunks, and was not looked at.
         container.bytes.resize(glbWord(bytes, 8));
     } else {
-        const std::size_t start = std::string_view(text, bytes.size()).find_first_not_of(" \t\r\n\xef\xbb\xbf");
+        const size_t start = std::string_view(text, bytes.size()).find_first_not_of(" \t\r\n\xef\xbb\xbf");
         if (start == std::string_view::npos || text[start] != '{')
             throw GltfError("neither a GLB nor a glTF file");
         container.jsonSize = bytes.size();

@@ -11,11 +11,11 @@ namespace vellum
 
 // A glTF file as it lies on the disk.
 struct Container {
-    std::vector<std::uint8_t> bytes;
+    std::vector<uint8_t> bytes;
     bool binary = false; // a GLB
     // The JSON text.
-    std::size_t jsonOffset = 0;
-    std::size_t jsonSize = 0;
+    size_t jsonOffset = 0;
+    size_t jsonSize = 0;
 
     [[nodiscard]] std::string_view json() const
     {

@@ -8,14 +8,14 @@ namespace vellum
 
 JsonEdit::Changes &JsonEdit::changesOf(const JsonValue &container)
 {
-    Changes &changes = m_changes[container.begin()];
+    Changes &changes = changes_[container.begin()];
     changes.container = container;
     return changes;
 }
 
 void JsonEdit::replace(const JsonValue &value, std::string text)
 {
-    m_replaced.insert({value.begin(), {value.end(), std::move(text)}});
+    replaced_.insert({value.begin(), {value.end(), std::move(text)}});
 }
 
 void JsonEdit::append(const JsonValue &array, std::string text)
@@ -25,7 +25,7 @@ void JsonEdit::append(const JsonValue &array, std::string text)
 
 void JsonEdit::set(const JsonValue &object, std::string_view name, const std::string &text)
 {
-    const std::size_t count = object.count(name);
+    const size_t count = object.count(name);
     if (count > 1)
         throw GltfError("an object of the JSON has " + std::to_string(count) + " members named " + quotedJson(name));
     if (count == 1)
@@ -44,19 +44,19 @@ void JsonEdit::remove(const JsonValue &container, std::string_view name)
             changesOf(container).removed.insert(element.begin());
 }
 
-void JsonEdit::spliceContainer(const Changes &changes, std::multimap<std::size_t, Splice> &splices)
+void JsonEdit::spliceContainer(const Changes &changes, std::multimap<size_t, Splice> &splices)
 {
     const JsonValue &container = changes.container;
-    std::vector<std::pair<std::size_t, std::size_t>> children; // from their name on
+    std::vector<std::pair<size_t, size_t>> children; // from their name on
     for (const auto &[key, value] : container.members())
         children.emplace_back(key.begin(), value.end());
     if (container.isArray())
         for (const JsonValue &element : container.children())
             children.emplace_back(element.begin(), element.end());
-    constexpr std::size_t kNone = ~std::size_t{0};
-    std::size_t lastKept = container.begin() + 1; // the end of it
+    constexpr size_t kNone = ~size_t{0};
+    size_t lastKept = container.begin() + 1; // the end of it
     bool anyKept = false;
-    std::size_t removing = kNone; // the beginning of the first of those that are removed in a row
+    size_t removing = kNone; // the beginning of the first of those that are removed in a row
     for (const auto &[begin, end] : children) {
         if (changes.removed.contains(begin)) {
             removing = removing == kNone ? begin : removing;
@@ -79,12 +79,12 @@ void JsonEdit::spliceContainer(const Changes &changes, std::multimap<std::size_t
 
 std::string JsonEdit::apply() const
 {
-    std::multimap<std::size_t, Splice> splices = m_replaced;
-    for (const auto &[begin, changes] : m_changes)
+    std::multimap<size_t, Splice> splices = replaced_;
+    for (const auto &[begin, changes] : changes_)
         spliceContainer(changes, splices);
-    const std::string_view text = m_tree.text();
+    const std::string_view text = tree_.text();
     std::string result;
-    std::size_t done = 0;
+    size_t done = 0;
     for (const auto &[begin, splice] : splices) {
         if (begin < done) // inside of what is replaced, or replaced again
             continue;
@@ -92,7 +92,7 @@ std::string JsonEdit::apply() const
         result += splice.text;
         done = splice.end;
     }
-    const std::size_t end = m_tree.root().end();
+    const size_t end = tree_.root().end();
     result += text.substr(done, end - done);
     return result;
 }

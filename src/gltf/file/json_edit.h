@@ -16,7 +16,7 @@ namespace vellum
 class JsonEdit
 {
 public:
-    explicit JsonEdit(const JsonTree &tree) : m_tree(tree) {}
+    explicit JsonEdit(const JsonTree &tree) : tree_(tree) {}
 
     void replace(const JsonValue &value, std::string text);
     // A new last element of an array.
@@ -35,19 +35,19 @@ private:
     struct Changes {
         JsonValue container;
         std::vector<std::string> appended;
-        std::set<std::size_t> removed; // where the element, or the member's name, begins
+        std::set<size_t> removed; // where the element, or the member's name, begins
     };
     // Instead of the bytes from `begin` to `end`.
     struct Splice {
-        std::size_t end;
+        size_t end;
         std::string text;
     };
     Changes &changesOf(const JsonValue &container);
-    static void spliceContainer(const Changes &changes, std::multimap<std::size_t, Splice> &splices);
+    static void spliceContainer(const Changes &changes, std::multimap<size_t, Splice> &splices);
 
-    const JsonTree &m_tree;
-    std::map<std::size_t, Changes> m_changes; // by where the container begins
-    std::multimap<std::size_t, Splice> m_replaced;
+    const JsonTree &tree_;
+    std::map<size_t, Changes> changes_; // by where the container begins
+    std::multimap<size_t, Splice> replaced_;
 };
 
 } // namespace vellum

@@ -32,35 +32,35 @@ struct StringEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, StringEven
 struct JsonEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, JsonEvents> {
     JsonEvents(JsonTree &toFill, const rapidjson::MemoryStream &from) : tree(toFill), stream(from) {}
 
-    [[nodiscard]] std::uint32_t here() const { return static_cast<std::uint32_t>(stream.Tell()); }
+    [[nodiscard]] uint32_t here() const { return static_cast<uint32_t>(stream.Tell()); }
 
-    bool scalar(JsonTree::Kind kind, std::uint32_t end)
+    bool scalar(JsonTree::Kind kind, uint32_t end)
     {
-        const auto next = static_cast<std::uint32_t>(tree.m_nodes.size() + 1);
-        tree.m_nodes.push_back({firstAfter(last), end, next, kind});
+        const auto next = static_cast<uint32_t>(tree.nodes_.size() + 1);
+        tree.nodes_.push_back({firstAfter(last), end, next, kind});
         last = end;
         return true;
     }
     bool start(JsonTree::Kind kind)
     {
-        open.push_back(tree.m_nodes.size());
-        const std::uint32_t begin = firstAfter(last);
-        tree.m_nodes.push_back({begin, 0, 0, kind});
+        open.push_back(tree.nodes_.size());
+        const uint32_t begin = firstAfter(last);
+        tree.nodes_.push_back({begin, 0, 0, kind});
         last = begin + 1;
         return true;
     }
     bool finish()
     {
-        JsonTree::Node &node = tree.m_nodes[open.back()];
+        JsonTree::Node &node = tree.nodes_[open.back()];
         open.pop_back();
         node.end = last = here();
-        node.next = static_cast<std::uint32_t>(tree.m_nodes.size());
+        node.next = static_cast<uint32_t>(tree.nodes_.size());
         return true;
     }
     // Where the next value begins.
-    [[nodiscard]] std::uint32_t firstAfter(std::uint32_t place) const
+    [[nodiscard]] uint32_t firstAfter(uint32_t place) const
     {
-        return static_cast<std::uint32_t>(tree.m_text.find_first_not_of(" \t\r\n,:", place));
+        return static_cast<uint32_t>(tree.text_.find_first_not_of(" \t\r\n,:", place));
     }
 
     bool Default() { return scalar(JsonTree::Kind::Scalar, here()); }
@@ -77,17 +77,17 @@ struct JsonEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, JsonEvents> 
 
     JsonTree &tree;
     const rapidjson::MemoryStream &stream;
-    std::uint32_t last = 0; // the end of what was read
-    std::vector<std::size_t> open;
+    uint32_t last = 0; // the end of what was read
+    std::vector<size_t> open;
 };
 
-JsonTree::JsonTree(std::string_view text) : m_text(text)
+JsonTree::JsonTree(std::string_view text) : text_(text)
 {
     rapidjson::MemoryStream stream(text.data(), text.size());
     JsonEvents events(*this, stream);
     if (text.starts_with(kByteOrderMark)) {
         events.last = kByteOrderMark.size();
-        for (std::size_t i = 0; i < kByteOrderMark.size(); ++i)
+        for (size_t i = 0; i < kByteOrderMark.size(); ++i)
             stream.Take();
     }
     rapidjson::Reader reader;
@@ -105,17 +105,17 @@ JsonValue JsonTree::root() const
 JsonValue JsonValue::operator[](std::string_view name) const
 {
     JsonValue found;
-    for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
-        if (JsonValue(*m_tree, i).is(name))
-            found = {*m_tree, i + 1};
+    for (uint32_t i = index_ + 1; isObject() && i < node().next; i = tree_->nodes_[i + 1].next)
+        if (JsonValue(*tree_, i).is(name))
+            found = {*tree_, i + 1};
     return found;
 }
 
-std::size_t JsonValue::count(std::string_view name) const
+size_t JsonValue::count(std::string_view name) const
 {
-    std::size_t count = 0;
-    for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
-        count += JsonValue(*m_tree, i).is(name) ? 1u : 0u;
+    size_t count = 0;
+    for (uint32_t i = index_ + 1; isObject() && i < node().next; i = tree_->nodes_[i + 1].next)
+        count += JsonValue(*tree_, i).is(name) ? 1u : 0u;
     return count;
 }
 
@@ -133,10 +133,10 @@ std::vector<JsonValue> JsonValue::children() const
     std::vector<JsonValue> values;
     if (!isArray() && !isObject())
         return values;
-    for (std::uint32_t i = m_index + 1; i < node().next; i = m_tree->m_nodes[i].next) {
+    for (uint32_t i = index_ + 1; i < node().next; i = tree_->nodes_[i].next) {
         if (isObject())
             ++i;
-        values.push_back({*m_tree, i});
+        values.push_back({*tree_, i});
     }
     return values;
 }
@@ -144,19 +144,19 @@ std::vector<JsonValue> JsonValue::children() const
 std::vector<std::pair<JsonValue, JsonValue>> JsonValue::members() const
 {
     std::vector<std::pair<JsonValue, JsonValue>> members;
-    for (std::uint32_t i = m_index + 1; isObject() && i < node().next; i = m_tree->m_nodes[i + 1].next)
-        members.push_back({JsonValue(*m_tree, i), JsonValue(*m_tree, i + 1)});
+    for (uint32_t i = index_ + 1; isObject() && i < node().next; i = tree_->nodes_[i + 1].next)
+        members.push_back({JsonValue(*tree_, i), JsonValue(*tree_, i + 1)});
     return members;
 }
 
 void JsonTree::checkNames() const
 {
     std::vector<std::string> names;
-    for (std::uint32_t object = 0; object < m_nodes.size(); ++object) {
-        if (m_nodes[object].kind != Kind::Object || m_nodes[object].next <= object + 3)
+    for (uint32_t object = 0; object < nodes_.size(); ++object) {
+        if (nodes_[object].kind != Kind::Object || nodes_[object].next <= object + 3)
             continue;
         names.clear();
-        for (std::uint32_t i = object + 1; i < m_nodes[object].next; i = m_nodes[i + 1].next)
+        for (uint32_t i = object + 1; i < nodes_[object].next; i = nodes_[i + 1].next)
             names.push_back(JsonValue(*this, i).string().value_or(""));
         std::sort(names.begin(), names.end());
         if (const auto twice = std::adjacent_find(names.begin(), names.end()); twice != names.end())
@@ -164,20 +164,20 @@ void JsonTree::checkNames() const
     }
 }
 
-std::optional<std::int64_t> JsonValue::integer() const
+std::optional<int64_t> JsonValue::integer() const
 {
     if (!exists() || node().kind != JsonTree::Kind::Scalar)
         return std::nullopt;
     const std::string_view digits = text();
     const char *last = digits.data() + digits.size();
-    std::int64_t value = 0;
+    int64_t value = 0;
     if (const auto read = std::from_chars(digits.data(), last, value); read.ec == std::errc() && read.ptr == last)
         return value;
     // 2.0 and 2e3 are integers, too.
     const auto real = number();
     if (!real || *real != std::floor(*real) || std::abs(*real) > 9e15)
         return std::nullopt;
-    return static_cast<std::int64_t>(*real);
+    return static_cast<int64_t>(*real);
 }
 
 std::optional<double> JsonValue::number() const

@@ -21,7 +21,7 @@ public:
     // of a GLB's chunk) are left alone. Nesting must be bounded (readContainer sees to that). Throws GltfError.
     explicit JsonTree(std::string_view text);
 
-    [[nodiscard]] std::string_view text() const { return m_text; }
+    [[nodiscard]] std::string_view text() const { return text_; }
     [[nodiscard]] JsonValue root() const;
 
     // Throws GltfError where an object has two members of one name (glTF 2.0, 2.6, "JSON Encoding").
@@ -30,17 +30,17 @@ public:
 private:
     friend class JsonValue;
     friend struct JsonEvents;
-    enum class Kind : std::uint8_t { Scalar, String, Array, Object };
+    enum class Kind : uint8_t { Scalar, String, Array, Object };
     // In the order of the text. In an object a name, which is a string, is followed by its value.
     struct Node {
-        std::uint32_t begin = 0;
-        std::uint32_t end = 0;  // behind the last byte
-        std::uint32_t next = 0; // the node behind this one and all that is in it
+        uint32_t begin = 0;
+        uint32_t end = 0;  // behind the last byte
+        uint32_t next = 0; // the node behind this one and all that is in it
         Kind kind = Kind::Scalar;
     };
 
-    std::string_view m_text;
-    std::vector<Node> m_nodes;
+    std::string_view text_;
+    std::vector<Node> nodes_;
 };
 
 // A value in a tree, or nothing: what is looked for in nothing is nothing. Valid as long as its tree.
@@ -49,19 +49,19 @@ class JsonValue
 public:
     JsonValue() = default;
 
-    [[nodiscard]] bool exists() const { return m_tree != nullptr; }
+    [[nodiscard]] bool exists() const { return tree_ != nullptr; }
     [[nodiscard]] bool isArray() const { return exists() && node().kind == JsonTree::Kind::Array; }
     [[nodiscard]] bool isObject() const { return exists() && node().kind == JsonTree::Kind::Object; }
 
     // Where the text of it is.
-    [[nodiscard]] std::size_t begin() const { return node().begin; }
-    [[nodiscard]] std::size_t end() const { return node().end; }
-    [[nodiscard]] std::string_view text() const { return m_tree->m_text.substr(begin(), end() - begin()); }
+    [[nodiscard]] size_t begin() const { return node().begin; }
+    [[nodiscard]] size_t end() const { return node().end; }
+    [[nodiscard]] std::string_view text() const { return tree_->text_.substr(begin(), end() - begin()); }
 
     // A member of an object; the last one where there are several of that name.
     [[nodiscard]] JsonValue operator[](std::string_view name) const;
     // How many members an object has by that name.
-    [[nodiscard]] std::size_t count(std::string_view name) const;
+    [[nodiscard]] size_t count(std::string_view name) const;
     // The elements of an array, or the values of an object's members; empty for anything else.
     [[nodiscard]] std::vector<JsonValue> children() const;
 
@@ -69,19 +69,19 @@ public:
     [[nodiscard]] std::vector<std::pair<JsonValue, JsonValue>> members() const;
 
     // A number without a fraction that 64 bits hold.
-    [[nodiscard]] std::optional<std::int64_t> integer() const;
+    [[nodiscard]] std::optional<int64_t> integer() const;
     [[nodiscard]] std::optional<double> number() const;
     [[nodiscard]] std::optional<std::string> string() const;
     [[nodiscard]] bool isTrue() const { return exists() && text() == "true"; }
 
 private:
     friend class JsonTree;
-    JsonValue(const JsonTree &tree, std::uint32_t index) : m_tree(&tree), m_index(index) {}
-    [[nodiscard]] const JsonTree::Node &node() const { return m_tree->m_nodes[m_index]; }
+    JsonValue(const JsonTree &tree, uint32_t index) : tree_(&tree), index_(index) {}
+    [[nodiscard]] const JsonTree::Node &node() const { return tree_->nodes_[index_]; }
     [[nodiscard]] bool is(std::string_view name) const;
 
-    const JsonTree *m_tree = nullptr;
-    std::uint32_t m_index = 0;
+    const JsonTree *tree_ = nullptr;
+    uint32_t index_ = 0;
 };
 
 } // namespace vellum

@@ -58,54 +58,54 @@ std::string quotedJson(std::string_view text, JsonStyle style)
 
 void JsonWriter::startLine()
 {
-    if (m_style != JsonStyle::Lines)
+    if (style_ != JsonStyle::Lines)
         return;
-    m_text += '\n';
-    m_text.append(2 * m_open.size(), ' ');
+    text_ += '\n';
+    text_.append(2 * open_.size(), ' ');
 }
 
 void JsonWriter::separate()
 {
-    if (!m_afterKey && !m_open.empty()) {
-        m_text += m_first ? "" : ",";
+    if (!afterKey_ && !open_.empty()) {
+        text_ += first_ ? "" : ",";
         startLine();
     }
-    m_first = false;
-    m_afterKey = false;
+    first_ = false;
+    afterKey_ = false;
 }
 
 JsonWriter &JsonWriter::begin(char opening, char closing)
 {
     separate();
-    m_text += opening;
-    m_open += closing;
-    m_first = true;
+    text_ += opening;
+    open_ += closing;
+    first_ = true;
     return *this;
 }
 
 JsonWriter &JsonWriter::end()
 {
-    const char closing = m_open.back();
-    m_open.pop_back();
-    if (!m_first)
+    const char closing = open_.back();
+    open_.pop_back();
+    if (!first_)
         startLine();
-    m_text += closing;
-    m_first = false;
+    text_ += closing;
+    first_ = false;
     return *this;
 }
 
 JsonWriter &JsonWriter::key(std::string_view name)
 {
     value(name);
-    m_text += m_style == JsonStyle::Lines ? ": " : ":";
-    m_afterKey = true;
+    text_ += style_ == JsonStyle::Lines ? ": " : ":";
+    afterKey_ = true;
     return *this;
 }
 
 JsonWriter &JsonWriter::json(std::string_view text)
 {
     separate();
-    m_text += text;
+    text_ += text;
     return *this;
 }
 

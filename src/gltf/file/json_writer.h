@@ -9,7 +9,7 @@
 namespace vellum
 {
 
-enum class JsonStyle : std::uint8_t {
+enum class JsonStyle : uint8_t {
     Lines,   // indented, an element a line
     Compact, // in one line without spaces
     Html,    // as Compact, of ASCII alone, and with no character that means anything in HTML
@@ -22,13 +22,13 @@ std::string quotedJson(std::string_view text, JsonStyle style = JsonStyle::Compa
 class JsonWriter
 {
 public:
-    explicit JsonWriter(JsonStyle style = JsonStyle::Lines) : m_style(style) {}
+    explicit JsonWriter(JsonStyle style = JsonStyle::Lines) : style_(style) {}
 
     JsonWriter &beginObject() { return begin('{', '}'); }
     JsonWriter &beginArray() { return begin('[', ']'); }
     JsonWriter &end(); // of the innermost object or array
     JsonWriter &key(std::string_view name);
-    JsonWriter &value(std::string_view text) { return json(quotedJson(text, m_style)); }
+    JsonWriter &value(std::string_view text) { return json(quotedJson(text, style_)); }
     JsonWriter &value(const char *text) { return value(std::string_view(text)); }
     JsonWriter &value(const std::string &text) { return value(std::string_view(text)); }
     JsonWriter &value(bool boolean) { return json(boolean ? "true" : "false"); }
@@ -59,7 +59,7 @@ public:
         return list(name, elements, [this](const auto &element) { value(element); });
     }
 
-    [[nodiscard]] const std::string &text() const { return m_text; }
+    [[nodiscard]] const std::string &text() const { return text_; }
 
 private:
     void separate(); // from what is before it
@@ -67,11 +67,11 @@ private:
     JsonWriter &begin(char opening, char closing);
     JsonWriter &real(double number, bool single);
 
-    JsonStyle m_style;
-    std::string m_text;
-    std::string m_open; // the closing brackets of what is open
-    bool m_first = true;
-    bool m_afterKey = false;
+    JsonStyle style_;
+    std::string text_;
+    std::string open_; // the closing brackets of what is open
+    bool first_ = true;
+    bool afterKey_ = false;
 };
 
 } // namespace vellum

@@ -12,11 +12,11 @@ namespace vellum::gltf_json
 namespace
 {
 
-constexpr std::uint64_t kMostBufferBytes = std::uint64_t{1} << 31;
+constexpr uint64_t kMostBufferBytes = uint64_t{1} << 31;
 // What the model may take, by a generous count of its structures: an empty object is 2 bytes of the file.
-constexpr std::size_t kMostModelBytes = std::size_t{512} << 20;
+constexpr size_t kMostModelBytes = size_t{512} << 20;
 
-std::string numbered(const char *what, std::size_t index)
+std::string numbered(const char *what, size_t index)
 {
     return std::string(what).append(" ").append(std::to_string(index));
 }
@@ -25,42 +25,42 @@ std::string numbered(const char *what, std::size_t index)
 class Members
 {
 public:
-    Members(const JsonValue &object, std::string place) : m_object(object), m_place(std::move(place))
+    Members(const JsonValue &object, std::string place) : object_(object), place_(std::move(place))
     {
         if (!object.isObject())
-            throw GltfError(m_place + " is not an object");
+            throw GltfError(place_ + " is not an object");
     }
 
-    [[nodiscard]] const std::string &place() const { return m_place; }
-    [[nodiscard]] JsonValue operator[](std::string_view name) const { return m_object[name]; }
+    [[nodiscard]] const std::string &place() const { return place_; }
+    [[nodiscard]] JsonValue operator[](std::string_view name) const { return object_[name]; }
     // An index, or another integer of that range.
     [[nodiscard]] int index(std::string_view name, int otherwise = -1) const
     {
-        return indexIn(m_object, name, m_place).value_or(otherwise);
+        return indexIn(object_, name, place_).value_or(otherwise);
     }
     [[nodiscard]] int requiredIndex(std::string_view name) const
     {
         require(name);
         return index(name);
     }
-    [[nodiscard]] std::size_t size(std::string_view name, std::size_t otherwise = 0) const
+    [[nodiscard]] size_t size(std::string_view name, size_t otherwise = 0) const
     {
-        const JsonValue value = m_object[name];
+        const JsonValue value = object_[name];
         if (!value.exists())
             return otherwise;
         const auto integer = value.integer();
         if (!integer || *integer < 0)
-            throw GltfError(m_place + ": \"" + std::string(name) + "\" is not an integer of at least 0");
-        return static_cast<std::size_t>(*integer);
+            throw GltfError(place_ + ": \"" + std::string(name) + "\" is not an integer of at least 0");
+        return static_cast<size_t>(*integer);
     }
-    [[nodiscard]] std::size_t requiredSize(std::string_view name) const
+    [[nodiscard]] size_t requiredSize(std::string_view name) const
     {
         require(name);
         return size(name);
     }
     [[nodiscard]] std::string text(std::string_view name, const char *otherwise = "") const
     {
-        return m_object[name].string().value_or(otherwise);
+        return object_[name].string().value_or(otherwise);
     }
     // Empty where an element is not a number.
     [[nodiscard]] std::vector<double> numbers(std::string_view name) const
@@ -90,22 +90,22 @@ public:
 private:
     void require(std::string_view name) const
     {
-        if (!m_object[name].exists())
-            throw GltfError(m_place + ": \"" + std::string(name) + "\" is missing");
+        if (!object_[name].exists())
+            throw GltfError(place_ + ": \"" + std::string(name) + "\" is missing");
     }
     [[nodiscard]] std::vector<JsonValue> arrayOf(std::string_view name) const
     {
-        const JsonValue value = m_object[name];
+        const JsonValue value = object_[name];
         return value.isArray() ? value.children() : std::vector<JsonValue>();
     }
 
-    JsonValue m_object;
-    std::string m_place;
+    JsonValue object_;
+    std::string place_;
 };
 
-std::uint32_t componentsOf(const std::string &type, const std::string &place)
+uint32_t componentsOf(const std::string &type, const std::string &place)
 {
-    static const std::map<std::string, std::uint32_t, std::less<>> kTypes = {
+    static const std::map<std::string, uint32_t, std::less<>> kTypes = {
         {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 4}, {"MAT3", 9}, {"MAT4", 16}};
     const auto found = kTypes.find(type);
     if (found == kTypes.end())
@@ -210,7 +210,7 @@ Primitive primitiveOf(const JsonValue &value, const std::string &place)
     return result;
 }
 
-Mesh meshOf(const JsonValue &value, std::size_t index)
+Mesh meshOf(const JsonValue &value, size_t index)
 {
     const std::string place = numbered("mesh", index);
     if (!value["primitives"].isArray())
@@ -239,7 +239,7 @@ class ModelReader
 {
 public:
     ModelReader(const Container &container, const JsonTree &tree, const std::filesystem::path &folder)
-        : m_container(container), m_tree(tree), m_root(tree.root()), m_folder(folder)
+        : container_(container), tree_(tree), root_(tree.root()), folder_(folder)
     {
     }
 
@@ -252,52 +252,52 @@ private:
     template <typename Element>
     void readAll(const char *name, std::vector<Element> &elements, Element (*make)(const Members &)) const
     {
-        for (const JsonValue &value : m_root[name].children())
+        for (const JsonValue &value : root_[name].children())
             elements.push_back(make(Members(value, std::string(name) + "[" + std::to_string(elements.size()) + "]")));
     }
     [[nodiscard]] std::vector<std::string> names(const char *list) const;
     void readBuffers();
-    [[nodiscard]] Buffer bufferOf(const Members &buffer, std::size_t index) const;
-    [[nodiscard]] std::span<const std::uint8_t> binaryChunk() const;
+    [[nodiscard]] Buffer bufferOf(const Members &buffer, size_t index) const;
+    [[nodiscard]] std::span<const uint8_t> binaryChunk() const;
     [[nodiscard]] Image imageOf(const Members &image) const;
 
-    const Container &m_container;
-    const JsonTree &m_tree;
-    JsonValue m_root;
-    const std::filesystem::path &m_folder;
-    Model m_model;
+    const Container &container_;
+    const JsonTree &tree_;
+    JsonValue root_;
+    const std::filesystem::path &folder_;
+    Model model_;
 };
 
 void ModelReader::checkRoot() const
 {
-    if (!m_root.isObject())
+    if (!root_.isObject())
         throw GltfError("the JSON is not an object");
-    m_tree.checkNames();
-    const std::string version = m_root["asset"]["version"].string().value_or("");
+    tree_.checkNames();
+    const std::string version = root_["asset"]["version"].string().value_or("");
     if (version.empty())
         throw GltfError("there is no \"asset\" with a \"version\" in it");
     if (!version.starts_with("2."))
         throw GltfError("glTF version " + version + " is not 2");
-    if (const auto needed = m_root["asset"]["minVersion"].string(); needed && *needed != "2.0")
+    if (const auto needed = root_["asset"]["minVersion"].string(); needed && *needed != "2.0")
         throw GltfUnsupported("glTF version " + *needed + " is needed to read it");
-    if (m_tree.text().find_first_not_of(std::string_view(" \t\r\n\0", 5), m_root.end()) != std::string_view::npos)
+    if (tree_.text().find_first_not_of(std::string_view(" \t\r\n\0", 5), root_.end()) != std::string_view::npos)
         throw GltfError("the JSON is followed by something else");
     for (const char *name :
          {"accessors", "animations", "buffers", "bufferViews", "cameras", "extensionsRequired", "extensionsUsed",
           "images", "materials", "meshes", "nodes", "samplers", "scenes", "skins", "textures"})
-        if (m_root[name].exists() && !m_root[name].isArray())
+        if (root_[name].exists() && !root_[name].isArray())
             throw GltfError(std::string("\"").append(name).append("\" is not an array"));
-    if (m_root["extensions"].exists() && !m_root["extensions"].isObject())
+    if (root_["extensions"].exists() && !root_["extensions"].isObject())
         throw GltfError("\"extensions\" is not an object");
 }
 
 void ModelReader::countObjects() const
 {
-    std::size_t bytes = m_root["materials"].children().size() * 4096;
+    size_t bytes = root_["materials"].children().size() * 4096;
     for (const char *name : {"accessors", "bufferViews", "buffers", "images", "meshes", "nodes", "samplers", "scenes",
                              "skins", "textures"})
-        bytes += m_root[name].children().size() * 1024;
-    for (const JsonValue &mesh : m_root["meshes"].children())
+        bytes += root_[name].children().size() * 1024;
+    for (const JsonValue &mesh : root_["meshes"].children())
         bytes += mesh["primitives"].children().size() * 512;
     if (bytes > kMostModelBytes)
         throw GltfError("there are too many objects in it");
@@ -306,23 +306,22 @@ void ModelReader::countObjects() const
 std::vector<std::string> ModelReader::names(const char *list) const
 {
     std::vector<std::string> names;
-    for (const JsonValue &element : m_root[list].children())
+    for (const JsonValue &element : root_[list].children())
         if (auto name = element.string())
             names.push_back(std::move(*name));
     return names;
 }
 
 // What a GLB's first buffer is in, where it has no URI (glTF 2.0, 4.4.3.3, "Binary buffer").
-std::span<const std::uint8_t> ModelReader::binaryChunk() const
+std::span<const uint8_t> ModelReader::binaryChunk() const
 {
-    if (!m_container.binary)
+    if (!container_.binary)
         return {};
-    const auto chunk =
-        firstGlbChunk(std::span(m_container.bytes).subspan(m_container.jsonOffset + m_container.jsonSize));
-    return chunk && chunk->type == kGlbBinary ? chunk->data : std::span<const std::uint8_t>();
+    const auto chunk = firstGlbChunk(std::span(container_.bytes).subspan(container_.jsonOffset + container_.jsonSize));
+    return chunk && chunk->type == kGlbBinary ? chunk->data : std::span<const uint8_t>();
 }
 
-Buffer ModelReader::bufferOf(const Members &buffer, std::size_t index) const
+Buffer ModelReader::bufferOf(const Members &buffer, size_t index) const
 {
     const JsonValue uri = buffer["uri"];
     const auto bytes = buffer["byteLength"].integer();
@@ -330,11 +329,11 @@ Buffer ModelReader::bufferOf(const Members &buffer, std::size_t index) const
         throw GltfError(buffer.place() + ": \"byteLength\" is not an integer of at least 0");
     if (uri.exists() && !uri.string())
         throw GltfError(buffer.place() + ": \"uri\" is not a string");
-    const auto length = static_cast<std::uint64_t>(*bytes);
+    const auto length = static_cast<uint64_t>(*bytes);
     Buffer result;
     if (!uri.exists()) {
         // Others have no data of their own: what is in them comes from an extension (EXT_meshopt_compression).
-        if (index != 0 || !m_container.binary)
+        if (index != 0 || !container_.binary)
             return result;
         result.data = binaryChunk();
         if (length > result.data.size())
@@ -345,7 +344,7 @@ Buffer ModelReader::bufferOf(const Members &buffer, std::size_t index) const
         const bool embedded = isDataUri(text);
         const std::string what = buffer.place() + (embedded ? ": " : " (" + text + "): ");
         try {
-            result.own = embedded ? readDataUri(text).bytes : readWholeFile(fileOfUri(m_folder, text));
+            result.own = embedded ? readDataUri(text).bytes : readWholeFile(fileOfUri(folder_, text));
         } catch (const GltfUnsupported &error) {
             throw GltfUnsupported(what + error.what());
         } catch (const GltfError &error) {
@@ -362,11 +361,11 @@ Buffer ModelReader::bufferOf(const Members &buffer, std::size_t index) const
 
 void ModelReader::readBuffers()
 {
-    std::uint64_t sum = 0;
-    for (const JsonValue &value : m_root["buffers"].children()) {
-        const std::size_t index = m_model.buffers.size();
-        m_model.buffers.push_back(bufferOf(Members(value, numbered("buffer", index)), index));
-        sum += m_model.buffers.back().data.size();
+    uint64_t sum = 0;
+    for (const JsonValue &value : root_["buffers"].children()) {
+        const size_t index = model_.buffers.size();
+        model_.buffers.push_back(bufferOf(Members(value, numbered("buffer", index)), index));
+        sum += model_.buffers.back().data.size();
         if (sum > kMostBufferBytes)
             throw GltfError("the buffers have more than 2 GiB");
     }
@@ -395,25 +394,25 @@ Model ModelReader::read()
 {
     checkRoot();
     countObjects();
-    for (const JsonValue &mesh : m_root["meshes"].children())
-        m_model.meshes.push_back(meshOf(mesh, m_model.meshes.size()));
-    readAll("accessors", m_model.accessors, accessorOf);
-    readAll("bufferViews", m_model.bufferViews, bufferViewOf);
-    readAll("samplers", m_model.samplers, samplerOf);
-    readAll("textures", m_model.textures, textureOf);
-    readAll("materials", m_model.materials, materialOf);
-    readAll("nodes", m_model.nodes, nodeOf);
-    readAll<Skin>("skins", m_model.skins, [](const Members &skin) {
+    for (const JsonValue &mesh : root_["meshes"].children())
+        model_.meshes.push_back(meshOf(mesh, model_.meshes.size()));
+    readAll("accessors", model_.accessors, accessorOf);
+    readAll("bufferViews", model_.bufferViews, bufferViewOf);
+    readAll("samplers", model_.samplers, samplerOf);
+    readAll("textures", model_.textures, textureOf);
+    readAll("materials", model_.materials, materialOf);
+    readAll("nodes", model_.nodes, nodeOf);
+    readAll<Skin>("skins", model_.skins, [](const Members &skin) {
         return Skin{.inverseBindMatrices = skin.index("inverseBindMatrices"), .joints = skin.integers("joints")};
     });
-    readAll<std::vector<int>>("scenes", m_model.scenes, [](const Members &scene) { return scene.integers("nodes"); });
-    m_model.scene = Members(m_root, "the root").index("scene");
-    m_model.extensionsUsed = names("extensionsUsed");
-    m_model.extensionsRequired = names("extensionsRequired");
-    for (const JsonValue &image : m_root["images"].children())
-        m_model.images.push_back(imageOf(Members(image, numbered("image", m_model.images.size()))));
+    readAll<std::vector<int>>("scenes", model_.scenes, [](const Members &scene) { return scene.integers("nodes"); });
+    model_.scene = Members(root_, "the root").index("scene");
+    model_.extensionsUsed = names("extensionsUsed");
+    model_.extensionsRequired = names("extensionsRequired");
+    for (const JsonValue &image : root_["images"].children())
+        model_.images.push_back(imageOf(Members(image, numbered("image", model_.images.size()))));
     readBuffers();
-    return std::move(m_model);
+    return std::move(model_);
 }
 
 } // namespace

@@ -27,7 +27,7 @@ constexpr int kUnsignedInt = 5125;
 constexpr int kFloat = 5126;
 
 // Of one component; 0 for another type.
-constexpr std::size_t bytesOf(int componentType)
+constexpr size_t bytesOf(int componentType)
 {
     switch (componentType) {
     case kByte:
@@ -51,40 +51,40 @@ constexpr int kMirroredRepeat = 33648;
 constexpr int kRepeat = 10497;
 
 struct Buffer {
-    std::vector<std::uint8_t> own; // where it is not in the file itself
-    std::span<const std::uint8_t> data;
+    std::vector<uint8_t> own; // where it is not in the file itself
+    std::span<const uint8_t> data;
 };
 
 struct BufferView {
     int buffer = -1;
-    std::size_t byteOffset = 0;
-    std::size_t byteLength = 0;
-    std::size_t byteStride = 0; // 0: none
+    size_t byteOffset = 0;
+    size_t byteLength = 0;
+    size_t byteStride = 0; // 0: none
     JsonValue extensions;
 };
 
 struct Accessor {
     // Of a sparse accessor: which elements are replaced, and with what.
     struct Sparse {
-        std::size_t count = 0;
+        size_t count = 0;
         int indices = -1; // buffer view
-        std::size_t indicesOffset = 0;
+        size_t indicesOffset = 0;
         int indicesType = 0;
         int values = -1; // buffer view
-        std::size_t valuesOffset = 0;
+        size_t valuesOffset = 0;
     };
     int bufferView = -1;
-    std::size_t byteOffset = 0;
+    size_t byteOffset = 0;
     int componentType = 0;
-    std::uint32_t components = 0; // of an element: 1 for SCALAR, 16 for MAT4
-    std::size_t count = 0;
+    uint32_t components = 0; // of an element: 1 for SCALAR, 16 for MAT4
+    size_t count = 0;
     bool normalized = false;
     std::optional<Sparse> sparse;
 };
 
 struct Image {
-    std::string uri;                // of a file of its own
-    std::vector<std::uint8_t> data; // of a data URI
+    std::string uri;           // of a file of its own
+    std::vector<uint8_t> data; // of a data URI
     int bufferView = -1;
 };
 

@@ -48,7 +48,7 @@ bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b)
         return false;
     std::ifstream one(a, std::ios::binary);
     std::ifstream other(b, std::ios::binary);
-    std::vector<char> first(std::size_t{1} << 16);
+    std::vector<char> first(size_t{1} << 16);
     std::vector<char> second(first.size());
     while (one && other) {
         one.read(first.data(), static_cast<std::streamsize>(first.size()));
@@ -59,21 +59,21 @@ bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b)
     return one.eof() && other.eof();
 }
 
-std::uint64_t FileContent::size() const
+uint64_t FileContent::size() const
 {
-    std::uint64_t size = 0;
-    for (const auto &piece : m_pieces)
+    uint64_t size = 0;
+    for (const auto &piece : pieces_)
         size += piece.size();
     return size;
 }
 
 OutputFiles::~OutputFiles()
 {
-    for (Pending &pending : m_pending)
+    for (Pending &pending : pending_)
         discard(pending);
     std::error_code ignored; // a folder may have got other files since
-    if (!m_published)
-        for (auto folder = m_folders.rbegin(); folder != m_folders.rend(); ++folder)
+    if (!published_)
+        for (auto folder = folders_.rbegin(); folder != folders_.rend(); ++folder)
             std::filesystem::remove(*folder, ignored);
 }
 
@@ -95,7 +95,7 @@ void OutputFiles::makeFolders(const std::filesystem::path &folder)
     if (folder.has_parent_path() && folder.parent_path() != folder)
         makeFolders(folder.parent_path());
     if (mkdir(folder.c_str(), 0777) == 0)
-        m_folders.push_back(folder);
+        folders_.push_back(folder);
     else if (errno != EEXIST || !std::filesystem::is_directory(folder, error))
         fail(folder, "the folder cannot be made", errno);
 }
@@ -107,7 +107,7 @@ OutputFiles::Pending &OutputFiles::open(const std::filesystem::path &path, Exist
     if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error))
         throw GltfError(path.string() + ": cannot be written: it is there already and is not a file");
     makeFolders(folderOf(path));
-    Pending &pending = m_pending.emplace_back(Pending{path, folderOf(path), existing, -1, {}});
+    Pending &pending = pending_.emplace_back(Pending{path, folderOf(path), existing, -1, {}});
     // A file without a name goes away with the process, however that ends.
     pending.descriptor = ::open(pending.folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
     if (pending.descriptor < 0) {
@@ -120,16 +120,16 @@ OutputFiles::Pending &OutputFiles::open(const std::filesystem::path &path, Exist
     return pending;
 }
 
-void OutputFiles::put(const Pending &pending, std::span<const std::uint8_t> bytes) const
+void OutputFiles::put(const Pending &pending, std::span<const uint8_t> bytes) const
 {
-    constexpr std::size_t kAtOnce = std::size_t{4} << 20;
+    constexpr size_t kAtOnce = size_t{4} << 20;
     while (!bytes.empty()) {
-        if (m_cancelled && m_cancelled())
+        if (cancelled_ && cancelled_())
             throw BakeCancelled();
         const ssize_t written = ::write(pending.descriptor, bytes.data(), std::min(bytes.size(), kAtOnce));
         if (written < 0 && errno != EINTR)
             fail(pending.path, "cannot be written", errno);
-        bytes = bytes.subspan(written < 0 ? 0 : static_cast<std::size_t>(written));
+        bytes = bytes.subspan(written < 0 ? 0 : static_cast<size_t>(written));
     }
 }
 
@@ -173,10 +173,10 @@ void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem:
     }
     std::ifstream file(from, std::ios::binary);
     const Pending &pending = open(to, Existing::Keep);
-    std::vector<std::uint8_t> bytes(std::size_t{1} << 20);
+    std::vector<uint8_t> bytes(size_t{1} << 20);
     while (file) {
         file.read(reinterpret_cast<char *>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-        put(pending, std::span(bytes).first(static_cast<std::size_t>(file.gcount())));
+        put(pending, std::span(bytes).first(static_cast<size_t>(file.gcount())));
     }
     if (!file.eof())
         throw GltfError(from.string() + ": cannot be read");
@@ -219,9 +219,9 @@ void OutputFiles::publish()
 {
     // There may be no memory any more once a file has appeared.
     std::vector<const Pending *> published;
-    published.reserve(m_pending.size());
+    published.reserve(pending_.size());
     try {
-        for (Pending &pending : m_pending)
+        for (Pending &pending : pending_)
             if (publish(pending))
                 published.push_back(&pending);
     } catch (...) {
@@ -229,8 +229,8 @@ void OutputFiles::publish()
             unlink(pending->path.c_str());
         throw;
     }
-    m_published = true;
-    for (Pending &pending : m_pending) {
+    published_ = true;
+    for (Pending &pending : pending_) {
         discard(pending);
         // So that the names are on the disk, too. Not every file system can do that.
         const int folder = ::open(pending.folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -239,7 +239,7 @@ void OutputFiles::publish()
             close(folder);
         }
     }
-    m_pending.clear();
+    pending_.clear();
 }
 
 } // namespace vellum

@@ -16,15 +16,15 @@ namespace vellum
 class FileContent
 {
 public:
-    void add(std::span<const std::uint8_t> bytes) { m_pieces.push_back(bytes); }
-    void add(std::string_view text) { add({reinterpret_cast<const std::uint8_t *>(text.data()), text.size()}); }
-    void keep(std::vector<std::uint8_t> bytes) { add(m_kept.emplace_back(std::move(bytes))); }
-    [[nodiscard]] const std::vector<std::span<const std::uint8_t>> &pieces() const { return m_pieces; }
-    [[nodiscard]] std::uint64_t size() const;
+    void add(std::span<const uint8_t> bytes) { pieces_.push_back(bytes); }
+    void add(std::string_view text) { add({reinterpret_cast<const uint8_t *>(text.data()), text.size()}); }
+    void keep(std::vector<uint8_t> bytes) { add(kept_.emplace_back(std::move(bytes))); }
+    [[nodiscard]] const std::vector<std::span<const uint8_t>> &pieces() const { return pieces_; }
+    [[nodiscard]] uint64_t size() const;
 
 private:
-    std::deque<std::vector<std::uint8_t>> m_kept;
-    std::vector<std::span<const std::uint8_t>> m_pieces;
+    std::deque<std::vector<uint8_t>> kept_;
+    std::vector<std::span<const uint8_t>> pieces_;
 };
 
 // Whether both can be read and are the same file or have the same bytes.
@@ -34,7 +34,7 @@ class OutputFiles
 {
 public:
     // `cancelled` is asked now and then; BakeCancelled is thrown once it returns true.
-    explicit OutputFiles(std::function<bool()> cancelled) : m_cancelled(std::move(cancelled)) {}
+    explicit OutputFiles(std::function<bool()> cancelled) : cancelled_(std::move(cancelled)) {}
     ~OutputFiles();
     OutputFiles(const OutputFiles &) = delete;
     OutputFiles &operator=(const OutputFiles &) = delete;
@@ -64,15 +64,15 @@ private:
     void write(const std::filesystem::path &path, const FileContent &content, Existing existing);
     Pending &open(const std::filesystem::path &path, Existing existing);
     void makeFolders(const std::filesystem::path &folder);
-    void put(const Pending &pending, std::span<const std::uint8_t> bytes) const;
+    void put(const Pending &pending, std::span<const uint8_t> bytes) const;
     void finish(const Pending &pending) const;
     bool publish(Pending &pending); // whether it is new
     static void discard(Pending &pending);
 
-    std::function<bool()> m_cancelled;
-    std::deque<Pending> m_pending;
-    std::vector<std::filesystem::path> m_folders; // that were made
-    bool m_published = false;
+    std::function<bool()> cancelled_;
+    std::deque<Pending> pending_;
+    std::vector<std::filesystem::path> folders_; // that were made
+    bool published_ = false;
 };
 
 } // namespace vellum

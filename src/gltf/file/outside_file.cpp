@@ -12,36 +12,36 @@ namespace vellum
 namespace
 {
 
-constexpr std::uintmax_t kMostBytes = 0x7fffffff;
+constexpr uintmax_t kMostBytes = 0x7fffffff;
 
-constexpr std::uint8_t kNoDigit = 64;
+constexpr uint8_t kNoDigit = 64;
 
 constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
-constexpr std::array<std::uint8_t, 256> base64Digits()
+constexpr std::array<uint8_t, 256> base64Digits()
 {
-    std::array<std::uint8_t, 256> digits{};
+    std::array<uint8_t, 256> digits{};
     digits.fill(kNoDigit);
-    for (std::size_t i = 0; i < kAlphabet.size(); ++i)
-        digits[static_cast<unsigned char>(kAlphabet[i])] = static_cast<std::uint8_t>(i);
+    for (size_t i = 0; i < kAlphabet.size(); ++i)
+        digits[static_cast<unsigned char>(kAlphabet[i])] = static_cast<uint8_t>(i);
     return digits;
 }
 
-std::vector<std::uint8_t> base64Decoded(std::string_view text)
+std::vector<uint8_t> base64Decoded(std::string_view text)
 {
-    static constexpr std::array<std::uint8_t, 256> kDigits = base64Digits();
+    static constexpr std::array<uint8_t, 256> kDigits = base64Digits();
     while (text.ends_with('='))
         text.remove_suffix(1);
-    std::vector<std::uint8_t> bytes;
+    std::vector<uint8_t> bytes;
     bytes.reserve(text.size() / 4 * 3 + 2);
-    std::uint32_t bits = 0;
-    for (std::size_t i = 0; i < text.size(); ++i) {
-        const std::uint8_t digit = kDigits[static_cast<unsigned char>(text[i])];
+    uint32_t bits = 0;
+    for (size_t i = 0; i < text.size(); ++i) {
+        const uint8_t digit = kDigits[static_cast<unsigned char>(text[i])];
         if (digit == kNoDigit)
             throw GltfError("character " + std::to_string(i) + " of its base64 text is none of base64's");
         bits = bits << 6 | digit;
         if (i % 4 != 0)
-            bytes.push_back(static_cast<std::uint8_t>(bits >> (6 - 2 * (i % 4))));
+            bytes.push_back(static_cast<uint8_t>(bits >> (6 - 2 * (i % 4))));
     }
     if (text.size() % 4 == 1)
         throw GltfError("its base64 text is cut off");
@@ -50,7 +50,7 @@ std::vector<std::uint8_t> base64Decoded(std::string_view text)
 
 } // namespace
 
-std::vector<std::uint8_t> readWholeFile(const std::filesystem::path &path)
+std::vector<uint8_t> readWholeFile(const std::filesystem::path &path)
 {
     std::error_code error;
     const auto status = std::filesystem::status(path, error);
@@ -58,15 +58,15 @@ std::vector<std::uint8_t> readWholeFile(const std::filesystem::path &path)
         throw GltfError("no such file");
     if (!std::filesystem::is_regular_file(status))
         throw GltfError("not a file");
-    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    const uintmax_t size = std::filesystem::file_size(path, error);
     if (error)
         throw GltfError("cannot be read");
     if (size > kMostBytes)
         throw GltfError("larger than 2 GiB");
     std::ifstream file(path, std::ios::binary);
-    std::vector<std::uint8_t> bytes(size);
+    std::vector<uint8_t> bytes(size);
     file.read(reinterpret_cast<char *>(bytes.data()), static_cast<std::streamsize>(size));
-    if (!file || static_cast<std::uintmax_t>(file.gcount()) != size)
+    if (!file || static_cast<uintmax_t>(file.gcount()) != size)
         throw GltfError("cannot be read");
     return bytes;
 }
@@ -83,15 +83,15 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
     return folder / *path;
 }
 
-std::string base64Encoded(std::span<const std::uint8_t> bytes)
+std::string base64Encoded(std::span<const uint8_t> bytes)
 {
     std::string text;
     text.reserve((bytes.size() + 2) / 3 * 4);
-    for (std::size_t i = 0; i < bytes.size(); i += 3) {
-        std::uint32_t word = 0;
-        for (std::size_t k = 0; k < 3; ++k)
+    for (size_t i = 0; i < bytes.size(); i += 3) {
+        uint32_t word = 0;
+        for (size_t k = 0; k < 3; ++k)
             word = word << 8 | (i + k < bytes.size() ? bytes[i + k] : 0u);
-        for (std::size_t k = 0; k < 4; ++k)
+        for (size_t k = 0; k < 4; ++k)
             text += i + k <= bytes.size() ? kAlphabet[word >> (18 - 6 * k) & 63] : '=';
     }
     return text;
@@ -104,7 +104,7 @@ bool isDataUri(std::string_view uri)
 
 DataUri readDataUri(std::string_view uri)
 {
-    const std::size_t comma = uri.find(',');
+    const size_t comma = uri.find(',');
     if (comma == std::string_view::npos)
         throw GltfError("the data URI has no comma");
     const std::string_view header = uri.substr(5, comma - 5);

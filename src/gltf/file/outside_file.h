@@ -13,19 +13,19 @@ namespace vellum
 
 // Throws GltfError, without the path, for anything but a regular file of at most 2 GiB: a directory, a pipe or a device
 // is never opened.
-std::vector<std::uint8_t> readWholeFile(const std::filesystem::path &path);
+std::vector<uint8_t> readWholeFile(const std::filesystem::path &path);
 
 // The file that a URI means, relative to `folder`, whether it is there or not. Throws GltfUnsupported for a URI that is
 // not a path below that folder: a file that was found somewhere should not be able to name any other on the machine.
 std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string_view uri);
 
-std::string base64Encoded(std::span<const std::uint8_t> bytes);
+std::string base64Encoded(std::span<const uint8_t> bytes);
 
 bool isDataUri(std::string_view uri);
 
 struct DataUri {
     std::string mimeType;
-    std::vector<std::uint8_t> bytes;
+    std::vector<uint8_t> bytes;
 };
 
 // Decodes a URI of which isDataUri is true (RFC 2397). Throws GltfError.

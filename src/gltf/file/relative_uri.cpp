@@ -39,7 +39,7 @@ std::string encodedUri(std::string_view name)
 {
     std::string uri;
     while (!name.empty()) {
-        const std::size_t sequence = utf8Sequence(name);
+        const size_t sequence = utf8Sequence(name);
         if (sequence > 1 || isKept(static_cast<unsigned char>(name[0]))) {
             uri += name.substr(0, sequence);
             name.remove_prefix(sequence);
@@ -57,7 +57,7 @@ std::string percentDecoded(std::string_view text)
 {
     std::string decoded;
     decoded.reserve(text.size());
-    for (std::size_t i = 0; i < text.size(); ++i) {
+    for (size_t i = 0; i < text.size(); ++i) {
         const int high = text[i] == '%' && i + 2 < text.size() ? hexDigit(text[i + 1]) : -1;
         const int low = high >= 0 ? hexDigit(text[i + 2]) : -1;
         decoded += low >= 0 ? static_cast<char>(16 * high + low) : text[i];
@@ -70,7 +70,7 @@ std::string percentDecoded(std::string_view text)
 std::optional<std::filesystem::path> decodedUri(std::string_view uri)
 {
     // RFC 3986: a scheme ends at the first colon, in front of any slash.
-    const std::size_t colon = uri.find_first_of(":/");
+    const size_t colon = uri.find_first_of(":/");
     if (uri.empty() || (colon != std::string_view::npos && uri[colon] == ':'))
         return std::nullopt;
     const std::string path = percentDecoded(uri);

@@ -3,10 +3,10 @@
 namespace vellum
 {
 
-std::size_t utf8Sequence(std::string_view text)
+size_t utf8Sequence(std::string_view text)
 {
-    const auto byteAt = [&](std::size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u; };
-    const auto isTail = [&](std::size_t i) { return byteAt(i) >= 0x80 && byteAt(i) <= 0xbf; };
+    const auto byteAt = [&](size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u; };
+    const auto isTail = [&](size_t i) { return byteAt(i) >= 0x80 && byteAt(i) <= 0xbf; };
     const unsigned first = byteAt(0);
     const unsigned second = byteAt(1);
     if (text.empty() || (first >= 0x80 && first < 0xc2) || first > 0xf4)
@@ -30,10 +30,10 @@ std::size_t utf8Sequence(std::string_view text)
 char32_t takeCodePoint(std::string_view &text)
 {
     constexpr char32_t kReplacement = 0xfffd;
-    const std::size_t length = utf8Sequence(text);
+    const size_t length = utf8Sequence(text);
     const auto first = static_cast<unsigned char>(text[0]);
     char32_t point = length == 0 ? kReplacement : length == 1 ? first : first & (0x7fu >> length);
-    for (std::size_t i = 1; i < length; ++i)
+    for (size_t i = 1; i < length; ++i)
         point = point << 6 | (static_cast<unsigned char>(text[i]) & 0x3fu);
     text.remove_prefix(length == 0 ? 1 : length);
     return point;

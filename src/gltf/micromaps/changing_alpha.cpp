@@ -26,24 +26,24 @@ std::optional<int> changedMaterial(const std::string &pointer)
 
 } // namespace
 
-ChangingAlpha::ChangingAlpha(const Document &document) : m_document(document)
+ChangingAlpha::ChangingAlpha(const Document &document) : document_(document)
 {
     const auto &materials = document.model().materials;
-    for (std::size_t i = 0; i < materials.size(); ++i)
+    for (size_t i = 0; i < materials.size(); ++i)
         if (materials[i].extensions["KHR_materials_pbrSpecularGlossiness"].exists())
-            m_materials[static_cast<int>(i)] = "its alpha comes from KHR_materials_pbrSpecularGlossiness";
+            materials_[static_cast<int>(i)] = "its alpha comes from KHR_materials_pbrSpecularGlossiness";
     for (const JsonValue &animation : document.root()["animations"].children())
         for (const JsonValue &channel : animation["channels"].children()) {
             const auto pointer = channel["target"]["extensions"]["KHR_animation_pointer"]["pointer"].string();
             if (const auto material = changedMaterial(pointer.value_or("")))
-                m_materials[*material] = "its material's alpha is animated (KHR_animation_pointer)";
+                materials_[*material] = "its material's alpha is animated (KHR_animation_pointer)";
         }
 }
 
 std::optional<std::string> ChangingAlpha::reason(PrimitivePlace place) const
 {
-    const gltf_json::Primitive &primitive = m_document.model().meshes.at(place.mesh).primitives.at(place.primitive);
-    if (const auto found = m_materials.find(primitive.material); found != m_materials.end())
+    const gltf_json::Primitive &primitive = document_.model().meshes.at(place.mesh).primitives.at(place.primitive);
+    if (const auto found = materials_.find(primitive.material); found != materials_.end())
         return found->second;
     for (const JsonValue &mapping : primitive.extensions["KHR_materials_variants"]["mappings"].children())
         if (mapping.isObject() && mapping["material"].integer() != primitive.material)

@@ -19,8 +19,8 @@ public:
     [[nodiscard]] std::optional<std::string> reason(PrimitivePlace place) const;
 
 private:
-    const Document &m_document;
-    std::map<int, std::string> m_materials; // reasons
+    const Document &document_;
+    std::map<int, std::string> materials_; // reasons
 };
 
 } // namespace vellum

@@ -34,9 +34,9 @@ struct BakedPrimitive {
     std::string material;
     PrimitiveMicromap micromap;
     // The corners of its triangles, for a strip or a fan: the extension is for lists only. Empty for a list.
-    std::vector<std::uint32_t> corners;
+    std::vector<uint32_t> corners;
     // Triangles that are unknown because their vertices have different alphas (COLOR_0).
-    std::size_t varying = 0;
+    size_t varying = 0;
     std::string caution; // of which renderers it is not true; empty where it is true of all
 };
 

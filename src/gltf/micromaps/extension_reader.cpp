@@ -16,17 +16,17 @@ namespace
 {
 
 constexpr const char *kSpellings[] = {"EXT_mesh_opacity_micromap", "KHR_mesh_opacity_micromap"};
-constexpr std::size_t kRecordBytes = 8;
+constexpr size_t kRecordBytes = 8;
 
 template <typename T>
-T load(const std::uint8_t *bytes)
+T load(const uint8_t *bytes)
 {
     T value;
     std::memcpy(&value, bytes, sizeof value);
     return value;
 }
 
-std::string number(std::uint64_t value)
+std::string number(uint64_t value)
 {
     return std::to_string(value);
 }
@@ -34,46 +34,46 @@ std::string number(std::uint64_t value)
 // "Special indices MUST be stored as the two's-complement bit pattern of the signed value": in an unsigned type the
 // four highest numbers.
 template <typename T>
-std::int64_t lookupValue(const std::uint8_t *bytes)
+int64_t lookupValue(const uint8_t *bytes)
 {
     const T value = load<T>(bytes);
     if constexpr (std::is_unsigned_v<T>)
         if (value > std::numeric_limits<T>::max() - 4)
-            return static_cast<std::int64_t>(value) - std::numeric_limits<T>::max() - 1;
+            return static_cast<int64_t>(value) - std::numeric_limits<T>::max() - 1;
     return value;
 }
 
-using ReadLookup = std::int64_t (*)(const std::uint8_t *);
+using ReadLookup = int64_t (*)(const uint8_t *);
 
 struct LookupType {
-    std::size_t bytes;
+    size_t bytes;
     ReadLookup read;
 };
 
 std::optional<LookupType> lookupType(int componentType)
 {
     switch (componentType) {
-    case gltf_json::kUnsignedByte: return LookupType{1, lookupValue<std::uint8_t>};
-    case gltf_json::kUnsignedShort: return LookupType{2, lookupValue<std::uint16_t>};
-    case gltf_json::kUnsignedInt: return LookupType{4, lookupValue<std::uint32_t>};
-    case gltf_json::kShort: return LookupType{2, lookupValue<std::int16_t>};
-    case gltf_json::kInt: return LookupType{4, lookupValue<std::int32_t>};
+    case gltf_json::kUnsignedByte: return LookupType{1, lookupValue<uint8_t>};
+    case gltf_json::kUnsignedShort: return LookupType{2, lookupValue<uint16_t>};
+    case gltf_json::kUnsignedInt: return LookupType{4, lookupValue<uint32_t>};
+    case gltf_json::kShort: return LookupType{2, lookupValue<int16_t>};
+    case gltf_json::kInt: return LookupType{4, lookupValue<int32_t>};
     default: return std::nullopt;
     }
 }
 
-std::uint64_t bufferBytes(const gltf_json::Model &model)
+uint64_t bufferBytes(const gltf_json::Model &model)
 {
-    std::uint64_t bytes = 0;
+    uint64_t bytes = 0;
     for (const gltf_json::Buffer &buffer : model.buffers)
         bytes += buffer.data.size();
     return bytes;
 }
 
 // Buffer views that accessors, images and compressed meshes have.
-std::set<std::int64_t> viewsOfOthers(const JsonValue &root)
+std::set<int64_t> viewsOfOthers(const JsonValue &root)
 {
-    std::set<std::int64_t> views;
+    std::set<int64_t> views;
     const auto add = [&](const JsonValue &of) {
         if (const auto view = of["bufferView"].integer())
             views.insert(*view);
@@ -93,16 +93,16 @@ std::set<std::int64_t> viewsOfOthers(const JsonValue &root)
 
 } // namespace
 
-ExtensionReader::ExtensionReader(const Document &document, std::size_t most)
-    : m_document(document), m_root(document.root()), m_most(most),
-      m_allowance(2 * bufferBytes(document.model()) + (std::uint64_t{64} << 20))
+ExtensionReader::ExtensionReader(const Document &document, size_t most)
+    : document_(document), root_(document.root()), most_(most),
+      allowance_(2 * bufferBytes(document.model()) + (uint64_t{64} << 20))
 {
 }
 
 void ExtensionReader::note(const std::string &message)
 {
     if (!full())
-        m_offences.push_back({m_place, message});
+        offences_.push_back({place_, message});
     if (full())
         throw Broken{};
 }
@@ -118,18 +118,18 @@ void ExtensionReader::at(std::string place, Read &&read)
 {
     if (full())
         return;
-    m_place = std::move(place);
+    place_ = std::move(place);
     try {
         read();
     } catch (const Broken &) {
         // It is on the list.
     } catch (const GltfError &error) {
         if (!full())
-            m_offences.push_back({m_place, error.what()});
+            offences_.push_back({place_, error.what()});
     }
 }
 
-std::int64_t ExtensionReader::required(const JsonValue &object, const char *name)
+int64_t ExtensionReader::required(const JsonValue &object, const char *name)
 {
     const JsonValue value = object[name];
     if (!value.exists())
@@ -140,12 +140,12 @@ std::int64_t ExtensionReader::required(const JsonValue &object, const char *name
     return *integer;
 }
 
-std::vector<std::int64_t> ExtensionReader::requiredList(const JsonValue &object, const char *name)
+std::vector<int64_t> ExtensionReader::requiredList(const JsonValue &object, const char *name)
 {
     const JsonValue value = object[name];
     if (!value.exists())
         fail(std::string("\"") + name + "\" is missing");
-    std::vector<std::int64_t> list;
+    std::vector<int64_t> list;
     for (const JsonValue &element : value.children()) {
         const auto integer = element.integer();
         if (!value.isArray() || !integer)
@@ -157,34 +157,34 @@ std::vector<std::int64_t> ExtensionReader::requiredList(const JsonValue &object,
     return list;
 }
 
-std::span<const std::uint8_t> ExtensionReader::view(std::int64_t index, const char *name)
+std::span<const uint8_t> ExtensionReader::view(int64_t index, const char *name)
 {
-    const gltf_json::Model &model = m_document.model();
-    if (index >= static_cast<std::int64_t>(model.bufferViews.size()))
+    const gltf_json::Model &model = document_.model();
+    if (index >= static_cast<int64_t>(model.bufferViews.size()))
         fail(std::string("\"") + name + "\": buffer view " + std::to_string(index) + " does not exist");
-    return m_document.bufferViews().bytes(static_cast<int>(index), std::string("\"") + name + "\"");
+    return document_.bufferViews().bytes(static_cast<int>(index), std::string("\"") + name + "\"");
 }
 
-void ExtensionReader::account(std::size_t bytes)
+void ExtensionReader::account(size_t bytes)
 {
-    if (bytes > m_allowance)
+    if (bytes > allowance_)
         fail("the micromaps take several times the bytes of the file's buffers");
-    m_allowance -= bytes;
+    allowance_ -= bytes;
 }
 
 std::optional<std::string> ExtensionReader::loss() const
 {
-    const std::size_t views = m_root["bufferViews"].children().size();
-    const std::set<std::int64_t> others = viewsOfOthers(m_root);
+    const size_t views = root_["bufferViews"].children().size();
+    const std::set<int64_t> others = viewsOfOthers(root_);
     std::string first;
     for (const char *spelling : kSpellings) {
-        const std::vector<JsonValue> micromaps = m_root["extensions"][spelling]["micromaps"].children();
-        for (std::size_t i = 0; i < micromaps.size(); ++i)
+        const std::vector<JsonValue> micromaps = root_["extensions"][spelling]["micromaps"].children();
+        for (size_t i = 0; i < micromaps.size(); ++i)
             for (const char *name : {"data", "triangles"}) {
                 const auto view = micromaps[i][name].integer();
                 if (!view || *view < 0)
                     return std::nullopt;
-                const bool missing = static_cast<std::uint64_t>(*view) >= views;
+                const bool missing = static_cast<uint64_t>(*view) >= views;
                 if (!missing && !others.contains(*view))
                     return std::nullopt;
                 if (first.empty())
@@ -193,7 +193,7 @@ std::optional<std::string> ExtensionReader::loss() const
                                 .append("\" of micromaps[")
                                 .append(number(i))
                                 .append("] is buffer view ")
-                                .append(number(static_cast<std::uint64_t>(*view)))
+                                .append(number(static_cast<uint64_t>(*view)))
                                 .append(missing ? ", which does not exist" : ", which is something else");
             }
     }
@@ -206,39 +206,39 @@ std::optional<std::string> ExtensionReader::loss() const
 StoredMicromaps ExtensionReader::read()
 {
     if (const auto lost = loss()) {
-        m_offences.push_back({"extensions", *lost});
+        offences_.push_back({"extensions", *lost});
         return {};
     }
     at("extensions", [&] { findExtension(); });
-    if (!m_stored.extension.empty()) {
-        const std::vector<JsonValue> elements = m_root["extensions"][m_stored.extension]["micromaps"].children();
-        m_stored.micromaps.resize(elements.size());
-        m_whole.resize(elements.size());
-        for (std::size_t i = 0; i < elements.size() && !full(); ++i) {
-            const std::size_t before = m_offences.size();
-            at("micromaps[" + number(i) + "]", [&] { readMicromap(elements[i], m_stored.micromaps[i]); });
-            m_whole[i] = m_offences.size() == before;
+    if (!stored_.extension.empty()) {
+        const std::vector<JsonValue> elements = root_["extensions"][stored_.extension]["micromaps"].children();
+        stored_.micromaps.resize(elements.size());
+        whole_.resize(elements.size());
+        for (size_t i = 0; i < elements.size() && !full(); ++i) {
+            const size_t before = offences_.size();
+            at("micromaps[" + number(i) + "]", [&] { readMicromap(elements[i], stored_.micromaps[i]); });
+            whole_[i] = offences_.size() == before;
         }
     }
-    const std::vector<JsonValue> meshes = m_root["meshes"].children();
-    for (std::uint32_t m = 0; m < meshes.size() && !full(); ++m)
+    const std::vector<JsonValue> meshes = root_["meshes"].children();
+    for (uint32_t m = 0; m < meshes.size() && !full(); ++m)
         at("mesh " + number(m), [&] { readMesh(m, meshes[m]); });
-    return std::move(m_stored);
+    return std::move(stored_);
 }
 
 void ExtensionReader::findExtension()
 {
     for (const char *spelling : kSpellings) {
-        const JsonValue extension = m_root["extensions"][spelling];
-        if (!extension.exists() || !m_stored.extension.empty())
+        const JsonValue extension = root_["extensions"][spelling];
+        if (!extension.exists() || !stored_.extension.empty())
             continue;
-        m_stored.extension = spelling;
+        stored_.extension = spelling;
         const JsonValue list = extension["micromaps"];
         if (!list.isArray() || list.children().empty())
-            note(m_stored.extension + ": \"micromaps\" is not an array with elements");
-        const std::vector<JsonValue> used = m_root["extensionsUsed"].children();
+            note(stored_.extension + ": \"micromaps\" is not an array with elements");
+        const std::vector<JsonValue> used = root_["extensionsUsed"].children();
         if (std::none_of(used.begin(), used.end(), [&](const JsonValue &name) { return name.string() == spelling; }))
-            note("\"extensionsUsed\" does not name " + m_stored.extension);
+            note("\"extensionsUsed\" does not name " + stored_.extension);
     }
 }
 
@@ -264,52 +264,52 @@ void ExtensionReader::readUsage(const JsonValue &element, StoredMicromap &microm
     if (counts.size() != levels.size() || counts.size() != formats.size())
         fail("usageCounts has " + number(counts.size()) + " elements, usageLevels " + number(levels.size()) +
              ", usageFormats " + number(formats.size()));
-    for (std::size_t i = 0; i < counts.size(); ++i) {
+    for (size_t i = 0; i < counts.size(); ++i) {
         const std::string which = std::string("[").append(number(i)).append("] is ");
-        if (counts[i] < 1 || counts[i] > std::numeric_limits<std::uint32_t>::max())
+        if (counts[i] < 1 || counts[i] > std::numeric_limits<uint32_t>::max())
             fail("usageCounts" + which + std::to_string(counts[i]) + ", not 1 or more");
-        if (levels[i] < 0 || levels[i] > static_cast<std::int64_t>(shared::kMaxSubdivisionLevel))
+        if (levels[i] < 0 || levels[i] > static_cast<int64_t>(shared::kMaxSubdivisionLevel))
             fail("usageLevels" + which + std::to_string(levels[i]) + ", not 0 to 12");
         if (formats[i] != 1 && formats[i] != 2)
             fail("usageFormats" + which + std::to_string(formats[i]) + ", neither 1 (2-state) nor 2 (4-state)");
-        micromap.usage.push_back({static_cast<std::uint32_t>(counts[i]), static_cast<std::uint32_t>(levels[i]),
-                                  static_cast<Format>(formats[i])});
+        micromap.usage.push_back(
+            {static_cast<uint32_t>(counts[i]), static_cast<uint32_t>(levels[i]), static_cast<Format>(formats[i])});
     }
 }
 
 void ExtensionReader::readRecords(const JsonValue &element, StoredMicromap &micromap)
 {
-    const std::int64_t index = required(element, "triangles");
+    const int64_t index = required(element, "triangles");
     const auto bytes = view(index, "triangles");
-    const std::size_t declared = m_document.model().bufferViews[static_cast<std::size_t>(index)].byteStride;
-    const std::size_t stride = declared == 0 ? kRecordBytes : declared;
+    const size_t declared = document_.model().bufferViews[static_cast<size_t>(index)].byteStride;
+    const size_t stride = declared == 0 ? kRecordBytes : declared;
     if (stride < kRecordBytes || stride % 4 != 0)
         fail("\"triangles\": a byteStride of " + number(stride) + " is not a multiple of 4 that is at least 8");
     if (bytes.size() % stride != 0 && bytes.size() % stride != kRecordBytes)
         fail("\"triangles\": " + number(bytes.size()) + " bytes are no whole number of records of " + number(stride) +
              " bytes");
     account(bytes.size() / stride * kRecordBytes);
-    for (std::size_t at = 0; at + kRecordBytes <= bytes.size(); at += stride)
-        micromap.triangles.push_back({load<std::uint32_t>(&bytes[at]), load<std::uint16_t>(&bytes[at + 4]),
-                                      static_cast<Format>(load<std::uint16_t>(&bytes[at + 6]))});
+    for (size_t at = 0; at + kRecordBytes <= bytes.size(); at += stride)
+        micromap.triangles.push_back({load<uint32_t>(&bytes[at]), load<uint16_t>(&bytes[at + 4]),
+                                      static_cast<Format>(load<uint16_t>(&bytes[at + 6]))});
 }
 
 void ExtensionReader::checkRecords(const StoredMicromap &micromap)
 {
     bool whole = true;
-    for (std::size_t i = 0; i < micromap.triangles.size(); ++i) {
+    for (size_t i = 0; i < micromap.triangles.size(); ++i) {
         const MicromapTriangle &t = micromap.triangles[i];
         const std::string which = "triangle " + number(i) + ": ";
-        const std::size_t before = m_offences.size();
+        const size_t before = offences_.size();
         if (t.format != Format::TwoState && t.format != Format::FourState)
             note(which + "format " + number(static_cast<unsigned>(t.format)) +
                  " is neither 1 (2-state) nor 2 (4-state)");
         else if (t.subdivisionLevel > shared::kMaxSubdivisionLevel)
             note(which + "subdivision level " + number(t.subdivisionLevel) + " is above 12");
-        else if (const auto end = std::uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
+        else if (const auto end = uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
                  end > micromap.data.size())
             note(which + "its data ends at byte " + number(end) + " of " + number(micromap.data.size()));
-        whole = whole && m_offences.size() == before;
+        whole = whole && offences_.size() == before;
     }
     if (!whole)
         throw Broken{}; // regions mean nothing now
@@ -318,20 +318,18 @@ void ExtensionReader::checkRecords(const StoredMicromap &micromap)
 void ExtensionReader::checkOverlap(const StoredMicromap &micromap)
 {
     const std::vector<MicromapTriangle> &triangles = micromap.triangles;
-    std::vector<std::uint32_t> order(triangles.size());
+    std::vector<uint32_t> order(triangles.size());
     std::iota(order.begin(), order.end(), 0u);
-    const auto before = [&](std::uint32_t a, std::uint32_t b) {
-        return triangles[a].dataOffset < triangles[b].dataOffset;
-    };
+    const auto before = [&](uint32_t a, uint32_t b) { return triangles[a].dataOffset < triangles[b].dataOffset; };
     if (!std::is_sorted(order.begin(), order.end(), before))
         std::stable_sort(order.begin(), order.end(), before);
-    std::uint64_t end = 0;
-    std::uint32_t last = 0; // whose data ends there
-    for (const std::uint32_t i : order) {
+    uint64_t end = 0;
+    uint32_t last = 0; // whose data ends there
+    for (const uint32_t i : order) {
         const MicromapTriangle &t = triangles[i];
         if (t.dataOffset < end)
             note("triangle " + number(i) + ": its data overlaps that of triangle " + number(last));
-        const std::uint64_t itsEnd = std::uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
+        const uint64_t itsEnd = uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
         if (itsEnd > end) {
             end = itsEnd;
             last = i;
@@ -341,8 +339,8 @@ void ExtensionReader::checkOverlap(const StoredMicromap &micromap)
 
 void ExtensionReader::checkUsage(const StoredMicromap &micromap)
 {
-    std::map<std::pair<Format, std::uint32_t>, std::pair<std::uint64_t, std::uint64_t>> counts; // said, found
-    std::uint64_t sum = 0;
+    std::map<std::pair<Format, uint32_t>, std::pair<uint64_t, uint64_t>> counts; // said, found
+    uint64_t sum = 0;
     for (const MicromapUsage &usage : micromap.usage) {
         counts[{usage.format, usage.subdivisionLevel}].first += usage.count;
         sum += usage.count;
@@ -357,18 +355,18 @@ void ExtensionReader::checkUsage(const StoredMicromap &micromap)
                  number(static_cast<unsigned>(kind.first)) + ", there are " + number(count.second));
 }
 
-void ExtensionReader::readMesh(std::uint32_t mesh, const JsonValue &value)
+void ExtensionReader::readMesh(uint32_t mesh, const JsonValue &value)
 {
     const std::vector<JsonValue> primitives = value["primitives"].children();
-    for (std::uint32_t p = 0; p < primitives.size() && !full(); ++p) {
+    for (uint32_t p = 0; p < primitives.size() && !full(); ++p) {
         const JsonValue extensions = primitives[p]["extensions"];
         for (const char *spelling : kSpellings) {
             const JsonValue extension = extensions[spelling];
-            if (!extension.exists() || (!m_stored.extension.empty() && m_stored.extension != spelling))
+            if (!extension.exists() || (!stored_.extension.empty() && stored_.extension != spelling))
                 continue;
             const PrimitivePlace place{mesh, p};
-            at(m_document.nameOf(place), [&] {
-                if (m_stored.extension.empty())
+            at(document_.nameOf(place), [&] {
+                if (stored_.extension.empty())
                     fail(std::string("it has ") + spelling + ", the file's root has not");
                 readPrimitive(place, extension);
             });
@@ -379,42 +377,42 @@ void ExtensionReader::readMesh(std::uint32_t mesh, const JsonValue &value)
 void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &extension)
 {
     if (!extension.isObject())
-        fail(m_stored.extension + " is not an object");
-    const auto micromap = static_cast<std::size_t>(required(extension, "micromap"));
-    if (micromap >= m_stored.micromaps.size())
+        fail(stored_.extension + " is not an object");
+    const auto micromap = static_cast<size_t>(required(extension, "micromap"));
+    if (micromap >= stored_.micromaps.size())
         fail("micromap " + number(micromap) + " does not exist");
-    std::int64_t base = 0;
+    int64_t base = 0;
     if (extension["micromapBaseTriangle"].exists())
         base = required(extension, "micromapBaseTriangle");
-    if (base > std::numeric_limits<std::uint32_t>::max())
+    if (base > std::numeric_limits<uint32_t>::max())
         fail("micromapBaseTriangle " + std::to_string(base) + " is too large");
-    const int mode = m_document.model().meshes[place.mesh].primitives[place.primitive].mode;
+    const int mode = document_.model().meshes[place.mesh].primitives[place.primitive].mode;
     if (mode != gltf_json::kTriangles)
         fail("its mode is " + std::to_string(mode) + ", not 4 (TRIANGLES)");
-    if (!m_whole[micromap])
+    if (!whole_[micromap])
         return; // said there
-    PrimitiveMicromap primitive{static_cast<std::uint32_t>(micromap), {}, static_cast<std::uint32_t>(base)};
-    const std::uint64_t triangles = triangleCount(place);
-    const std::size_t records = m_stored.micromaps[micromap].triangles.size();
+    PrimitiveMicromap primitive{static_cast<uint32_t>(micromap), {}, static_cast<uint32_t>(base)};
+    const uint64_t triangles = triangleCount(place);
+    const size_t records = stored_.micromaps[micromap].triangles.size();
     if (extension["micromapIndices"].exists()) {
         primitive.indices = readIndices(required(extension, "micromapIndices"), triangles);
     } else {
         if (triangles + primitive.baseTriangle > records)
             fail("its " + number(triangles) + " triangles from base triangle " + number(primitive.baseTriangle) +
                  " on are outside of the micromap's " + number(records) + " triangles");
-        account(triangles * sizeof(std::int32_t));
+        account(triangles * sizeof(int32_t));
         primitive.indices.resize(triangles);
         std::iota(primitive.indices.begin(), primitive.indices.end(), 0);
     }
-    const std::size_t before = m_offences.size();
+    const size_t before = offences_.size();
     checkIndices(primitive, records);
-    if (m_offences.size() == before)
-        m_stored.primitives[place] = std::move(primitive);
+    if (offences_.size() == before)
+        stored_.primitives[place] = std::move(primitive);
 }
 
-std::uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
+uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
 {
-    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Model &model = document_.model();
     const gltf_json::Primitive &primitive = model.meshes[place.mesh].primitives[place.primitive];
     if (primitive.indices >= 0)
         return accessorCount(model, primitive.indices, "indices") / 3;
@@ -423,13 +421,13 @@ std::uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
     return accessorCount(model, primitive.attribute("POSITION"), "POSITION") / 3;
 }
 
-std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::uint64_t triangles)
+std::vector<int32_t> ExtensionReader::readIndices(int64_t index, uint64_t triangles)
 {
-    const gltf_json::Model &model = m_document.model();
+    const gltf_json::Model &model = document_.model();
     const std::string what = "micromapIndices: accessor " + std::to_string(index);
-    if (index >= static_cast<std::int64_t>(model.accessors.size()))
+    if (index >= static_cast<int64_t>(model.accessors.size()))
         fail(what + " does not exist");
-    const gltf_json::Accessor &accessor = model.accessors[static_cast<std::size_t>(index)];
+    const gltf_json::Accessor &accessor = model.accessors[static_cast<size_t>(index)];
     const auto type = lookupType(accessor.componentType);
     if (accessor.components != 1 || !type || accessor.normalized)
         fail(what + " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
@@ -437,9 +435,9 @@ std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::
         fail(what + " has " + number(accessor.count) + " elements for " + number(triangles) + " triangles");
     if (accessor.sparse || accessor.bufferView < 0)
         fail(what + " has no buffer view of its own or is sparse, which is not supported");
-    const auto bytes = m_document.bufferViews().bytes(accessor.bufferView, what);
-    const gltf_json::BufferView &range = model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
-    const std::size_t stride = range.byteStride == 0 ? type->bytes : range.byteStride;
+    const auto bytes = document_.bufferViews().bytes(accessor.bufferView, what);
+    const gltf_json::BufferView &range = model.bufferViews[static_cast<size_t>(accessor.bufferView)];
+    const size_t stride = range.byteStride == 0 ? type->bytes : range.byteStride;
     if ((range.byteOffset + accessor.byteOffset) % type->bytes != 0 || stride % type->bytes != 0)
         fail(what + " is not aligned to its component type");
     if (stride < type->bytes ||
@@ -447,24 +445,24 @@ std::vector<std::int32_t> ExtensionReader::readIndices(std::int64_t index, std::
          (accessor.byteOffset > bytes.size() || type->bytes > bytes.size() - accessor.byteOffset ||
           accessor.count - 1 > (bytes.size() - accessor.byteOffset - type->bytes) / stride)))
         fail(what + " reaches outside of its buffer view");
-    account(accessor.count * sizeof(std::int32_t));
-    std::vector<std::int32_t> indices;
+    account(accessor.count * sizeof(int32_t));
+    std::vector<int32_t> indices;
     indices.reserve(accessor.count);
-    for (std::size_t i = 0; i < accessor.count; ++i) {
-        const std::int64_t value = type->read(&bytes[accessor.byteOffset + i * stride]);
-        if (value < -4 || value > std::numeric_limits<std::int32_t>::max())
+    for (size_t i = 0; i < accessor.count; ++i) {
+        const int64_t value = type->read(&bytes[accessor.byteOffset + i * stride]);
+        if (value < -4 || value > std::numeric_limits<int32_t>::max())
             fail(what + ": element " + number(i) + " is " + std::to_string(value) +
                  ", neither an index nor a special index");
-        indices.push_back(static_cast<std::int32_t>(value));
+        indices.push_back(static_cast<int32_t>(value));
     }
     return indices;
 }
 
-void ExtensionReader::checkIndices(const PrimitiveMicromap &primitive, std::size_t records)
+void ExtensionReader::checkIndices(const PrimitiveMicromap &primitive, size_t records)
 {
-    for (std::size_t t = 0; t < primitive.indices.size(); ++t) {
-        const std::int32_t index = primitive.indices[t];
-        if (index >= 0 && std::uint64_t{primitive.baseTriangle} + static_cast<std::uint32_t>(index) >= records)
+    for (size_t t = 0; t < primitive.indices.size(); ++t) {
+        const int32_t index = primitive.indices[t];
+        if (index >= 0 && uint64_t{primitive.baseTriangle} + static_cast<uint32_t>(index) >= records)
             note("triangle " + number(t) + ": index " + std::to_string(index) + " + base triangle " +
                  number(primitive.baseTriangle) + " is outside of the micromap's " + number(records) + " triangles");
     }

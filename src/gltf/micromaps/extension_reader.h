@@ -18,13 +18,13 @@ class ExtensionReader
 {
 public:
     // Stops at `most` offences.
-    ExtensionReader(const Document &document, std::size_t most);
+    ExtensionReader(const Document &document, size_t most);
 
     // As lossOfMicromaps().
     [[nodiscard]] std::optional<std::string> loss() const;
     // What is whole; the others are left empty.
     StoredMicromaps read();
-    [[nodiscard]] std::vector<MicromapOffence> takeOffences() { return std::move(m_offences); }
+    [[nodiscard]] std::vector<MicromapOffence> takeOffences() { return std::move(offences_); }
 
 private:
     // Thrown at the first offence of an element or a primitive after which the rest of it has no meaning.
@@ -33,7 +33,7 @@ private:
 
     void note(const std::string &message);
     [[noreturn]] void fail(const std::string &message);
-    [[nodiscard]] bool full() const { return m_offences.size() >= m_most; }
+    [[nodiscard]] bool full() const { return offences_.size() >= most_; }
     template <typename Read>
     void at(std::string place, Read &&read);
 
@@ -44,26 +44,26 @@ private:
     void checkRecords(const StoredMicromap &micromap);
     void checkOverlap(const StoredMicromap &micromap);
     void checkUsage(const StoredMicromap &micromap);
-    void readMesh(std::uint32_t mesh, const JsonValue &value);
+    void readMesh(uint32_t mesh, const JsonValue &value);
     void readPrimitive(PrimitivePlace place, const JsonValue &extension);
-    std::uint64_t triangleCount(PrimitivePlace place);
-    std::vector<std::int32_t> readIndices(std::int64_t accessor, std::uint64_t triangles);
-    void checkIndices(const PrimitiveMicromap &primitive, std::size_t records);
+    uint64_t triangleCount(PrimitivePlace place);
+    std::vector<int32_t> readIndices(int64_t accessor, uint64_t triangles);
+    void checkIndices(const PrimitiveMicromap &primitive, size_t records);
 
-    std::int64_t required(const JsonValue &object, const char *name);
-    std::vector<std::int64_t> requiredList(const JsonValue &object, const char *name);
-    std::span<const std::uint8_t> view(std::int64_t index, const char *name);
+    int64_t required(const JsonValue &object, const char *name);
+    std::vector<int64_t> requiredList(const JsonValue &object, const char *name);
+    std::span<const uint8_t> view(int64_t index, const char *name);
     // Many elements may name one buffer view: what is copied out of the file is bounded.
-    void account(std::size_t bytes);
+    void account(size_t bytes);
 
-    const Document &m_document;
-    JsonValue m_root;
-    std::size_t m_most;
-    std::string m_place;
-    std::vector<MicromapOffence> m_offences;
-    std::uint64_t m_allowance;
-    StoredMicromaps m_stored;
-    std::vector<bool> m_whole; // by micromap
+    const Document &document_;
+    JsonValue root_;
+    size_t most_;
+    std::string place_;
+    std::vector<MicromapOffence> offences_;
+    uint64_t allowance_;
+    StoredMicromaps stored_;
+    std::vector<bool> whole_; // by micromap
 };
 
 } // namespace vellum

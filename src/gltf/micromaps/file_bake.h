@@ -23,8 +23,8 @@ struct FileBake {
     bool replaced = false;              // the input had micromaps
     std::string replacedLoss;           // that had lost their data: as lossOfMicromaps() says
     std::optional<SurfaceShares> surface;
-    std::uint64_t inputBytes = 0;  // of the file itself
-    std::uint64_t outputBytes = 0; // and with the file of micromaps beside it
+    uint64_t inputBytes = 0;  // of the file itself
+    uint64_t outputBytes = 0; // and with the file of micromaps beside it
 };
 
 // The files that a document names, as far as they exist.

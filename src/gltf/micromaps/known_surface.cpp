@@ -7,14 +7,14 @@ namespace vellum
 namespace
 {
 
-double areaOf(const Geometry &geometry, std::size_t triangle, const Transform &transform)
+double areaOf(const Geometry &geometry, size_t triangle, const Transform &transform)
 {
     std::array<Vec3, 3> corners;
-    for (std::size_t i = 0; i < 3; ++i)
+    for (size_t i = 0; i < 3; ++i)
         corners[i] = transformed(transform, geometry.positions[geometry.indices[3 * triangle + i]]);
     std::array<double, 3> a{};
     std::array<double, 3> b{};
-    for (std::size_t k = 0; k < 3; ++k) {
+    for (size_t k = 0; k < 3; ++k) {
         a[k] = double{corners[1][k]} - corners[0][k];
         b[k] = double{corners[2][k]} - corners[0][k];
     }
@@ -23,23 +23,23 @@ double areaOf(const Geometry &geometry, std::size_t triangle, const Transform &t
 }
 
 // A small file may ask for as many triangles in the world as this is times too many to look at.
-constexpr std::size_t kMostTriangles = std::size_t{1} << 27;
+constexpr size_t kMostTriangles = size_t{1} << 27;
 
 // Of each triangle of each alpha-tested geometry, in the world; nothing where there are too many.
 std::optional<std::vector<std::vector<double>>> areasOf(const Scene &scene)
 {
     std::vector<std::vector<double>> areas(scene.geometries.size());
-    for (std::size_t g = 0; g < areas.size(); ++g)
+    for (size_t g = 0; g < areas.size(); ++g)
         if (scene.materials[scene.geometries[g].material].masked())
             areas[g].resize(scene.geometries[g].indices.size() / 3);
-    std::size_t done = 0;
+    size_t done = 0;
     for (const MeshInstance &instance : scene.instances) {
         const Mesh &mesh = scene.meshes[instance.mesh];
-        for (std::size_t g = mesh.firstGeometry; g < mesh.firstGeometry + mesh.geometryCount; ++g) {
+        for (size_t g = mesh.firstGeometry; g < mesh.firstGeometry + mesh.geometryCount; ++g) {
             done += areas[g].size();
             if (done > kMostTriangles)
                 return std::nullopt;
-            for (std::size_t t = 0; t < areas[g].size(); ++t)
+            for (size_t t = 0; t < areas[g].size(); ++t)
                 areas[g][t] += areaOf(scene.geometries[g], t, instance.transform);
         }
     }
@@ -49,44 +49,44 @@ std::optional<std::vector<std::vector<double>>> areasOf(const Scene &scene)
 } // namespace
 
 std::vector<std::array<double, 4>> stateShares(std::span<const MicromapTriangle> triangles,
-                                               std::span<const std::uint8_t> data)
+                                               std::span<const uint8_t> data)
 {
     std::vector<std::array<double, 4>> shares;
     shares.reserve(triangles.size());
     for (const MicromapTriangle &triangle : triangles) {
         std::array<double, 4> &share = shares.emplace_back();
-        const std::uint32_t count = microTriangleCount(triangle.subdivisionLevel);
-        for (std::uint32_t i = 0; i < count; ++i) {
+        const uint32_t count = microTriangleCount(triangle.subdivisionLevel);
+        for (uint32_t i = 0; i < count; ++i) {
             const State state = readState(data.data() + triangle.dataOffset, i, triangle.format);
-            share[static_cast<std::size_t>(state)] += 1.0 / count;
+            share[static_cast<size_t>(state)] += 1.0 / count;
         }
     }
     return shares;
 }
 
 std::optional<SurfaceShares> surfaceShares(const Scene &scene,
-                                           const std::function<const Micromap *(std::size_t)> &micromapOf)
+                                           const std::function<const Micromap *(size_t)> &micromapOf)
 {
     const auto areas = areasOf(scene);
     if (!areas)
         return std::nullopt;
     SurfaceShares sum;
     double all = 0;
-    for (std::size_t g = 0; g < areas->size(); ++g) {
+    for (size_t g = 0; g < areas->size(); ++g) {
         const std::vector<double> &its = (*areas)[g];
         const Micromap *micromap = its.empty() ? nullptr : micromapOf(g);
         std::vector<std::array<double, 4>> shares;
         if (micromap != nullptr)
             shares = stateShares(micromap->triangles, micromap->data);
-        for (std::size_t t = 0; t < its.size(); ++t) {
+        for (size_t t = 0; t < its.size(); ++t) {
             all += its[t];
             if (micromap == nullptr || t >= micromap->indices.size()) {
                 sum.withoutMicromap += its[t];
             } else if (const auto special = specialState(micromap->indices[t])) {
-                sum.states[static_cast<std::size_t>(*special)] += its[t];
+                sum.states[static_cast<size_t>(*special)] += its[t];
             } else {
-                const auto record = static_cast<std::uint32_t>(micromap->indices[t]) + micromap->baseTriangle;
-                for (std::size_t state = 0; state < 4; ++state)
+                const auto record = static_cast<uint32_t>(micromap->indices[t]) + micromap->baseTriangle;
+                for (size_t state = 0; state < 4; ++state)
                     sum.states[state] += its[t] * shares[record][state];
             }
         }
@@ -104,7 +104,7 @@ std::optional<SurfaceShares> surfaceShares(const Document &document, const Store
     try {
         const Scene scene = readScene(document, SceneUse::Measuring);
         std::optional<Micromap> micromap;
-        return surfaceShares(scene, [&](std::size_t geometry) {
+        return surfaceShares(scene, [&](size_t geometry) {
             const auto place = scene.geometries[geometry].place;
             micromap = place ? stored.of(*place) : std::nullopt;
             return micromap ? &*micromap : nullptr;

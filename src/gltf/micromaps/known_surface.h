@@ -15,7 +15,7 @@ namespace vellum
 
 // Shares of the states in each triangle of a micromap.
 std::vector<std::array<double, 4>> stateShares(std::span<const MicromapTriangle> triangles,
-                                               std::span<const std::uint8_t> data);
+                                               std::span<const uint8_t> data);
 
 // Shares of all alpha-tested triangles by their area in the world, those of every instance counted; in sum 1.
 struct SurfaceShares {
@@ -24,14 +24,14 @@ struct SurfaceShares {
 
     [[nodiscard]] double known() const
     {
-        return states[static_cast<std::size_t>(State::Transparent)] + states[static_cast<std::size_t>(State::Opaque)];
+        return states[static_cast<size_t>(State::Transparent)] + states[static_cast<size_t>(State::Opaque)];
     }
 };
 
 // `micromapOf` gives the micromap of a geometry of the scene, valid until the next call, or null. Nothing where no
 // alpha-tested triangle has an area, and of more than 2^27 of them.
 std::optional<SurfaceShares> surfaceShares(const Scene &scene,
-                                           const std::function<const Micromap *(std::size_t)> &micromapOf);
+                                           const std::function<const Micromap *(size_t)> &micromapOf);
 
 // Of the default scene of a file, with these micromaps. Nothing for a file whose scene cannot be read, too.
 std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored);

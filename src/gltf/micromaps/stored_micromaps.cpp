@@ -12,7 +12,7 @@ std::optional<std::string> lossOfMicromaps(const Document &document)
     return document.named([&] { return ExtensionReader(document, 1).loss(); });
 }
 
-std::vector<MicromapOffence> findMicromapOffences(const Document &document, std::size_t most)
+std::vector<MicromapOffence> findMicromapOffences(const Document &document, size_t most)
 {
     return document.named([&] {
         ExtensionReader reader(document, most);
@@ -40,26 +40,26 @@ std::optional<Micromap> StoredMicromaps::of(PrimitivePlace place) const
     const PrimitiveMicromap &primitive = found->second;
     const StoredMicromap &source = micromaps[primitive.micromap];
     // Which triangles of the source are used, in their order there.
-    std::vector<std::uint32_t> used;
-    for (const std::int32_t index : primitive.indices)
+    std::vector<uint32_t> used;
+    for (const int32_t index : primitive.indices)
         if (index >= 0)
-            used.push_back(static_cast<std::uint32_t>(index) + primitive.baseTriangle);
+            used.push_back(static_cast<uint32_t>(index) + primitive.baseTriangle);
     std::sort(used.begin(), used.end());
     used.erase(std::unique(used.begin(), used.end()), used.end());
     Micromap micromap;
-    for (const std::uint32_t triangle : used) {
+    for (const uint32_t triangle : used) {
         MicromapTriangle copy = source.triangles[triangle];
         const auto begin = source.data.begin() + copy.dataOffset;
         const auto end = begin + packedBytes(copy.subdivisionLevel, copy.format);
-        copy.dataOffset = static_cast<std::uint32_t>(micromap.data.size());
+        copy.dataOffset = static_cast<uint32_t>(micromap.data.size());
         micromap.data.insert(micromap.data.end(), begin, end);
         micromap.triangles.push_back(copy);
     }
-    for (const std::int32_t index : primitive.indices) {
-        const auto triangle = static_cast<std::uint32_t>(index) + primitive.baseTriangle;
+    for (const int32_t index : primitive.indices) {
+        const auto triangle = static_cast<uint32_t>(index) + primitive.baseTriangle;
         micromap.indices.push_back(
             index < 0 ? index
-                      : static_cast<std::int32_t>(std::lower_bound(used.begin(), used.end(), triangle) - used.begin()));
+                      : static_cast<int32_t>(std::lower_bound(used.begin(), used.end(), triangle) - used.begin()));
     }
     return micromap;
 }

@@ -17,16 +17,15 @@ namespace vellum
 // An element of the root's `micromaps`.
 struct StoredMicromap {
     std::vector<MicromapTriangle> triangles;
-    std::vector<std::uint8_t> data;
+    std::vector<uint8_t> data;
     std::vector<MicromapUsage> usage; // as the file has it
 };
 
 // What a primitive says of its triangles.
 struct PrimitiveMicromap {
-    std::uint32_t micromap = 0; // into StoredMicromaps::micromaps
-    std::vector<std::int32_t>
-        indices; // one for each triangle: a micromap triangle less baseTriangle, or a special index
-    std::uint32_t baseTriangle = 0;
+    uint32_t micromap = 0;        // into StoredMicromaps::micromaps
+    std::vector<int32_t> indices; // one for each triangle: a micromap triangle less baseTriangle, or a special index
+    uint32_t baseTriangle = 0;
 };
 
 struct StoredMicromaps {
@@ -51,7 +50,7 @@ std::optional<std::string> lossOfMicromaps(const Document &document);
 
 // Every offence, at most `most` of them. What is wrong beside the extension (a buffer view that reaches outside of its
 // buffer) is among them where the extension depends on it.
-std::vector<MicromapOffence> findMicromapOffences(const Document &document, std::size_t most = 100);
+std::vector<MicromapOffence> findMicromapOffences(const Document &document, size_t most = 100);
 
 // Reads and checks them: levels, formats, data in bounds, usage counts, indices. Nothing that is returned can lead a
 // reader astray, whatever is in the file. Throws GltfError for the first offence.

@@ -75,23 +75,23 @@ private:
             if (values.size() >= values.bucket_count())
                 values.rehash(values.size() * 2 + kFirstBuckets);
         }
-        static constexpr std::size_t kFirstBuckets = 13;
+        static constexpr size_t kFirstBuckets = 13;
         mutable std::shared_mutex mutex;
         Values values;
     };
-    static std::size_t index(Handle handle)
+    static size_t index(Handle handle)
     {
-        std::uintptr_t bits = 0;
+        uintptr_t bits = 0;
         if constexpr (std::is_pointer_v<Handle>)
-            bits = reinterpret_cast<std::uintptr_t>(handle);
+            bits = reinterpret_cast<uintptr_t>(handle);
         else
-            bits = static_cast<std::uintptr_t>(handle);
+            bits = static_cast<uintptr_t>(handle);
         return (bits >> 4 ^ bits >> 10) % kShards;
     }
     Shard &shardOf(Handle handle) { return shards_[index(handle)]; }
     const Shard &shardOf(Handle handle) const { return shards_[index(handle)]; }
 
-    static constexpr std::size_t kShards = 16;
+    static constexpr size_t kShards = 16;
     std::array<Shard, kShards> shards_;
 };
 

@@ -11,12 +11,12 @@ namespace vellum::layer
 namespace
 {
 
-std::size_t structureSize(VkStructureType type)
+size_t structureSize(VkStructureType type)
 {
     // Structures of the loader are not in the registry; one lies at the head of every VkDeviceCreateInfo chain.
     if (type == VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO || type == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO)
         return 4 * sizeof(void *);
-    if (const std::size_t size = registrySize(type))
+    if (const size_t size = registrySize(type))
         return size;
     // Where the registry is older than these.
     if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR)
@@ -56,7 +56,7 @@ VkBaseInStructure *Chain::ownUpTo(const VkBaseInStructure *last)
     for (const auto *s = static_cast<const VkBaseInStructure *>(head_); s; s = s->pNext) {
         auto *own = const_cast<VkBaseInStructure *>(s);
         if (std::find(owned_.begin(), owned_.end(), s) == owned_.end()) {
-            const std::size_t size = structureSize(s->sType);
+            const size_t size = structureSize(s->sType);
             if (size == 0)
                 return nullptr;
             copies_.push_back(std::make_unique<Storage[]>((size + sizeof(Storage) - 1) / sizeof(Storage)));

@@ -69,7 +69,7 @@ void reportOnce(const std::string &text)
 
 std::string trimmed(const std::string &text)
 {
-    const std::size_t first = text.find_first_not_of(" \t\r");
+    const size_t first = text.find_first_not_of(" \t\r");
     if (first == std::string::npos)
         return {};
     return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
@@ -81,7 +81,7 @@ std::string inCapitals(std::string text)
     return text;
 }
 
-template <typename Value, std::size_t count>
+template <typename Value, size_t count>
 std::optional<Value> named(const std::pair<const char *, Value> (&values)[count], const std::string &text)
 {
     const auto found =
@@ -98,7 +98,7 @@ struct Given {
     [[nodiscard]] std::string is(const std::string &found) const { return key + " is " + found + " (" + origin + ")"; }
 };
 
-template <typename Value, std::size_t count>
+template <typename Value, size_t count>
 void assign(Value &setting, const std::pair<const char *, Value> (&values)[count], const Given &given,
             const char *expected)
 {
@@ -181,10 +181,10 @@ void readFile(Settings &settings)
     std::ifstream file(path);
     for (std::string line; !path.empty() && std::getline(file, line);) {
         line = trimmed(line.substr(0, line.find('#')));
-        const std::size_t equals = line.find('=');
+        const size_t equals = line.find('=');
         if (equals == std::string::npos || line.rfind(kFilePrefix, 0) != 0)
             continue;
-        const std::size_t begin = std::strlen(kFilePrefix);
+        const size_t begin = std::strlen(kFilePrefix);
         const Given given{trimmed(line.substr(begin, equals - begin)), path, trimmed(line.substr(equals + 1))};
         const Row *row = rowOf(given);
         if (row && !given.value.empty())

@@ -16,8 +16,8 @@ namespace
 {
 
 // Far from where Linux puts programs, heaps, libraries and stacks, with 47 bits of address space or more.
-constexpr std::uintptr_t kFirst = 0x2f00'0000'0000;
-constexpr std::uintptr_t kPlaces = 64;
+constexpr uintptr_t kFirst = 0x2f00'0000'0000;
+constexpr uintptr_t kPlaces = 64;
 
 } // namespace
 
@@ -27,11 +27,11 @@ FixedMemory::~FixedMemory()
         munmap(data_, bytes_);
 }
 
-bool FixedMemory::reserve(std::size_t bytes)
+bool FixedMemory::reserve(size_t bytes)
 {
     if (data_ || bytes == 0 || bytes > kMostBytes)
         return false;
-    for (std::uintptr_t place = 0; place < kPlaces; ++place) {
+    for (uintptr_t place = 0; place < kPlaces; ++place) {
         void *wanted = reinterpret_cast<void *>(kFirst + place * kMostBytes);
         void *got = mmap(wanted, bytes, PROT_READ | PROT_WRITE,
                          MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE | MAP_FIXED_NOREPLACE, -1, 0);
@@ -50,7 +50,7 @@ bool FixedMemory::reserve(std::size_t bytes)
 
 FixedMemory::~FixedMemory() = default;
 
-bool FixedMemory::reserve(std::size_t)
+bool FixedMemory::reserve(size_t)
 {
     return false;
 }

@@ -19,17 +19,17 @@ public:
     FixedMemory(const FixedMemory &) = delete;
     FixedMemory &operator=(const FixedMemory &) = delete;
 
-    static constexpr std::size_t kAlignment = 65536; // of addresses, and of sizes
-    static constexpr std::size_t kMostBytes = std::size_t{1} << 24;
+    static constexpr size_t kAlignment = 65536; // of addresses, and of sizes
+    static constexpr size_t kMostBytes = size_t{1} << 24;
 
     // At most kMostBytes, zeroed. False where none of the addresses is free.
-    bool reserve(std::size_t bytes);
+    bool reserve(size_t bytes);
     // Null before that.
     [[nodiscard]] std::byte *data() const { return data_; }
 
 private:
     std::byte *data_ = nullptr;
-    std::size_t bytes_ = 0;
+    size_t bytes_ = 0;
 };
 
 } // namespace vellum::layer

@@ -65,7 +65,7 @@ std::string KeptAddresses::path() const
 uint64_t KeptAddresses::checksum() const
 {
     Hash sum;
-    for (std::size_t i = 0; i < kTables; ++i) {
+    for (size_t i = 0; i < kTables; ++i) {
         for (const uint64_t value : {tableBytes_[i], addresses_[i].buffer, addresses_[i].memory}) {
             for (unsigned shift = 0; shift < 64; shift += 8)
                 sum.add(value >> shift & 0xff);
@@ -86,7 +86,7 @@ void KeptAddresses::read()
         addresses_ = {};
 }
 
-void KeptAddresses::set(std::size_t table, ReplayAddress address)
+void KeptAddresses::set(size_t table, ReplayAddress address)
 {
     changed_ = changed_ || addresses_[table] != address;
     addresses_[table] = address;

@@ -16,7 +16,7 @@ namespace vellum::layer
 class KeptAddresses
 {
 public:
-    static constexpr std::size_t kTables = 2;
+    static constexpr size_t kTables = 2;
 
     KeptAddresses() = default;
     ~KeptAddresses();
@@ -28,9 +28,9 @@ public:
     void open(const std::string &stem, const std::array<uint64_t, kTables> &tableBytes);
     [[nodiscard]] bool isOpen() const { return place_ >= 0; }
     // What is known of a table; zeros where nothing is.
-    [[nodiscard]] ReplayAddress known(std::size_t table) const { return addresses_[table]; }
+    [[nodiscard]] ReplayAddress known(size_t table) const { return addresses_[table]; }
     // The table is there now.
-    void set(std::size_t table, ReplayAddress address);
+    void set(size_t table, ReplayAddress address);
     // Writes the file, where anything has changed.
     void write();
 

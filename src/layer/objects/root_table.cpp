@@ -36,11 +36,11 @@ constexpr VkDeviceSize wholePages(VkDeviceSize bytes)
 }
 
 // The tables that rewritten shaders have the address of, and their places in the fixed memory.
-constexpr std::size_t kRoot = 0;
-constexpr std::size_t kFirstPages = 1;
+constexpr size_t kRoot = 0;
+constexpr size_t kFirstPages = 1;
 constexpr std::array<VkDeviceSize, KeptAddresses::kTables> kTableBytes{kRootBytes, kPageBytes};
-constexpr std::array<std::size_t, KeptAddresses::kTables> kTablePlaces{0, wholePages(kRootBytes)};
-constexpr std::size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPageBytes);
+constexpr std::array<size_t, KeptAddresses::kTables> kTablePlaces{0, wholePages(kRootBytes)};
+constexpr size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPageBytes);
 static_assert(kFixedBytes <= FixedMemory::kMostBytes);
 
 // The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's cell before its
@@ -108,7 +108,7 @@ VkResult RootTable::create(const GpuContext &context, const std::string &keptAdd
 }
 
 // Shaders rely on it that neither the root nor a page crosses a multiple of 2^32.
-VkResult RootTable::createTable(GpuBuffer &buffer, std::size_t table, bool known)
+VkResult RootTable::createTable(GpuBuffer &buffer, size_t table, bool known)
 {
     const VkDeviceSize bytes = kTableBytes[table];
     const VkResult result = known ? createKnownTable(buffer, table) : buffer.create(context_, bytes);
@@ -122,7 +122,7 @@ VkResult RootTable::createTable(GpuBuffer &buffer, std::size_t table, bool known
     return again != VK_SUCCESS || !crossesWord(buffer.address(), bytes) ? again : VK_ERROR_OUT_OF_DEVICE_MEMORY;
 }
 
-VkResult RootTable::createKnownTable(GpuBuffer &buffer, std::size_t table)
+VkResult RootTable::createKnownTable(GpuBuffer &buffer, size_t table)
 {
     const VkDeviceSize bytes = kTableBytes[table];
     if (fixed_.data() &&

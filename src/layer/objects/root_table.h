@@ -99,9 +99,9 @@ private:
     void insertBucket(VkDeviceAddress reference, VkDeviceAddress cell);
     void removeBucket(VkDeviceAddress reference);
 
-    VkResult createTable(GpuBuffer &buffer, std::size_t table, bool known);
+    VkResult createTable(GpuBuffer &buffer, size_t table, bool known);
     // Tables that rewritten shaders have the address of: at the same address in every run, where that can be had.
-    VkResult createKnownTable(GpuBuffer &buffer, std::size_t table);
+    VkResult createKnownTable(GpuBuffer &buffer, size_t table);
 
     GpuContext context_;
     FixedMemory fixed_; // outlives the buffers on it

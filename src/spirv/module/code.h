@@ -14,12 +14,9 @@ public:
     explicit Code(Module &module) : module_(module) {}
 
     // An instruction without a result, or with its result among the operands.
-    void put(std::uint32_t opcode, std::vector<std::uint32_t> operands)
-    {
-        out.push_back(module_.make(opcode, operands));
-    }
+    void put(uint32_t opcode, std::vector<uint32_t> operands) { out.push_back(module_.make(opcode, operands)); }
     // An instruction with a result of the given type. Returns the new id.
-    Id value(std::uint32_t opcode, Id type, std::vector<std::uint32_t> operands)
+    Id value(uint32_t opcode, Id type, std::vector<uint32_t> operands)
     {
         const Id id = module_.newId();
         operands.insert(operands.begin(), {type, id});

@@ -17,8 +17,7 @@ inline Id toUint(Types &types, Id type, Id value, Code &out)
 }
 
 // An instruction that makes a uint, for the result of one that makes an integer of the given type.
-inline void putUint(Types &types, Id type, Id result, std::uint32_t opcode, std::vector<std::uint32_t> operands,
-                    Code &out)
+inline void putUint(Types &types, Id type, Id result, uint32_t opcode, std::vector<uint32_t> operands, Code &out)
 {
     const Id uint = types.uint32();
     if (type == uint) {

@@ -9,11 +9,11 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr std::uint32_t kAllIds = UINT32_MAX;
+constexpr uint32_t kAllIds = UINT32_MAX;
 
 // First word of an instruction that is a literal and not an id, from which on all are; 0 for opcodes that the library
 // has not needed so far. Covers what glslang makes of lookup.comp: the library is ours, and a test links all of it.
-std::uint32_t firstLiteral(std::uint32_t opcode)
+uint32_t firstLiteral(uint32_t opcode)
 {
     switch (opcode) {
     case spv::OpTypeInt:
@@ -61,7 +61,7 @@ std::uint32_t firstLiteral(std::uint32_t opcode)
 
 } // namespace
 
-Linker::Linker(Module &module, Types &types, Words library, std::map<std::uint32_t, std::uint32_t> constants)
+Linker::Linker(Module &module, Types &types, Words library, std::map<uint32_t, uint32_t> constants)
     : module_(module), types_(types), library_(Module::parse(library, error_)), constants_(std::move(constants))
 {
     if (!library_)
@@ -70,7 +70,7 @@ Linker::Linker(Module &module, Types &types, Words library, std::map<std::uint32
         if (in.opcode == spv::OpDecorate && library_->word(in, 2) == spv::DecorationSpecId)
             specIds_[library_->word(in, 1)] = library_->word(in, 3);
     const auto &code = library_->section(Section::Functions);
-    for (std::size_t i = 0; i < code.size(); ++i)
+    for (size_t i = 0; i < code.size(); ++i)
         if (code[i].opcode == spv::OpFunction)
             functions_[library_->result(code[i])] = i;
 }
@@ -108,19 +108,19 @@ Id Linker::import(Id id)
 
 Id Linker::importGlobal(Instruction in, Id id)
 {
-    std::uint32_t opcode = in.opcode;
+    uint32_t opcode = in.opcode;
     if (opcode == spv::OpSpecConstantComposite)
         opcode = spv::OpConstantComposite;
-    const std::uint32_t literals = firstLiteral(opcode);
+    const uint32_t literals = firstLiteral(opcode);
     if (literals == 0 || !library_->isGlobal(id))
         return fail("cannot import opcode " + std::to_string(opcode));
-    const std::uint32_t resultWord = library_->resultType(in) != 0 ? 2 : 1;
-    std::vector<std::uint32_t> operands; // without the result
-    for (std::uint32_t i = 1; i < in.count; ++i) {
+    const uint32_t resultWord = library_->resultType(in) != 0 ? 2 : 1;
+    std::vector<uint32_t> operands; // without the result
+    for (uint32_t i = 1; i < in.count; ++i) {
         if (i == resultWord)
             continue;
         const bool isId = i < literals || (opcode == spv::OpTypePointer && i == 3);
-        const std::uint32_t operand = isId ? import(library_->word(in, i)) : library_->word(in, i);
+        const uint32_t operand = isId ? import(library_->word(in, i)) : library_->word(in, i);
         if (!error_.empty())
             return 0;
         operands.push_back(operand);
@@ -147,8 +147,8 @@ Id Linker::importGlobal(Instruction in, Id id)
 Id Linker::importFunction(Id id)
 {
     const auto &code = library_->section(Section::Functions);
-    const std::size_t begin = functions_[id];
-    std::size_t end = begin;
+    const size_t begin = functions_[id];
+    size_t end = begin;
     // Results first: phis and branches refer forward.
     do {
         if (const Id result = library_->result(code[end]))
@@ -157,23 +157,23 @@ Id Linker::importFunction(Id id)
     return importBody(begin, end) ? imported_[id] : 0;
 }
 
-bool Linker::importBody(std::size_t begin, std::size_t end)
+bool Linker::importBody(size_t begin, size_t end)
 {
     std::vector<Instruction> body;
-    for (std::size_t k = begin; k < end; ++k) {
+    for (size_t k = begin; k < end; ++k) {
         const Instruction in = library_->section(Section::Functions)[k];
         if (in.opcode == spv::OpLine || in.opcode == spv::OpNoLine)
             continue;
         const bool isFunction = in.opcode == spv::OpFunction;
-        const std::uint32_t literals = isFunction ? 3 : firstLiteral(in.opcode);
+        const uint32_t literals = isFunction ? 3 : firstLiteral(in.opcode);
         if (literals == 0) {
             fail("cannot import opcode " + std::to_string(in.opcode));
             return false;
         }
-        std::vector<std::uint32_t> operands;
-        for (std::uint32_t i = 1; i < in.count; ++i) {
+        std::vector<uint32_t> operands;
+        for (uint32_t i = 1; i < in.count; ++i) {
             const bool isId = i < literals || (isFunction && i == 4);
-            const std::uint32_t operand = library_->word(in, i);
+            const uint32_t operand = library_->word(in, i);
             operands.push_back(isId ? import(operand) : operand);
             if (!error_.empty())
                 return false;
@@ -203,7 +203,7 @@ void Linker::importDecorations()
         if (target == imported_.end() || merged_.contains(target->first))
             return;
         const Words w = library_->words(in);
-        std::vector<std::uint32_t> operands(w.begin() + 1, w.end());
+        std::vector<uint32_t> operands(w.begin() + 1, w.end());
         operands[0] = target->second;
         module_.append(section, in.opcode, operands);
     };

@@ -17,7 +17,7 @@ class Linker
 public:
     // constants: values for the library's specialization constants, by SpecId. They become ordinary constants, since
     // the ids of the application's own belong to the application.
-    Linker(Module &module, Types &types, Words library, std::map<std::uint32_t, std::uint32_t> constants);
+    Linker(Module &module, Types &types, Words library, std::map<uint32_t, uint32_t> constants);
 
     // The module's id of a library function, named as in GLSL. Its definition is imported on first use, with all that
     // it needs. 0 on failure, see error().
@@ -33,7 +33,7 @@ private:
     Id import(Id id);
     Id importGlobal(Instruction in, Id id);
     Id importFunction(Id id);
-    bool importBody(std::size_t begin, std::size_t end);
+    bool importBody(size_t begin, size_t end);
     void importDecorations();
     bool declareAddressing();
     Id fail(const std::string &what);
@@ -42,9 +42,9 @@ private:
     Types &types_;
     std::string error_; // before library_, whose parsing may set it
     std::optional<Module> library_;
-    std::map<std::uint32_t, std::uint32_t> constants_;
-    std::map<Id, std::uint32_t> specIds_;
-    std::map<Id, std::size_t> functions_; // where they begin in the library
+    std::map<uint32_t, uint32_t> constants_;
+    std::map<Id, uint32_t> specIds_;
+    std::map<Id, size_t> functions_; // where they begin in the library
     std::map<Id, Id> imported_;
     std::set<Id> merged_; // library ids that became ids the module had: their names and decorations stay behind
     std::vector<Instruction> code_;

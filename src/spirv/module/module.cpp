@@ -10,14 +10,14 @@ namespace
 {
 
 // Universal limit of ids (SPIR-V specification, 2.17). It also bounds what a hostile header makes us allocate.
-constexpr std::uint32_t kMaxBound = 4'194'303;
+constexpr uint32_t kMaxBound = 4'194'303;
 
 struct Shape {
     bool hasResult = false, hasType = false;
 };
 
 // What the words of an opcode begin with. Of those that we interpret, some are younger than installed headers may be.
-Shape shapeOf(std::uint32_t opcode)
+Shape shapeOf(uint32_t opcode)
 {
     switch (opcode) {
     case kOpTypeHitObjectEXT: return {true, false};
@@ -33,7 +33,7 @@ Shape shapeOf(std::uint32_t opcode)
 
 // The section an opcode belongs to; nothing for those that can stand in several (OpLine, OpExtInst, OpUndef...) and
 // those we do not know.
-std::optional<Section> sectionOf(std::uint32_t opcode)
+std::optional<Section> sectionOf(uint32_t opcode)
 {
     switch (opcode) {
     case spv::OpCapability: return Section::Capabilities;
@@ -68,7 +68,7 @@ std::optional<Section> sectionOf(std::uint32_t opcode)
 }
 
 // Words that an instruction must have for our code to make sense of it.
-std::uint32_t minimumWords(std::uint32_t opcode)
+uint32_t minimumWords(uint32_t opcode)
 {
     switch (opcode) {
     case spv::OpCapability:
@@ -163,9 +163,9 @@ bool Module::split(Words words, std::string &error)
 {
     Section current = Section::Capabilities;
     bool inFunction = false;
-    for (std::size_t at = kHeaderWords; at < words.size();) {
-        const Instruction in{static_cast<std::uint32_t>(at), static_cast<std::uint16_t>(words[at] >> 16),
-                             static_cast<std::uint16_t>(words[at] & 0xffff)};
+    for (size_t at = kHeaderWords; at < words.size();) {
+        const Instruction in{static_cast<uint32_t>(at), static_cast<uint16_t>(words[at] >> 16),
+                             static_cast<uint16_t>(words[at] & 0xffff)};
         const auto fail = [&](const char *what) {
             error = "word " + std::to_string(at) + ", opcode " + std::to_string(in.opcode) + ": " + what;
             return false;
@@ -233,9 +233,9 @@ bool Module::checkReferences(std::string &error) const
     return error.empty();
 }
 
-std::vector<std::uint32_t> Module::serialize() const
+std::vector<uint32_t> Module::serialize() const
 {
-    std::vector<std::uint32_t> out{spv::MagicNumber, version_, generator_, bound_, 0};
+    std::vector<uint32_t> out{spv::MagicNumber, version_, generator_, bound_, 0};
     out.reserve(arena_.size() + kHeaderWords);
     for (const auto &s : sections_)
         for (const Instruction in : s) {
@@ -245,7 +245,7 @@ std::vector<std::uint32_t> Module::serialize() const
     return out;
 }
 
-std::string Module::string(Instruction in, std::uint32_t i) const
+std::string Module::string(Instruction in, uint32_t i) const
 {
     return i < in.count ? textOf(words(in).subspan(i)) : "";
 }
@@ -261,16 +261,16 @@ Id Module::resultType(Instruction in) const
     return shapeOf(in.opcode).hasType ? word(in, 1) : 0;
 }
 
-Instruction Module::make(std::uint32_t opcode, Words operands)
+Instruction Module::make(uint32_t opcode, Words operands)
 {
-    const Instruction in{static_cast<std::uint32_t>(arena_.size()), static_cast<std::uint16_t>(operands.size() + 1),
-                         static_cast<std::uint16_t>(opcode)};
-    arena_.push_back(std::uint32_t{in.count} << 16 | in.opcode);
+    const Instruction in{static_cast<uint32_t>(arena_.size()), static_cast<uint16_t>(operands.size() + 1),
+                         static_cast<uint16_t>(opcode)};
+    arena_.push_back(uint32_t{in.count} << 16 | in.opcode);
     arena_.insert(arena_.end(), operands.begin(), operands.end());
     return in;
 }
 
-void Module::append(Section s, std::uint32_t opcode, Words operands)
+void Module::append(Section s, uint32_t opcode, Words operands)
 {
     const Instruction in = make(opcode, operands);
     section(s).push_back(in);
@@ -293,7 +293,7 @@ bool Module::addToInterfaces(const std::vector<Id> &variables)
         if (in.opcode != spv::OpEntryPoint)
             continue;
         const Words before = words(in);
-        std::vector<std::uint32_t> operands(before.begin() + 1, before.end());
+        std::vector<uint32_t> operands(before.begin() + 1, before.end());
         operands.insert(operands.end(), variables.begin(), variables.end());
         if (operands.size() + 1 > kMaxInstructionWords)
             return false;
@@ -302,29 +302,29 @@ bool Module::addToInterfaces(const std::vector<Id> &variables)
     return true;
 }
 
-Instruction Module::with(Instruction in, std::uint32_t i, std::uint32_t value)
+Instruction Module::with(Instruction in, uint32_t i, uint32_t value)
 {
     if (i == 0 || i >= in.count)
         return in;
     const Words w = words(in);
-    std::vector<std::uint32_t> copy(w.begin() + 1, w.end());
+    std::vector<uint32_t> copy(w.begin() + 1, w.end());
     copy[i - 1] = value;
     return make(in.opcode, copy);
 }
 
-bool Module::hasCapability(std::uint32_t capability) const
+bool Module::hasCapability(uint32_t capability) const
 {
     return std::ranges::any_of(section(Section::Capabilities), [&](Instruction in) {
         return in.opcode == spv::OpCapability && word(in, 1) == capability;
     });
 }
 
-std::vector<std::uint32_t> stringWords(const char *text)
+std::vector<uint32_t> stringWords(const char *text)
 {
-    std::vector<std::uint32_t> out(1);
-    std::uint32_t shift = 0;
+    std::vector<uint32_t> out(1);
+    uint32_t shift = 0;
     for (; *text != 0; ++text) {
-        out.back() |= std::uint32_t{static_cast<unsigned char>(*text)} << shift;
+        out.back() |= uint32_t{static_cast<unsigned char>(*text)} << shift;
         shift += 8;
         if (shift == 32) {
             out.push_back(0);

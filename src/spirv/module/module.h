@@ -16,10 +16,10 @@
 namespace vellum::spirv
 {
 
-using Id = std::uint32_t;
+using Id = uint32_t;
 
 // The sections of the logical layout (SPIR-V specification, 2.4) that we tell apart.
-enum class Section : std::uint8_t {
+enum class Section : uint8_t {
     Capabilities,
     Extensions,
     Imports,
@@ -37,12 +37,12 @@ enum class Section : std::uint8_t {
 
 // An instruction: where its words lie in the module that made it. Cheap to copy, and stays valid as the module grows.
 struct Instruction {
-    std::uint32_t first = 0;
-    std::uint16_t count = 0; // words, with the opcode's
-    std::uint16_t opcode = 0;
+    uint32_t first = 0;
+    uint16_t count = 0; // words, with the opcode's
+    uint16_t opcode = 0;
 };
 
-inline constexpr std::size_t kMaxInstructionWords = 65535;
+inline constexpr size_t kMaxInstructionWords = 65535;
 inline constexpr const char *kTooLongInterface = "an entry point has too long an interface";
 
 class Module
@@ -53,18 +53,18 @@ public:
     // begin and end. On failure returns nothing and sets `error`.
     static std::optional<Module> parse(Words words, std::string &error);
 
-    std::vector<std::uint32_t> serialize() const;
+    std::vector<uint32_t> serialize() const;
 
-    std::uint32_t version() const { return version_; }
-    std::vector<Instruction> &section(Section s) { return sections_[static_cast<std::size_t>(s)]; }
-    const std::vector<Instruction> &section(Section s) const { return sections_[static_cast<std::size_t>(s)]; }
+    uint32_t version() const { return version_; }
+    std::vector<Instruction> &section(Section s) { return sections_[static_cast<size_t>(s)]; }
+    const std::vector<Instruction> &section(Section s) const { return sections_[static_cast<size_t>(s)]; }
 
     // Word i of an instruction; word 0 holds the opcode. 0 beyond its end.
-    std::uint32_t word(Instruction in, std::uint32_t i) const { return i < in.count ? arena_[in.first + i] : 0; }
+    uint32_t word(Instruction in, uint32_t i) const { return i < in.count ? arena_[in.first + i] : 0; }
     // All of its words. Valid until the next make().
     Words words(Instruction in) const { return {arena_.data() + in.first, in.count}; }
     // The literal string that starts at word i.
-    std::string string(Instruction in, std::uint32_t i) const;
+    std::string string(Instruction in, uint32_t i) const;
 
     // Result id of an instruction, and the id of its type; 0 where it has none.
     Id result(Instruction in) const;
@@ -77,21 +77,21 @@ public:
 
     Id newId() { return bound_++; }
     // Makes an instruction that belongs to no section yet.
-    Instruction make(std::uint32_t opcode, Words operands);
-    Instruction make(std::uint32_t opcode, std::initializer_list<std::uint32_t> operands)
+    Instruction make(uint32_t opcode, Words operands);
+    Instruction make(uint32_t opcode, std::initializer_list<uint32_t> operands)
     {
         return make(opcode, Words(operands.begin(), operands.size()));
     }
     // Makes an instruction at the end of a section before Functions.
-    void append(Section s, std::uint32_t opcode, Words operands);
-    void append(Section s, std::uint32_t opcode, std::initializer_list<std::uint32_t> operands)
+    void append(Section s, uint32_t opcode, Words operands);
+    void append(Section s, uint32_t opcode, std::initializer_list<uint32_t> operands)
     {
         append(s, opcode, Words(operands.begin(), operands.size()));
     }
     // A copy of an instruction with one word replaced; the instruction itself where it has no word i but the first.
-    Instruction with(Instruction in, std::uint32_t i, std::uint32_t value);
+    Instruction with(Instruction in, uint32_t i, uint32_t value);
 
-    bool hasCapability(std::uint32_t capability) const;
+    bool hasCapability(uint32_t capability) const;
     // Adds module-scope variables to the interfaces of all entry points, where the version of SPIR-V wants that:
     // from 1.4 on an interface has all that the entry point uses. False if one gets too long.
     bool addToInterfaces(const std::vector<Id> &variables);
@@ -101,16 +101,16 @@ private:
     bool define(Instruction in, bool global, std::string &error);
     bool checkReferences(std::string &error) const;
 
-    std::vector<std::uint32_t> arena_; // the parsed words, then those of new instructions
-    std::array<std::vector<Instruction>, static_cast<std::size_t>(Section::Count)> sections_;
+    std::vector<uint32_t> arena_; // the parsed words, then those of new instructions
+    std::array<std::vector<Instruction>, static_cast<size_t>(Section::Count)> sections_;
     std::vector<Instruction> definitions_;
     std::vector<bool> global_;
-    std::uint32_t version_ = 0;
-    std::uint32_t generator_ = 0;
-    std::uint32_t bound_ = 0;
+    uint32_t version_ = 0;
+    uint32_t generator_ = 0;
+    uint32_t bound_ = 0;
 };
 
 // Operand words of a literal string.
-std::vector<std::uint32_t> stringWords(const char *text);
+std::vector<uint32_t> stringWords(const char *text);
 
 } // namespace vellum::spirv

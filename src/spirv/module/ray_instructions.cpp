@@ -5,7 +5,7 @@
 namespace vellum::spirv
 {
 
-std::optional<RayInstruction> rayInstruction(std::uint32_t opcode)
+std::optional<RayInstruction> rayInstruction(uint32_t opcode)
 {
     switch (opcode) {
     case spv::OpTraceRayKHR: return RayInstruction{.flags = 2, .payload = 11};

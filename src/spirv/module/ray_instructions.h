@@ -10,19 +10,19 @@ namespace vellum::spirv
 
 // Words of an instruction; 0: it has no such operand.
 struct RayInstruction {
-    std::uint32_t hitObject = 0;
-    std::uint32_t flags = 0;   // of the ray, or of the one that is recorded to have missed
-    std::uint32_t payload = 0; // of the shaders that it calls
-    std::uint32_t query = 0;   // the ray query that the hit object is made from
-    bool empties = false;      // the hit object is of no ray any more
+    uint32_t hitObject = 0;
+    uint32_t flags = 0;   // of the ray, or of the one that is recorded to have missed
+    uint32_t payload = 0; // of the shaders that it calls
+    uint32_t query = 0;   // the ray query that the hit object is made from
+    bool empties = false; // the hit object is of no ray any more
 
     // The SBT stride of a ray that is traced: behind its flags, cull mask and SBT offset.
-    [[nodiscard]] std::uint32_t stride() const { return payload != 0 && flags != 0 ? flags + 3 : 0; }
+    [[nodiscard]] uint32_t stride() const { return payload != 0 && flags != 0 ? flags + 3 : 0; }
     // It calls shaders for a hit object that was made before.
     [[nodiscard]] bool onlyExecutes() const { return payload != 0 && flags == 0; }
 };
 
 // Nothing for instructions that neither trace a ray, nor make a hit object, nor call shaders for one.
-std::optional<RayInstruction> rayInstruction(std::uint32_t opcode);
+std::optional<RayInstruction> rayInstruction(uint32_t opcode);
 
 } // namespace vellum::spirv

@@ -12,16 +12,16 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr std::uint32_t kStrideMask = 15; // the bits of an SBT stride that are used (OpTraceRayKHR)
+constexpr uint32_t kStrideMask = 15; // the bits of an SBT stride that are used (OpTraceRayKHR)
 
-bool isRayTracingStage(std::uint32_t model)
+bool isRayTracingStage(uint32_t model)
 {
     return model >= spv::ExecutionModelRayGenerationKHR && model <= spv::ExecutionModelCallableKHR;
 }
 
 // Capabilities that declare ray tracing implicitly are many, and grow; its stages tell as well. Of ray queries there
 // are these.
-bool declaresRays(std::uint32_t capability)
+bool declaresRays(uint32_t capability)
 {
     switch (capability) {
     case spv::CapabilityRayQueryKHR:
@@ -40,7 +40,7 @@ class FlagScan
 public:
     void visit(Words in)
     {
-        const std::uint32_t opcode = opcodeOf(in);
+        const uint32_t opcode = opcodeOf(in);
         if (opcode == spv::OpConstant && in.size() == 4)
             constants_[in[2]] = in[3];
         else if (opcode == spv::OpConstantNull && in.size() == 3)
@@ -69,12 +69,12 @@ public:
     }
 
 private:
-    [[nodiscard]] std::optional<std::uint32_t> valueIn(Words in, std::uint32_t word) const
+    [[nodiscard]] std::optional<uint32_t> valueIn(Words in, uint32_t word) const
     {
         const auto value = word < in.size() ? constants_.find(in[word]) : constants_.end();
         return value == constants_.end() ? std::nullopt : std::optional(value->second);
     }
-    [[nodiscard]] TracedFlags flagsIn(Words in, std::uint32_t word) const
+    [[nodiscard]] TracedFlags flagsIn(Words in, uint32_t word) const
     {
         const auto value = valueIn(in, word);
         if (!value)
@@ -82,7 +82,7 @@ private:
         return {.traces = true, .constant = *value & shared::kHiddenRayFlags};
     }
 
-    std::unordered_map<std::uint32_t, std::uint32_t> constants_;
+    std::unordered_map<uint32_t, uint32_t> constants_;
     TracedFlags traced_, queries_;
     bool fromQuery_ = false;
 };
@@ -99,7 +99,7 @@ void TracedFlags::add(const TracedFlags &other)
     traces = true;
 }
 
-ModuleScan scan(std::span<const std::uint32_t> words)
+ModuleScan scan(std::span<const uint32_t> words)
 {
     ModuleScan found;
     if (!isSpirv(words)) {
@@ -107,9 +107,9 @@ ModuleScan scan(std::span<const std::uint32_t> words)
         return found;
     }
     FlagScan flags;
-    const std::size_t end = visitInstructions(words, [&](Words in) {
-        const std::uint32_t opcode = opcodeOf(in);
-        const std::uint32_t operand = in.size() > 1 ? in[1] : 0;
+    const size_t end = visitInstructions(words, [&](Words in) {
+        const uint32_t opcode = opcodeOf(in);
+        const uint32_t operand = in.size() > 1 ? in[1] : 0;
         found.hasStages = found.hasStages || (opcode == spv::OpEntryPoint && isRayTracingStage(operand));
         found.tracesRays =
             found.tracesRays || found.hasStages || (opcode == spv::OpCapability && declaresRays(operand));

@@ -12,9 +12,9 @@ namespace vellum::spirv
 // What is known of all rays that a module traces in pipelines.
 struct TracedFlags {
     bool traces = false;
-    std::uint32_t fixed = shared::kHiddenRayFlags; // those that all rays have alike
-    std::uint32_t constant = 0;                    // the fixed ones that all rays have
-    std::uint32_t mostStride = 0;                  // the greatest SBT stride; 15 where one is unknown
+    uint32_t fixed = shared::kHiddenRayFlags; // those that all rays have alike
+    uint32_t constant = 0;                    // the fixed ones that all rays have
+    uint32_t mostStride = 0;                  // the greatest SBT stride; 15 where one is unknown
     void add(const TracedFlags &other);
     bool operator==(const TracedFlags &) const = default;
 };
@@ -25,6 +25,6 @@ struct ModuleScan {
     bool tracesRays = false; // it has such a stage, or declares a capability to trace rays
     TracedFlags traced;      // by its stages
 };
-ModuleScan scan(std::span<const std::uint32_t> words);
+ModuleScan scan(std::span<const uint32_t> words);
 
 } // namespace vellum::spirv

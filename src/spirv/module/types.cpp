@@ -5,7 +5,7 @@
 namespace vellum::spirv
 {
 
-bool Types::isUnique(std::uint32_t opcode)
+bool Types::isUnique(uint32_t opcode)
 {
     switch (opcode) {
     case spv::OpTypeVoid:
@@ -28,17 +28,17 @@ Types::Types(Module &module) : module_(module)
         if (!isUnique(in.opcode))
             continue;
         const Id id = module.result(in);
-        std::vector<std::uint32_t> key{in.opcode};
-        for (std::uint32_t i = 1; i < in.count; ++i)
+        std::vector<uint32_t> key{in.opcode};
+        for (uint32_t i = 1; i < in.count; ++i)
             if (i != (module.resultType(in) != 0 ? 2u : 1u))
                 key.push_back(module.word(in, i));
         known_.emplace(std::move(key), id); // the first of equals
     }
 }
 
-Id Types::get(std::uint32_t opcode, std::vector<std::uint32_t> operands)
+Id Types::get(uint32_t opcode, std::vector<uint32_t> operands)
 {
-    std::vector<std::uint32_t> key{opcode};
+    std::vector<uint32_t> key{opcode};
     key.insert(key.end(), operands.begin(), operands.end());
     const auto [it, added] = known_.emplace(std::move(key), 0);
     if (added) {
@@ -77,12 +77,12 @@ Id Types::float32x2()
 
 Id Types::function(Id returnType, const std::vector<Id> &parameters)
 {
-    std::vector<std::uint32_t> operands{returnType};
+    std::vector<uint32_t> operands{returnType};
     operands.insert(operands.end(), parameters.begin(), parameters.end());
     return get(spv::OpTypeFunction, std::move(operands));
 }
 
-Id Types::uintConstant(std::uint32_t value)
+Id Types::uintConstant(uint32_t value)
 {
     return get(spv::OpConstant, {uint32(), value});
 }
@@ -92,7 +92,7 @@ Id Types::constantTrue()
     return get(spv::OpConstantTrue, {boolean()});
 }
 
-std::optional<std::uint32_t> Types::valueOf(Id id) const
+std::optional<uint32_t> Types::valueOf(Id id) const
 {
     const Instruction in = module_.definition(id);
     const Instruction type = module_.definition(module_.word(in, 1));

@@ -17,7 +17,7 @@ public:
     // The id of the type or constant with this opcode and these operands (without the result id; for constants the type
     // comes first). Two equal non-aggregate types are not allowed in a module (SPIR-V specification, 2.8), so what the
     // application has must be found. Not for aggregates.
-    Id get(std::uint32_t opcode, std::vector<std::uint32_t> operands);
+    Id get(uint32_t opcode, std::vector<uint32_t> operands);
 
     Id none(); // OpTypeVoid
     Id boolean();
@@ -25,19 +25,19 @@ public:
     Id float32();
     Id float32x2();
     Id function(Id returnType, const std::vector<Id> &parameters);
-    Id uintConstant(std::uint32_t value);
+    Id uintConstant(uint32_t value);
     Id constantTrue();
 
     // The value of a 32-bit OpConstant of integer type or OpConstantNull; nothing for all else. Specialization
     // constants are all else: the application may still change them.
-    std::optional<std::uint32_t> valueOf(Id id) const;
+    std::optional<uint32_t> valueOf(Id id) const;
 
     // What `get` can look up.
-    static bool isUnique(std::uint32_t opcode);
+    static bool isUnique(uint32_t opcode);
 
 private:
     Module &module_;
-    std::map<std::vector<std::uint32_t>, Id> known_;
+    std::map<std::vector<uint32_t>, Id> known_;
 };
 
 } // namespace vellum::spirv

@@ -11,8 +11,8 @@ namespace
 // Whether an instruction has the pointer among its operands. Other words may be literals that are equal to the id.
 bool hasOperand(const Module &module, Instruction in, Id pointer)
 {
-    const auto among = [&](std::uint32_t first, std::uint32_t last) {
-        for (std::uint32_t i = first; i <= last && i < in.count; ++i)
+    const auto among = [&](uint32_t first, uint32_t last) {
+        for (uint32_t i = first; i <= last && i < in.count; ++i)
             if (module.word(in, i) == pointer)
                 return true;
         return false;

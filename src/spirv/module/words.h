@@ -11,16 +11,16 @@
 namespace vellum::spirv
 {
 
-using Words = std::span<const std::uint32_t>;
+using Words = std::span<const uint32_t>;
 
-inline constexpr std::size_t kHeaderWords = 5;
+inline constexpr size_t kHeaderWords = 5;
 
 inline bool isSpirv(Words words)
 {
     return words.size() >= kHeaderWords && words[0] == spv::MagicNumber;
 }
 
-inline std::uint32_t opcodeOf(Words instruction)
+inline uint32_t opcodeOf(Words instruction)
 {
     return instruction[0] & 0xffff;
 }
@@ -28,11 +28,11 @@ inline std::uint32_t opcodeOf(Words instruction)
 // Calls visit(words of an instruction) for one after the other until it returns false. Returns where the first one
 // begins that was not visited, or is cut short.
 template <typename Visit>
-std::size_t visitInstructions(Words words, Visit visit)
+size_t visitInstructions(Words words, Visit visit)
 {
-    std::size_t at = kHeaderWords;
+    size_t at = kHeaderWords;
     while (at < words.size()) {
-        const std::size_t count = words[at] >> 16;
+        const size_t count = words[at] >> 16;
         if (count == 0 || count > words.size() - at || !visit(words.subspan(at, count)))
             break;
         at += count;
@@ -44,8 +44,8 @@ std::size_t visitInstructions(Words words, Visit visit)
 inline std::string textOf(Words words)
 {
     std::string text;
-    for (const std::uint32_t word : words)
-        for (std::uint32_t shift = 0; shift < 32; shift += 8) {
+    for (const uint32_t word : words)
+        for (uint32_t shift = 0; shift < 32; shift += 8) {
             const char c = static_cast<char>(word >> shift & 0xff);
             if (c == 0)
                 return text;

@@ -15,19 +15,19 @@ constexpr const char *kExt = "SPV_EXT_opacity_micromap";
 
 bool isMode(Words in)
 {
-    const std::uint32_t opcode = opcodeOf(in);
+    const uint32_t opcode = opcodeOf(in);
     return (opcode == spv::OpExecutionMode || opcode == spv::OpExecutionModeId) && in.size() > 2 &&
            in[2] == kExecutionModeOpacityMicromapId;
 }
 
-bool isCapability(Words in, std::uint32_t capability)
+bool isCapability(Words in, uint32_t capability)
 {
     return opcodeOf(in) == spv::OpCapability && in.size() > 1 && in[1] == capability;
 }
 
 // Calls `visit` for each instruction before the functions; returns where they begin.
 template <typename Visit>
-std::size_t visitDeclarations(Words words, Visit visit)
+size_t visitDeclarations(Words words, Visit visit)
 {
     return visitInstructions(words, [&](Words in) {
         const bool declares = opcodeOf(in) != spv::OpFunction;
@@ -39,7 +39,7 @@ std::size_t visitDeclarations(Words words, Visit visit)
 
 } // namespace
 
-TranslateResult translateToExt(std::span<const std::uint32_t> words)
+TranslateResult translateToExt(std::span<const uint32_t> words)
 {
     TranslateResult result;
     if (!isSpirv(words))
@@ -62,21 +62,21 @@ TranslateResult translateToExt(std::span<const std::uint32_t> words)
     if (!changes)
         return result;
     result.words.assign(words.begin(), words.begin() + kHeaderWords);
-    const std::size_t functions = visitDeclarations(words, [&](Words in) {
+    const size_t functions = visitDeclarations(words, [&](Words in) {
         if (isMode(in) || isCapability(in, kCapabilityOpacityMicromapExecutionMode))
             return;
         if (opcodeOf(in) == spv::OpExtension && textOf(in.subspan(1)) == kKhr) {
             if (hasExt)
                 return;
             hasExt = true;
-            const std::vector<std::uint32_t> text = stringWords(kExt);
-            result.words.push_back(static_cast<std::uint32_t>(text.size() + 1) << 16 | spv::OpExtension);
+            const std::vector<uint32_t> text = stringWords(kExt);
+            result.words.push_back(static_cast<uint32_t>(text.size() + 1) << 16 | spv::OpExtension);
             result.words.insert(result.words.end(), text.begin(), text.end());
             return;
         }
         result.words.insert(result.words.end(), in.begin(), in.end());
     });
-    result.words.insert(result.words.end(), words.begin() + static_cast<std::ptrdiff_t>(functions), words.end());
+    result.words.insert(result.words.end(), words.begin() + static_cast<ptrdiff_t>(functions), words.end());
     return result;
 }
 

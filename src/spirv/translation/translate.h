@@ -15,11 +15,11 @@ namespace vellum::spirv
 {
 
 struct TranslateResult {
-    std::vector<std::uint32_t> words; // empty: there is nothing to change
-    bool queriesForget = false;       // it has ray queries, and no entry point declares anything
+    std::vector<uint32_t> words; // empty: there is nothing to change
+    bool queriesForget = false;  // it has ray queries, and no entry point declares anything
 };
 
 // What is no SPIR-V, or cut short, stays as it is. Reads nothing outside `words`.
-TranslateResult translateToExt(std::span<const std::uint32_t> words);
+TranslateResult translateToExt(std::span<const uint32_t> words);
 
 } // namespace vellum::spirv

@@ -76,7 +76,7 @@ private:
 
 int Kernel::version(Version &version) const
 {
-    const auto copy = [](const char *text, char *to, std::size_t &length) {
+    const auto copy = [](const char *text, char *to, size_t &length) {
         if (to != nullptr)
             std::memcpy(to, text, std::min(length, std::strlen(text)));
         length = std::strlen(text);
@@ -212,8 +212,8 @@ void install(const std::string &gpu)
 #define VELLUM_EXPORTED extern "C" __attribute__((visibility("default"))) // NOLINT
 
 VELLUM_EXPORTED int ioctl(int file, unsigned long request, ...);
-VELLUM_EXPORTED int drmGetDevices2(std::uint32_t flags, vellum::test::kernel::DrmDevice **devices, int most);
-VELLUM_EXPORTED int drmGetDevice2(int file, std::uint32_t flags, vellum::test::kernel::DrmDevice **device);
+VELLUM_EXPORTED int drmGetDevices2(uint32_t flags, vellum::test::kernel::DrmDevice **devices, int most);
+VELLUM_EXPORTED int drmGetDevice2(int file, uint32_t flags, vellum::test::kernel::DrmDevice **device);
 
 int ioctl(int file, unsigned long request, ...)
 {
@@ -230,7 +230,7 @@ int ioctl(int file, unsigned long request, ...)
     return static_cast<int>(syscall(SYS_ioctl, file, request, argument));
 }
 
-int drmGetDevices2(std::uint32_t, vellum::test::kernel::DrmDevice **devices, int most)
+int drmGetDevices2(uint32_t, vellum::test::kernel::DrmDevice **devices, int most)
 {
     using namespace vellum::test::kernel;
     if (!installed)
@@ -240,7 +240,7 @@ int drmGetDevices2(std::uint32_t, vellum::test::kernel::DrmDevice **devices, int
     return 1;
 }
 
-int drmGetDevice2(int file, std::uint32_t, vellum::test::kernel::DrmDevice **device)
+int drmGetDevice2(int file, uint32_t, vellum::test::kernel::DrmDevice **device)
 {
     using namespace vellum::test::kernel;
     if (!installed || !kernel().owns(file))

@@ -164,7 +164,7 @@ private:
     int query(const Info &info) const
     {
         const auto give = [&info](const auto &value) {
-            std::memcpy(reinterpret_cast<void *>(info.answer), &value, std::min<std::size_t>(info.size, sizeof value));
+            std::memcpy(reinterpret_cast<void *>(info.answer), &value, std::min<size_t>(info.size, sizeof value));
             return 0;
         };
         switch (info.query) {

@@ -10,10 +10,10 @@
 namespace vellum::test::kernel
 {
 
-using u8 = std::uint8_t;
-using u16 = std::uint16_t;
-using u32 = std::uint32_t;
-using u64 = std::uint64_t;
+using u8 = uint8_t;
+using u16 = uint16_t;
+using u32 = uint32_t;
+using u64 = uint64_t;
 
 // --- libdrm ---
 
@@ -59,11 +59,11 @@ enum class Call : unsigned { // the number in the ioctl
 
 struct Version {
     int major, minor, patch;
-    std::size_t nameLength;
+    size_t nameLength;
     char *name;
-    std::size_t dateLength;
+    size_t dateLength;
     char *date;
-    std::size_t descriptionLength;
+    size_t descriptionLength;
     char *description;
 };
 struct Client {
@@ -81,12 +81,12 @@ constexpr u32 kCreateSignaled = 1;
 
 struct SyncWait {
     u64 handles;
-    std::int64_t deadline; // of CLOCK_MONOTONIC, in nanoseconds
+    int64_t deadline; // of CLOCK_MONOTONIC, in nanoseconds
     u32 count, flags, firstSignaled, pad;
 };
 struct TimelineWait {
     u64 handles, points;
-    std::int64_t deadline;
+    int64_t deadline;
     u32 count, flags, firstSignaled, pad;
 };
 constexpr u32 kWaitAll = 1, kWaitForSubmit = 2, kWaitAvailable = 4;

@@ -40,7 +40,7 @@ private:
 template <class T>
 std::span<const T> array(u64 address, u64 count)
 {
-    return {reinterpret_cast<const T *>(address), static_cast<std::size_t>(count)};
+    return {reinterpret_cast<const T *>(address), static_cast<size_t>(count)};
 }
 
 } // namespace vellum::test::kernel

@@ -54,14 +54,14 @@ int SyncObjects::value(u32 handle, u64 &value)
     return 0;
 }
 
-int SyncObjects::wait(std::span<const u32> handles, std::span<const u64> points, std::int64_t deadline, u32 flags,
+int SyncObjects::wait(std::span<const u32> handles, std::span<const u64> points, int64_t deadline, u32 flags,
                       u32 &first)
 {
     std::unique_lock lock(mutex_);
     std::optional<int> result;
     const auto done = [&] {
-        std::size_t signaled = 0;
-        for (std::size_t i = 0; i < handles.size() && !result; ++i) {
+        size_t signaled = 0;
+        for (size_t i = 0; i < handles.size() && !result; ++i) {
             const auto found = values_.find(handles[i]);
             const u64 point = points.empty() ? 1 : std::max<u64>(points[i], 1);
             if (found == values_.end())

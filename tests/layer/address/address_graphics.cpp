@@ -32,12 +32,12 @@ AddressGraphics::~AddressGraphics()
 
 VkPipeline AddressGraphics::pipeline(Kind kind)
 {
-    using Words = std::span<const std::uint32_t>;
+    using Words = std::span<const uint32_t>;
     const Words first = kind == Kind::Mesh       ? Words(address_draws_mesh)
                         : kind == Kind::Feedback ? Words(address_draws_feedback)
                                                  : Words(address_draws_vertex);
     std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
-    for (std::size_t i = 0; i < 2; ++i) {
+    for (size_t i = 0; i < 2; ++i) {
         stages[i].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
         stages[i].stage = i == 1               ? VK_SHADER_STAGE_FRAGMENT_BIT
                           : kind == Kind::Mesh ? VK_SHADER_STAGE_MESH_BIT_EXT
@@ -105,8 +105,7 @@ VkPipeline AddressGraphics::pipeline(Kind kind)
     return pipeline;
 }
 
-std::vector<std::uint32_t> AddressGraphics::render(VkPipeline pipeline,
-                                                   const std::function<void(VkCommandBuffer)> &record)
+std::vector<uint32_t> AddressGraphics::render(VkPipeline pipeline, const std::function<void(VkCommandBuffer)> &record)
 {
     const auto transition = [this](VkCommandBuffer commands, VkImageLayout before, VkImageLayout after) {
         VkImageMemoryBarrier2 ready{};
@@ -150,7 +149,7 @@ std::vector<std::uint32_t> AddressGraphics::render(VkPipeline pipeline,
         vkCmdCopyImageToBuffer(commands, image_.handle(), VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, out_.handle(), 1,
                                &region);
     });
-    const auto words = out_.as<std::uint32_t>();
+    const auto words = out_.as<uint32_t>();
     return {words.begin(), words.end()};
 }
 

@@ -10,7 +10,7 @@ namespace vt
 class AddressGraphics
 {
 public:
-    static constexpr std::uint32_t kWidth = 64;
+    static constexpr uint32_t kWidth = 64;
 
     explicit AddressGraphics(Gpu &gpu);
     AddressGraphics(const AddressGraphics &) = delete;
@@ -21,7 +21,7 @@ public:
     // A new pipeline, whose bindings are x (one word, 4 bytes apart) and value (one word, 8 bytes apart).
     VkPipeline pipeline(Kind kind);
     // Renders what is recorded with a pipeline, and returns the row.
-    std::vector<std::uint32_t> render(VkPipeline pipeline, const std::function<void(VkCommandBuffer)> &record);
+    std::vector<uint32_t> render(VkPipeline pipeline, const std::function<void(VkCommandBuffer)> &record);
 
 private:
     Gpu &gpu_;
@@ -41,9 +41,9 @@ protected:
         graphics_ = std::make_unique<AddressGraphics>(gpu());
         xs_ = buffer(1024, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
         values_ = buffer(1024, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-        for (std::uint32_t i = 0; i < 256; ++i) {
-            xs_.as<std::uint32_t>()[i] = i * 7 % 61;
-            values_.as<std::uint32_t>()[i] = i + 1;
+        for (uint32_t i = 0; i < 256; ++i) {
+            xs_.as<uint32_t>()[i] = i * 7 % 61;
+            values_.as<uint32_t>()[i] = i + 1;
         }
     }
     void TearDown() override
@@ -70,13 +70,13 @@ protected:
                 record(commands);
             });
         };
-        const std::vector<std::uint32_t> expected = row(byBuffer);
-        EXPECT_NE(expected, std::vector<std::uint32_t>(AddressGraphics::kWidth));
+        const std::vector<uint32_t> expected = row(byBuffer);
+        EXPECT_NE(expected, std::vector<uint32_t>(AddressGraphics::kWidth));
         EXPECT_EQ(row(byAddress), expected);
     }
     void expectNothing(VkPipeline pipeline, const std::function<void(VkCommandBuffer)> &record)
     {
-        EXPECT_EQ(graphics().render(pipeline, record), std::vector<std::uint32_t>(AddressGraphics::kWidth));
+        EXPECT_EQ(graphics().render(pipeline, record), std::vector<uint32_t>(AddressGraphics::kWidth));
     }
 
 private:

@@ -31,9 +31,9 @@ public:
     Aliases(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags first, VkBufferUsageFlags second) : gpu_(gpu)
     {
         const std::array<VkBufferUsageFlags, 2> usages{first, second};
-        std::uint32_t types = ~0u;
+        uint32_t types = ~0u;
         VkDeviceSize bytes = 0;
-        for (std::size_t i = 0; i < 2; ++i) {
+        for (size_t i = 0; i < 2; ++i) {
             VkBufferCreateInfo info{};
             info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
             info.size = size;
@@ -58,8 +58,8 @@ public:
             VT_CHECK(vkBindBufferMemory(gpu.device(), buffer, memory_, 0));
         void *mapped = nullptr;
         VT_CHECK(vkMapMemory(gpu.device(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
-        bytes_ = static_cast<std::uint8_t *>(mapped);
-        std::memset(bytes_, 0, static_cast<std::size_t>(size));
+        bytes_ = static_cast<uint8_t *>(mapped);
+        std::memset(bytes_, 0, static_cast<size_t>(size));
     }
     Aliases(const Aliases &) = delete;
     Aliases &operator=(const Aliases &) = delete;
@@ -70,26 +70,26 @@ public:
         vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
     // Asked of one of them.
-    [[nodiscard]] VkDeviceAddress address(std::size_t which) const
+    [[nodiscard]] VkDeviceAddress address(size_t which) const
     {
         VkBufferDeviceAddressInfo query{};
         query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
         query.buffer = buffers_[which];
         return vkGetBufferDeviceAddress(gpu_.device(), &query);
     }
-    void destroy(std::size_t which)
+    void destroy(size_t which)
     {
         vkDestroyBuffer(gpu_.device(), buffers_[which], nullptr);
         buffers_[which] = VK_NULL_HANDLE;
     }
-    [[nodiscard]] VkBuffer handle(std::size_t which) const { return buffers_[which]; }
-    [[nodiscard]] std::uint8_t *bytes() const { return bytes_; }
+    [[nodiscard]] VkBuffer handle(size_t which) const { return buffers_[which]; }
+    [[nodiscard]] uint8_t *bytes() const { return bytes_; }
 
 private:
     Gpu &gpu_;
     std::array<VkBuffer, 2> buffers_{};
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
-    std::uint8_t *bytes_ = nullptr;
+    uint8_t *bytes_ = nullptr;
 };
 
 class AddressTest : public GpuTest
@@ -101,15 +101,15 @@ protected:
     Buffer randomBuffer(VkDeviceSize size, VkBufferUsageFlags usage)
     {
         Buffer result = buffer(size, usage);
-        for (std::uint8_t &byte : result.as<std::uint8_t>())
-            byte = static_cast<std::uint8_t>(random_());
+        for (uint8_t &byte : result.as<uint8_t>())
+            byte = static_cast<uint8_t>(random_());
         return result;
     }
-    static std::vector<std::uint8_t> bytesOf(const Buffer &buffer)
+    static std::vector<uint8_t> bytesOf(const Buffer &buffer)
     {
         return {buffer.bytes(), buffer.bytes() + buffer.size()};
     }
-    std::uint32_t random() { return static_cast<std::uint32_t>(random_()); }
+    uint32_t random() { return static_cast<uint32_t>(random_()); }
 
     // What is recorded is refused, with a message of the layer's that names the rule, and nothing below complains.
     void expectRefused(const std::string &rule, const std::function<void(VkCommandBuffer)> &record)

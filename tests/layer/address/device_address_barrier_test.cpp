@@ -19,8 +19,8 @@ protected:
     static void TearDownTestSuite() { unsetenv("VELLUM_TEST_SPY_BARRIERS"); }
 
     static VkMemoryRangeBarrierKHR barrierOf(const VkDeviceAddressRangeKHR &range,
-                                             std::uint32_t from = VK_QUEUE_FAMILY_IGNORED,
-                                             std::uint32_t to = VK_QUEUE_FAMILY_IGNORED)
+                                             uint32_t from = VK_QUEUE_FAMILY_IGNORED,
+                                             uint32_t to = VK_QUEUE_FAMILY_IGNORED)
     {
         VkMemoryRangeBarrierKHR barrier{};
         barrier.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIER_KHR;
@@ -44,7 +44,7 @@ protected:
             own_.srcStageMask = own_.dstStageMask = VK_PIPELINE_STAGE_2_CLEAR_BIT;
             own_.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
             ranges_.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR;
-            ranges_.memoryRangeBarrierCount = static_cast<std::uint32_t>(barriers_.size());
+            ranges_.memoryRangeBarrierCount = static_cast<uint32_t>(barriers_.size());
             ranges_.pMemoryRangeBarriers = barriers_.data();
             info_.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
             info_.pNext = &ranges_;
@@ -91,7 +91,7 @@ protected:
     }
     std::vector<std::string> takeOther() { return std::exchange(other_, {}); }
 
-    static std::string hex(std::uint64_t value)
+    static std::string hex(uint64_t value)
     {
         std::ostringstream text;
         text << std::hex << value;
@@ -107,10 +107,10 @@ protected:
         masks(VK_PIPELINE_STAGE_2_COPY_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
               VK_ACCESS_2_SHADER_STORAGE_READ_BIT);
     // The validation layer gives the spy other handles than the test has.
-    std::string transfer(std::uint32_t from, std::uint32_t to, VkDeviceSize offset, VkDeviceSize size, VkBuffer buffer)
+    std::string transfer(uint32_t from, uint32_t to, VkDeviceSize offset, VkDeviceSize size, VkBuffer buffer)
     {
         return kRange + ' ' + hex(from) + ' ' + hex(to) + ' ' + hex(offset) + ' ' + hex(size) + ' ' +
-               (gpu().options().validation ? "" : hex(reinterpret_cast<std::uint64_t>(buffer)));
+               (gpu().options().validation ? "" : hex(reinterpret_cast<uint64_t>(buffer)));
     }
 
     // To another queue family goes what each buffer has of the range.
@@ -168,8 +168,8 @@ TEST_F(AddressBarriers, BehindOtherStructures)
 void AddressBarriers::expectTransfers()
 {
     const Buffer some = buffer(256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    const std::uint32_t here = gpu().family();
-    const std::uint32_t away = VK_QUEUE_FAMILY_EXTERNAL;
+    const uint32_t here = gpu().family();
+    const uint32_t away = VK_QUEUE_FAMILY_EXTERNAL;
     EXPECT_EQ(barriersIn(Dependency({barrierOf(rangeOf(some, 16, 32), here, away)})),
               (Texts{kOwn, transfer(here, away, 16, 32, some.handle())}));
     EXPECT_EQ(barriersIn(Dependency({barrierOf(rangeOf(some, 16, 32), away, here)})),

@@ -36,7 +36,7 @@ protected:
     {
         VkCopyDeviceMemoryInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_INFO_KHR;
-        info.regionCount = static_cast<std::uint32_t>(regions.size());
+        info.regionCount = static_cast<uint32_t>(regions.size());
         info.pRegions = regions.data();
         gpu().vk().CmdCopyMemoryKHR(commands, &info);
     }
@@ -46,33 +46,32 @@ protected:
 TEST_F(AddressCopies, RegionsOfManyBuffers)
 {
     std::vector<Buffer> from, to;
-    std::vector<std::vector<std::uint8_t>> expected;
-    for (std::size_t i = 0; i < 3; ++i) {
+    std::vector<std::vector<uint8_t>> expected;
+    for (size_t i = 0; i < 3; ++i) {
         from.push_back(randomBuffer(1000 + i * 100, kSource));
         to.push_back(randomBuffer(900 + i * 50, kTarget));
         expected.push_back(bytesOf(to.back()));
     }
     std::vector<VkDeviceMemoryCopyKHR> regions;
-    for (std::size_t i = 0; i < 30; ++i) { // in 30 bytes each, of every target
+    for (size_t i = 0; i < 30; ++i) { // in 30 bytes each, of every target
         const Buffer &source = from[random() % 3];
-        const std::size_t target = random() % 3;
+        const size_t target = random() % 3;
         const VkDeviceSize size = random() % 31;                           // none too
         const VkDeviceSize sourceOffset = i * 30 + random() % (31 - size); // sources must not overlap either
         regions.push_back(
             copyRegion(rangeOf(source, sourceOffset, size), rangeOf(to[target], i * 30, size == 0 ? 0 : 30)));
-        std::copy_n(source.bytes() + sourceOffset, size,
-                    expected[target].begin() + static_cast<std::ptrdiff_t>(i) * 30);
+        std::copy_n(source.bytes() + sourceOffset, size, expected[target].begin() + static_cast<ptrdiff_t>(i) * 30);
     }
     regions.push_back(copyRegion({0, 0}, {0, 0}));
     gpu().submit([&](VkCommandBuffer commands) { copy(commands, regions); });
-    for (std::size_t i = 0; i < 3; ++i)
+    for (size_t i = 0; i < 3; ++i)
         EXPECT_EQ(bytesOf(to[i]), expected[i]) << i;
 }
 
 TEST_F(AddressCopies, InsideOneBuffer)
 {
     const Buffer both = randomBuffer(256, kSource | kTarget);
-    std::vector<std::uint8_t> expected = bytesOf(both);
+    std::vector<uint8_t> expected = bytesOf(both);
     std::copy_n(expected.begin() + 3, 60, expected.begin() + 101);
     gpu().submit(
         [&](VkCommandBuffer commands) { copy(commands, copyRegion(rangeOf(both, 3, 60), rangeOf(both, 101, 60))); });
@@ -94,7 +93,7 @@ TEST_F(AddressCopies, SecondaryCommandBuffers)
 // Of buffers at the same address, the one whose usage allows it; whichever the address was asked of.
 TEST_F(AddressCopies, AliasesWithDifferentUsage)
 {
-    for (const std::size_t asked : {0u, 1u}) {
+    for (const size_t asked : {0u, 1u}) {
         const Buffer from = randomBuffer(64, kSource);
         const Buffer to = buffer(64, kTarget);
         Aliases aliases(gpu(), 64, kSource, kTarget);
@@ -123,7 +122,7 @@ TEST_F(AddressCopies, WrongRangesAreRefused)
     const Buffer from = randomBuffer(256, kSource);
     const Buffer to = randomBuffer(256, kTarget);
     const Buffer other = randomBuffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    const std::vector<std::uint8_t> before = bytesOf(to);
+    const std::vector<uint8_t> before = bytesOf(to);
     // The region before the wrong one is not copied either.
     const auto copyBoth = [&](VkCommandBuffer commands, const VkDeviceMemoryCopyKHR &wrong) {
         const std::array regions{copyRegion(rangeOf(from, 0, 64), rangeOf(to, 128, 64)), wrong};
@@ -170,8 +169,8 @@ TEST_F(AddressCopies, Updates)
     const Buffer twin = buffer(256, kTarget);
     std::memcpy(twin.bytes(), to.bytes(), 256);
     const Buffer other = buffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    std::array<std::uint32_t, 16> data{};
-    for (std::uint32_t &word : data)
+    std::array<uint32_t, 16> data{};
+    for (uint32_t &word : data)
         word = random();
     const auto update = [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
         gpu().vk().CmdUpdateMemoryKHR(commands, &range, kAnyUsage, sizeof data, data.data());
@@ -191,7 +190,7 @@ TEST_F(AddressCopies, Updates)
 
 // --- images ---
 
-constexpr std::uint32_t kWidth = 8, kHeight = 4, kLayers = 3;
+constexpr uint32_t kWidth = 8, kHeight = 4, kLayers = 3;
 
 class Image
 {
@@ -225,14 +224,14 @@ public:
         vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
     // One layer is in VK_IMAGE_LAYOUT_GENERAL, the others are in `optimal`.
-    static VkImageLayout layoutOf(std::uint32_t layer, VkImageLayout optimal)
+    static VkImageLayout layoutOf(uint32_t layer, VkImageLayout optimal)
     {
         return layer == 1 ? VK_IMAGE_LAYOUT_GENERAL : optimal;
     }
     void transition(VkCommandBuffer commands, VkImageLayout before, VkImageLayout after) const
     {
         std::array<VkImageMemoryBarrier2, kLayers> barriers{};
-        for (std::uint32_t i = 0; i < kLayers; ++i) {
+        for (uint32_t i = 0; i < kLayers; ++i) {
             VkImageMemoryBarrier2 &b = barriers[i];
             b.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2;
             b.srcStageMask = b.dstStageMask = VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
@@ -261,7 +260,7 @@ private:
 class AddressImageCopies : public AddressTest
 {
 protected:
-    static VkDeviceMemoryImageCopyKHR region(const VkDeviceAddressRangeKHR &range, std::uint32_t layer,
+    static VkDeviceMemoryImageCopyKHR region(const VkDeviceAddressRangeKHR &range, uint32_t layer,
                                              VkImageLayout optimal)
     {
         VkDeviceMemoryImageCopyKHR result{};
@@ -278,7 +277,7 @@ protected:
         VkCopyDeviceMemoryImageInfoKHR result{};
         result.sType = VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_IMAGE_INFO_KHR;
         result.image = image.handle();
-        result.regionCount = static_cast<std::uint32_t>(regions.size());
+        result.regionCount = static_cast<uint32_t>(regions.size());
         result.pRegions = regions.data();
         return result;
     }
@@ -313,11 +312,11 @@ TEST_F(AddressImageCopies, ThereAndBack)
         image.transition(commands, in, from);
         gpu().vk().CmdCopyImageToMemoryKHR(commands, &third);
     });
-    std::vector<std::uint8_t> expected(1024), expected2(1024);
+    std::vector<uint8_t> expected(1024), expected2(1024);
     std::copy_n(a.bytes() + 64, layerBytes, expected.begin() + 128);
     std::copy_n(a.bytes() + 512, layerBytes, expected.begin() + 512);
     std::copy_n(b.bytes() + 4, 8, expected.begin() + 512 + 4 * (2 * kWidth + 3));
-    for (std::uint32_t y = 0; y < kHeight; ++y)
+    for (uint32_t y = 0; y < kHeight; ++y)
         std::copy_n(b.bytes() + 132 + y * 44, 4 * kWidth, expected2.begin() + y * 4 * kWidth);
     EXPECT_EQ(bytesOf(out), expected);
     EXPECT_EQ(bytesOf(out2), expected2);
@@ -328,7 +327,7 @@ TEST_F(AddressImageCopies, WrongRangesAreRefused)
     const Image image(gpu());
     const Buffer from = buffer(256, kSource), to = randomBuffer(256, kTarget);
     const Buffer other = buffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    const std::vector<std::uint8_t> before = bytesOf(to);
+    const std::vector<uint8_t> before = bytesOf(to);
     const auto regionsWith = [](const VkDeviceAddressRangeKHR &good, const VkDeviceAddressRangeKHR &range) {
         std::array regions{region(good, 0, VK_IMAGE_LAYOUT_GENERAL), region(range, 1, VK_IMAGE_LAYOUT_GENERAL)};
         for (auto &r : regions)
@@ -361,11 +360,11 @@ protected:
         const QueryPool pool(gpu(), type, 3);
         const Buffer out = randomBuffer(128, kTarget), twin = buffer(128, kTarget);
         std::memcpy(twin.bytes(), out.bytes(), 128);
-        const std::vector<std::uint8_t> before = bytesOf(out);
+        const std::vector<uint8_t> before = bytesOf(out);
         const VkQueryResultFlags flags =
             VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT;
         const auto copy = [&](VkCommandBuffer commands, const VkStridedDeviceAddressRangeKHR &range,
-                              std::uint32_t count = 2) {
+                              uint32_t count = 2) {
             gpu().vk().CmdCopyQueryPoolResultsToMemoryKHR(commands, pool, 1, count, &range, kAnyUsage, flags);
         };
         gpu().submit([&](VkCommandBuffer commands) {
@@ -394,7 +393,7 @@ protected:
 TEST_F(AddressQueries, OfTheDriver)
 {
     expectSame(VK_QUERY_TYPE_TIMESTAMP, [](VkCommandBuffer commands, VkQueryPool pool) {
-        for (std::uint32_t i = 1; i < 3; ++i)
+        for (uint32_t i = 1; i < 3; ++i)
             vkCmdWriteTimestamp2(commands, VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, pool, i);
     });
 }
@@ -447,8 +446,8 @@ TEST_F(AddressMarkers, AreWritten)
 {
     const Buffer to = randomBuffer(256, kTarget);
     const Buffer other = buffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    std::vector<std::uint8_t> expected = bytesOf(to);
-    const std::uint32_t marker = 0xfeedbeef;
+    std::vector<uint8_t> expected = bytesOf(to);
+    const uint32_t marker = 0xfeedbeef;
     VkMemoryMarkerInfoAMD info{};
     info.sType = VK_STRUCTURE_TYPE_MEMORY_MARKER_INFO_AMD;
     info.dstFlags = kAnyUsage;
@@ -479,7 +478,7 @@ TEST_F(AddressMarkers, AreWritten)
 TEST_F(AddressMarkers, RangeThatIsTooSmall)
 {
     const Buffer to = randomBuffer(256, kTarget);
-    std::vector<std::uint8_t> expected = bytesOf(to);
+    std::vector<uint8_t> expected = bytesOf(to);
     VkMemoryMarkerInfoAMD info{};
     info.sType = VK_STRUCTURE_TYPE_MEMORY_MARKER_INFO_AMD;
     info.stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
@@ -498,7 +497,7 @@ class AddressCopiesHarmless : public AddressCopies
 protected:
     AddressCopiesHarmless() : AddressCopies({.validation = false, .addressCommands = true}) {}
     Buffer other_ = randomBuffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    std::vector<std::uint8_t> expected_ = bytesOf(other_);
+    std::vector<uint8_t> expected_ = bytesOf(other_);
 };
 
 TEST_F(AddressCopiesHarmless, Usage)
@@ -512,7 +511,7 @@ TEST_F(AddressCopiesHarmless, Usage)
     const bool copied = done("VkDeviceMemoryCopyKHR-srcRange-13017", [&](VkCommandBuffer commands) {
         copy(commands, copyRegion(rangeOf(other_, 0, 256), rangeOf(to, 0, 256)));
     });
-    EXPECT_EQ(bytesOf(to), copied ? expected_ : std::vector<std::uint8_t>(256));
+    EXPECT_EQ(bytesOf(to), copied ? expected_ : std::vector<uint8_t>(256));
     const VkDeviceAddressRangeKHR filled = rangeOf(other_, 8, 16);
     if (done("vkCmdFillMemoryKHR-dstRange-13000",
              [&](VkCommandBuffer commands) { gpu().vk().CmdFillMemoryKHR(commands, &filled, kAnyUsage, 0); }))
@@ -528,8 +527,8 @@ TEST_F(AddressCopiesHarmless, Usage)
 TEST_F(AddressCopiesHarmless, Sizes)
 {
     const Buffer to = randomBuffer(256, kTarget);
-    std::vector<std::uint8_t> expected = bytesOf(to);
-    const std::uint64_t data = 0x123456789abcdef;
+    std::vector<uint8_t> expected = bytesOf(to);
+    const uint64_t data = 0x123456789abcdef;
     const auto update = [&](const char *rule, const VkDeviceAddressRangeKHR &range) {
         if (done(rule, [&](VkCommandBuffer commands) {
                 gpu().vk().CmdUpdateMemoryKHR(commands, &range, kAnyUsage, 8, &data);

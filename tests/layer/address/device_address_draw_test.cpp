@@ -9,7 +9,7 @@ namespace
 using namespace vt;
 
 constexpr VkBufferUsageFlags kIndirect = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-using Row = std::vector<std::uint32_t>;
+using Row = std::vector<uint32_t>;
 
 class AddressDraws : public AddressGraphicsTest
 {
@@ -34,7 +34,7 @@ protected:
         info.indexType = type;
         return info;
     }
-    static VkDrawIndirect2InfoKHR draws(const VkStridedDeviceAddressRangeKHR &range, std::uint32_t count)
+    static VkDrawIndirect2InfoKHR draws(const VkStridedDeviceAddressRangeKHR &range, uint32_t count)
     {
         VkDrawIndirect2InfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_DRAW_INDIRECT_2_INFO_KHR;
@@ -44,7 +44,7 @@ protected:
         return info;
     }
     static VkDrawIndirectCount2InfoKHR draws(const VkStridedDeviceAddressRangeKHR &range,
-                                             const VkDeviceAddressRangeKHR &count, std::uint32_t most)
+                                             const VkDeviceAddressRangeKHR &count, uint32_t most)
     {
         VkDrawIndirectCount2InfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_DRAW_INDIRECT_COUNT_2_INFO_KHR;
@@ -56,12 +56,12 @@ protected:
     }
 
     // What the row holds when points 0 .. count of these vertices were drawn.
-    Row points(std::uint32_t count, std::uint32_t firstX, std::uint32_t firstValue, std::uint32_t valueStride) const
+    Row points(uint32_t count, uint32_t firstX, uint32_t firstValue, uint32_t valueStride) const
     {
         Row row(AddressGraphics::kWidth);
-        for (std::uint32_t i = 0; i < count; ++i)
-            row[xs().as<std::uint32_t>()[firstX + i]] =
-                valueStride == 0 ? 0 : values().as<std::uint32_t>()[firstValue + i * valueStride] * 100;
+        for (uint32_t i = 0; i < count; ++i)
+            row[xs().as<uint32_t>()[firstX + i]] =
+                valueStride == 0 ? 0 : values().as<uint32_t>()[firstValue + i * valueStride] * 100;
         return row;
     }
 
@@ -79,26 +79,25 @@ protected:
     template <class F>
     void expectFamily(VkPipeline pipeline, const F &family, const std::function<void(VkCommandBuffer)> &bind)
     {
-        constexpr std::uint32_t stride = 32, offset = 24;
+        constexpr uint32_t stride = 32, offset = 24;
         const Buffer buffer = this->buffer(256, kIndirect), counts = this->buffer(64, kIndirect);
         const Buffer other = this->buffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-        const std::uint32_t size = sizeof(family.commands[0]);
-        for (std::size_t i = 0; i < 4; ++i)
+        const uint32_t size = sizeof(family.commands[0]);
+        for (size_t i = 0; i < 4; ++i)
             std::memcpy(buffer.bytes() + offset + i * stride, &family.commands[i], size);
-        counts.as<std::uint32_t>()[3] = 3;
-        const auto draw = [&](VkCommandBuffer commands, const VkStridedDeviceAddressRangeKHR &range,
-                              std::uint32_t count) {
+        counts.as<uint32_t>()[3] = 3;
+        const auto draw = [&](VkCommandBuffer commands, const VkStridedDeviceAddressRangeKHR &range, uint32_t count) {
             bind(commands);
             const auto info = draws(range, count);
             family.draw(commands, &info);
         };
         const auto drawCount = [&](VkCommandBuffer commands, const VkStridedDeviceAddressRangeKHR &range,
-                                   const VkDeviceAddressRangeKHR &count, std::uint32_t most) {
+                                   const VkDeviceAddressRangeKHR &count, uint32_t most) {
             bind(commands);
             const auto info = draws(range, count, most);
             family.drawCount(commands, &info);
         };
-        const auto byBuffer = [&](std::uint32_t count) {
+        const auto byBuffer = [&](uint32_t count) {
             return [&, count](VkCommandBuffer commands) {
                 bind(commands);
                 family.byBuffer(commands, buffer.handle(), offset, count, stride);
@@ -134,7 +133,7 @@ protected:
         };
         for (const bool counted : {false, true}) {
             const std::string rules = (counted ? countName : name) + "-pInfo-";
-            const auto with = [&](const VkStridedDeviceAddressRangeKHR &range, std::uint32_t count) {
+            const auto with = [&](const VkStridedDeviceAddressRangeKHR &range, uint32_t count) {
                 return [&, range, count](VkCommandBuffer c) {
                     counted ? drawCount(c, range, three, count) : draw(c, range, count);
                 };
@@ -233,8 +232,8 @@ protected:
     {
         const VkPipeline pipeline = graphics().pipeline(AddressGraphics::Kind::StaticStrides);
         const Buffer buffer = this->buffer(256, VK_BUFFER_USAGE_INDEX_BUFFER_BIT);
-        for (std::uint16_t i = 0; i < 64; ++i)
-            buffer.as<std::uint16_t>()[i] = static_cast<std::uint16_t>(i % 2 == 0 ? i : 0); // of both sizes
+        for (uint16_t i = 0; i < 64; ++i)
+            buffer.as<uint16_t>()[i] = static_cast<uint16_t>(i % 2 == 0 ? i : 0); // of both sizes
         for (const VkIndexType type : {VK_INDEX_TYPE_UINT16, VK_INDEX_TYPE_UINT32}) {
             expectSame(
                 pipeline,
@@ -311,8 +310,8 @@ TEST_F(AddressDraws, Indirect)
 TEST_F(AddressDraws, IndexedIndirect)
 {
     const Buffer buffer = this->buffer(256, VK_BUFFER_USAGE_INDEX_BUFFER_BIT);
-    for (std::uint32_t i = 0; i < 64; ++i)
-        buffer.as<std::uint32_t>()[i] = i * 5 % 64;
+    for (uint32_t i = 0; i < 64; ++i)
+        buffer.as<uint32_t>()[i] = i * 5 % 64;
     expectFamily(
         graphics().pipeline(AddressGraphics::Kind::StaticStrides),
         Family<VkDrawIndexedIndirectCommand, PFN_vkCmdDrawIndexedIndirect2KHR, PFN_vkCmdDrawIndexedIndirectCount2KHR>{
@@ -379,8 +378,8 @@ TEST_F(AddressDrawsHarmless, Bindings)
 {
     pipeline_ = graphics().pipeline(AddressGraphics::Kind::StaticStrides);
     const Buffer other = buffer(1024, kIndirect);
-    for (std::uint32_t i = 0; i < 256; ++i)
-        other.as<std::uint32_t>()[i] = i * 3 % 64;
+    for (uint32_t i = 0; i < 256; ++i)
+        other.as<uint32_t>()[i] = i * 3 % 64;
     const auto drawn = [&](const VkStridedDeviceAddressRangeKHR &range) {
         return [&, range](VkCommandBuffer commands) {
             const auto info = vertices(range, false);
@@ -423,13 +422,13 @@ TEST_F(AddressDrawsHarmless, Indirect)
     const std::array<VkDrawIndirectCommand, 2> both{{{3, 1, 0, 0}, {2, 1, 5, 0}}};
     std::memcpy(commands.bytes() + 16, both.data(), sizeof both);
     std::memcpy(other.bytes() + 16, both.data(), sizeof both);
-    const auto drawn = [&](const VkStridedDeviceAddressRangeKHR &range, std::uint32_t count) {
+    const auto drawn = [&](const VkStridedDeviceAddressRangeKHR &range, uint32_t count) {
         return [&, range, count](VkCommandBuffer c) {
             const auto info = draws(range, count);
             gpu().vk().CmdDrawIndirect2KHR(c, &info);
         };
     };
-    const auto byBuffer = [&](std::uint32_t count) {
+    const auto byBuffer = [&](uint32_t count) {
         return [&, count](VkCommandBuffer c) { vkCmdDrawIndirect(c, commands.handle(), 16, count, 16); };
     };
     const std::string rule = "vkCmdDrawIndirect2KHR-pInfo-";
@@ -480,7 +479,7 @@ protected:
     // The words that the dispatches since the last call have added to.
     Row takeSums() const
     {
-        const auto words = target_.as<std::uint32_t>();
+        const auto words = target_.as<uint32_t>();
         Row row(words.begin(), words.end());
         std::memset(target_.bytes(), 0, 64);
         return row;
@@ -533,10 +532,10 @@ TEST_F(AddressDispatches, ConditionalRendering)
         GTEST_SKIP() << "no conditional rendering";
     const Buffer predicates = buffer(128, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
     const Buffer other = buffer(128, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    predicates.as<std::uint32_t>()[3] = 1;
+    predicates.as<uint32_t>()[3] = 1;
     gpu().submit([&](VkCommandBuffer commands) {
         bind(commands);
-        std::uint32_t groups = 1;
+        uint32_t groups = 1;
         for (const VkDeviceSize offset : {8u, 12u}) { // of 0 and of 1
             for (const bool inverted : {false, true}) {
                 begin(commands, rangeOf(predicates, offset, 4), inverted);
@@ -587,8 +586,8 @@ TEST_F(AddressDispatches, ConditionalRenderingAroundInjectedWork)
         vkCmdDispatch(commands, 1, 1, 1);
         gpu().vk().CmdEndConditionalRenderingEXT(commands);
     });
-    EXPECT_EQ(out.as<std::uint64_t>()[1], 0u);
-    EXPECT_EQ(out.as<std::uint64_t>()[2], 0u);
+    EXPECT_EQ(out.as<uint64_t>()[1], 0u);
+    EXPECT_EQ(out.as<uint64_t>()[2], 0u);
     EXPECT_EQ(takeSums(), Row(16));
 }
 

@@ -93,9 +93,9 @@ TEST_F(AddressFeedback, CapturesCountsAndGoesOn)
     });
     EXPECT_EQ(bytesOf(captured), bytesOf(twin));
     EXPECT_EQ(bytesOf(counters), bytesOf(twinCounters));
-    EXPECT_EQ(captured.as<std::uint32_t>()[4], xs().as<std::uint32_t>()[4]);
-    EXPECT_EQ(captured.as<std::uint32_t>()[4 + 6], xs().as<std::uint32_t>()[9]);
-    EXPECT_EQ(counters.as<std::uint32_t>()[5], 24u);
+    EXPECT_EQ(captured.as<uint32_t>()[4], xs().as<uint32_t>()[4]);
+    EXPECT_EQ(captured.as<uint32_t>()[4 + 6], xs().as<uint32_t>()[9]);
+    EXPECT_EQ(counters.as<uint32_t>()[5], 24u);
 
     const VkPipeline plain = graphics().pipeline(AddressGraphics::Kind::StaticStrides);
     const auto byCount = info(rangeOf(counters, kCounterOffset, 4));
@@ -116,8 +116,8 @@ TEST_F(AddressFeedback, EndsWithTheRange)
         vkCmdDraw(commands, 5, 1, 1, 0);
         gpu().vk().CmdEndTransformFeedback2EXT(commands, 0, 0, nullptr);
     });
-    const auto words = captured.as<std::uint32_t>();
-    EXPECT_EQ(words[6], xs().as<std::uint32_t>()[2]);
+    const auto words = captured.as<uint32_t>();
+    EXPECT_EQ(words[6], xs().as<uint32_t>()[2]);
     EXPECT_EQ(words[8], 0u);
     EXPECT_EQ(words[9], 0u);
 }
@@ -154,7 +154,7 @@ TEST_F(AddressFeedback, WrongRangesAreRefused)
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u);
         EXPECT_EQ(messages[0].id, "VELLUM-VUID-" + rule);
-        EXPECT_EQ(captured.as<std::uint32_t>()[4], captures ? xs().as<std::uint32_t>()[4] : 0);
+        EXPECT_EQ(captured.as<uint32_t>()[4], captures ? xs().as<uint32_t>()[4] : 0);
     };
     const std::string beginning = "vkCmdBeginTransformFeedback2EXT-pCounterInfos-";
     const std::string ending = "vkCmdEndTransformFeedback2EXT-pCounterInfos-";
@@ -194,7 +194,7 @@ TEST_F(AddressFeedbackHarmless, UsageAndSizes)
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u);
         EXPECT_EQ(messages[0].id, "VELLUM-VUID-" + rule);
-        EXPECT_EQ(into.as<std::uint32_t>()[8], strictTests() ? 0 : xs().as<std::uint32_t>()[6]);
+        EXPECT_EQ(into.as<uint32_t>()[8], strictTests() ? 0 : xs().as<uint32_t>()[6]);
     };
     rendered("vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091", other, rangeOf(other, kOffset, 64), {0, 0},
              {0, 0});

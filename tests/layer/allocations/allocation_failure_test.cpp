@@ -41,7 +41,7 @@ protected:
     }
     [[nodiscard]] Gpu &gpu() { return *gpu_; }
 
-    static constexpr std::uint64_t kLast = 80;
+    static constexpr uint64_t kLast = 80;
 
     using WhileItFails = std::function<void(const std::function<void()> &)>;
     // Does it with another of the layer's allocations failing each time: fewer of them the more there are, but of the
@@ -50,8 +50,8 @@ protected:
     void failEach(const std::function<bool(const WhileItFails &)> &act)
     {
         // First, while what is made once and kept is not there yet.
-        std::uint64_t made = 0;
-        for (std::uint64_t n = 1;; n += 1 + n / 32) {
+        uint64_t made = 0;
+        for (uint64_t n = 1;; n += 1 + n / 32) {
             SCOPED_TRACE(testing::Message() << "allocation " << n);
             const bool works = failAt(act, n, made);
             if (made < n) {
@@ -65,10 +65,10 @@ protected:
         EXPECT_GT(made, 0u) << "the layer allocates nothing";
         // Then nothing is left of what fails.
         const long before = alive();
-        const std::uint64_t all = made;
+        const uint64_t all = made;
         allocations_ += all;
         RecordProperty("allocations", static_cast<int>(allocations_));
-        for (std::uint64_t n = 1; n <= all; n += n + kLast > all ? 1 : 1 + all / 100) {
+        for (uint64_t n = 1; n <= all; n += n + kLast > all ? 1 : 1 + all / 100) {
             SCOPED_TRACE(testing::Message() << "again, allocation " << n << " of " << all);
             static_cast<void>(failAt(act, n, made));
             EXPECT_LE(alive(), before);
@@ -77,7 +77,7 @@ protected:
         }
         EXPECT_TRUE(failAt(act, 0, made)) << "there is memory again";
     }
-    bool failAt(const std::function<bool(const WhileItFails &)> &act, std::uint64_t n, std::uint64_t &made)
+    bool failAt(const std::function<bool(const WhileItFails &)> &act, uint64_t n, uint64_t &made)
     {
         return act([&](const std::function<void()> &call) {
             failAllocations(n, GetParam());
@@ -112,7 +112,7 @@ protected:
     {
         const Commands &vk = gpu().vk();
         const auto make = [&](Gpu &, const PipelineSetup &setup) {
-            for (const std::uint32_t count : {1u, 2u}) {
+            for (const uint32_t count : {1u, 2u}) {
                 for (const bool deferred : {false, true}) {
                     if (count > 1 && deferred) // then they are made one by one in any case
                         continue;
@@ -147,7 +147,7 @@ protected:
     }
 
     std::unique_ptr<Gpu> gpu_;
-    std::uint64_t allocations_ = 0; // of everything that was tried
+    uint64_t allocations_ = 0; // of everything that was tried
 };
 
 #define INSTANTIATE(Suite)                                                                                             \
@@ -200,7 +200,7 @@ TEST_P(Allocations, Messenger)
     failEach([&](const WhileItFails &whileItFails) {
         VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
         VkResult result = VK_SUCCESS;
-        std::uint64_t count = 0;
+        uint64_t count = 0;
         whileItFails([&] {
             for (; count < 9 && result == VK_SUCCESS; ++count) {
                 result = vk.CreateDebugUtilsMessengerEXT(gpu().instance(), &info, nullptr, &messenger);
@@ -314,7 +314,7 @@ TEST_P(Allocations, Structure)
 
 TEST_P(Allocations, ShaderModule)
 {
-    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
+    const std::vector<uint32_t> code = gpu().code(tracer_comp);
     VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     info.codeSize = code.size() * 4;
     info.pCode = code.data();
@@ -379,7 +379,7 @@ TEST_P(Allocations, CommandBuffers)
 TEST_P(Allocations, Recordings)
 {
     StateScene scene(gpu());
-    for (std::uint32_t step = 0; step < StateScene::kSteps; ++step) {
+    for (uint32_t step = 0; step < StateScene::kSteps; ++step) {
         SCOPED_TRACE(testing::Message() << "step " << step);
         failRecorded([&](VkCommandBuffer commands) { scene.recordStep(commands, step); });
     }
@@ -465,7 +465,7 @@ TEST_P(BinaryAllocations, Binaries)
     Binaries binaries(gpu());
     const Kept kept = binaries.keep(binaries.from(pipeline));
     newer::PipelineBinaryKey key = kept.key;
-    newer::PipelineBinaryData data{kept.data.size(), const_cast<std::uint8_t *>(kept.data.data())};
+    newer::PipelineBinaryData data{kept.data.size(), const_cast<uint8_t *>(kept.data.data())};
     const newer::PipelineBinaryKeysAndData all{1, &key, &data};
     for (const bool ofData : {false, true}) {
         newer::PipelineBinaryCreateInfo binaryInfo{};
@@ -495,7 +495,7 @@ protected:
 TEST_P(TranslatedAllocations, Recordings)
 {
     StateScene scene(gpu());
-    for (std::uint32_t step = 0; step < StateScene::kSteps; ++step) {
+    for (uint32_t step = 0; step < StateScene::kSteps; ++step) {
         SCOPED_TRACE(testing::Message() << "step " << step);
         failRecorded([&](VkCommandBuffer commands) { scene.recordStep(commands, step); });
     }

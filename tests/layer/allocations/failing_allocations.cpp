@@ -13,31 +13,31 @@ namespace
 {
 
 struct Range {
-    std::uintptr_t begin = 0, end = 0;
+    uintptr_t begin = 0, end = 0;
     [[nodiscard]] bool contains(const void *address) const
     {
-        const auto at = reinterpret_cast<std::uintptr_t>(address);
+        const auto at = reinterpret_cast<uintptr_t>(address);
         return at >= begin && at < end;
     }
 };
 
 std::atomic<bool> counting;
-std::atomic<std::uint64_t> allocations, failsAt;
+std::atomic<uint64_t> allocations, failsAt;
 std::atomic<vt::Failing> how;
 Range layer, standardLibrary; // written while nothing is counted
 
-int findRange(dl_phdr_info *info, std::size_t, void *)
+int findRange(dl_phdr_info *info, size_t, void *)
 {
     const bool isLayer = std::strstr(info->dlpi_name, "libVkLayer_vellum_opacity_micromap.so") != nullptr;
     if (!isLayer && std::strstr(info->dlpi_name, "libstdc++.so") == nullptr)
         return 0;
     Range range{UINTPTR_MAX, 0};
-    for (std::size_t i = 0; i < info->dlpi_phnum; ++i) {
+    for (size_t i = 0; i < info->dlpi_phnum; ++i) {
         const ElfW(Phdr) &segment = info->dlpi_phdr[i];
         if (segment.p_type != PT_LOAD)
             continue;
-        range.begin = std::min<std::uintptr_t>(range.begin, info->dlpi_addr + segment.p_vaddr);
-        range.end = std::max<std::uintptr_t>(range.end, info->dlpi_addr + segment.p_vaddr + segment.p_memsz);
+        range.begin = std::min<uintptr_t>(range.begin, info->dlpi_addr + segment.p_vaddr);
+        range.end = std::max<uintptr_t>(range.end, info->dlpi_addr + segment.p_vaddr + segment.p_memsz);
     }
     (isLayer ? layer : standardLibrary) = range;
     return 0;
@@ -71,13 +71,13 @@ bool fails(const void *caller)
 {
     if (!counting || !isLayers(caller))
         return false;
-    const std::uint64_t number = ++allocations;
+    const uint64_t number = ++allocations;
     return failsAt != 0 && (how == vt::Failing::Once ? number == failsAt : number >= failsAt);
 }
 
-void *allocate(std::size_t size, std::size_t alignment, const void *caller)
+void *allocate(size_t size, size_t alignment, const void *caller)
 {
-    const std::size_t rounded = (std::max<std::size_t>(size, 1) + alignment - 1) / alignment * alignment;
+    const size_t rounded = (std::max<size_t>(size, 1) + alignment - 1) / alignment * alignment;
     return fails(caller) ? nullptr : std::aligned_alloc(alignment, rounded);
 }
 
@@ -88,32 +88,32 @@ void *orThrow(void *memory)
     return memory;
 }
 
-constexpr std::size_t kAlignment = __STDCPP_DEFAULT_NEW_ALIGNMENT__;
+constexpr size_t kAlignment = __STDCPP_DEFAULT_NEW_ALIGNMENT__;
 
 } // namespace
 
-std::uint64_t vt::failAllocations(std::uint64_t n, Failing failing)
+uint64_t vt::failAllocations(uint64_t n, Failing failing)
 {
     counting = false;
     dl_iterate_phdr(findRange, nullptr);
     failsAt = n;
     how = failing;
-    const std::uint64_t before = allocations.exchange(0);
+    const uint64_t before = allocations.exchange(0);
     counting = n != 0;
     return before;
 }
 
 #define CALLER __builtin_return_address(0)
 
-void *operator new(std::size_t size)
+void *operator new(size_t size)
 {
     return orThrow(allocate(size, kAlignment, CALLER));
 }
-void *operator new(std::size_t size, std::align_val_t alignment)
+void *operator new(size_t size, std::align_val_t alignment)
 {
-    return orThrow(allocate(size, static_cast<std::size_t>(alignment), CALLER));
+    return orThrow(allocate(size, static_cast<size_t>(alignment), CALLER));
 }
-void *operator new(std::size_t size, const std::nothrow_t &) noexcept
+void *operator new(size_t size, const std::nothrow_t &) noexcept
 {
     return allocate(size, kAlignment, CALLER);
 }
@@ -121,7 +121,7 @@ void operator delete(void *memory) noexcept
 {
     std::free(memory);
 }
-void operator delete(void *memory, std::size_t) noexcept
+void operator delete(void *memory, size_t) noexcept
 {
     std::free(memory);
 }
@@ -129,7 +129,7 @@ void operator delete(void *memory, std::align_val_t) noexcept
 {
     std::free(memory);
 }
-void operator delete(void *memory, std::size_t, std::align_val_t) noexcept
+void operator delete(void *memory, size_t, std::align_val_t) noexcept
 {
     std::free(memory);
 }

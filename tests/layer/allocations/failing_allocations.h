@@ -10,6 +10,6 @@ namespace vt
 enum class Failing { Once, FromThenOn };
 // The n-th allocation of the layer from now on fails, or all from then on; with n = 0, none. The layer must be loaded.
 // Returns how many there were since the last call.
-std::uint64_t failAllocations(std::uint64_t n, Failing failing);
+uint64_t failAllocations(uint64_t n, Failing failing);
 
 } // namespace vt

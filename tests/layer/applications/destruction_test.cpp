@@ -87,13 +87,13 @@ public:
             gpu_.vk().DestroyMicromapEXT(gpu_.device(), std::exchange(micromap_, VK_NULL_HANDLE), nullptr);
     }
     // In one of the six orders.
-    void destroy(std::uint32_t order)
+    void destroy(uint32_t order)
     {
         const std::array<std::function<void()>, 3> parts{[this] { destroyStructure(); }, [this] { destroyBuffer(); },
                                                          [this] { freeMemory(); }};
-        constexpr std::array<std::array<std::size_t, 3>, 6> kOrders{
+        constexpr std::array<std::array<size_t, 3>, 6> kOrders{
             {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}}};
-        for (const std::size_t part : kOrders[order])
+        for (const size_t part : kOrders[order])
             parts[part]();
     }
 
@@ -114,10 +114,10 @@ protected:
     // Validation and spy rightly report the order.
     Destruction() : GpuTest({.validation = false, .spy = false, .memory = Memory::Apart}) {}
 
-    std::unique_ptr<Micromap> makeMicromap(std::uint8_t state)
+    std::unique_ptr<Micromap> makeMicromap(uint8_t state)
     {
         MicromapInput input;
-        input.add(3, kFourState, std::vector<std::uint8_t>(64, state));
+        input.add(3, kFourState, std::vector<uint8_t>(64, state));
         auto micromap = std::make_unique<Micromap>(gpu(), std::move(input));
         micromap->build();
         return micromap;
@@ -128,7 +128,7 @@ protected:
         geometry.micromap = Attachment{&micromap};
         return geometry;
     }
-    void expectCandidates(const Structure &tlas, std::uint32_t count)
+    void expectCandidates(const Structure &tlas, uint32_t count)
     {
         Ray ray;
         ray.origin = {0.3f, 0.3f, 1};
@@ -137,7 +137,7 @@ protected:
     // A new scene, which may get handles, addresses and table entries of what is gone.
     void expectRightFromNowOn()
     {
-        for (const std::uint8_t state : {std::uint8_t{0}, std::uint8_t{3}}) {
+        for (const uint8_t state : {uint8_t{0}, uint8_t{3}}) {
             const auto micromap = makeMicromap(state);
             const Blas blas(gpu(), {mapped(*micromap)});
             expectCandidates(Tlas(gpu(), {instance(blas, {}, 5)}), state == 0 ? 0 : 1);
@@ -164,7 +164,7 @@ protected:
 TEST_F(Destruction, StructuresBuffersAndMemoryInAnyOrder)
 {
     const auto micromap = makeMicromap(0);
-    for (std::uint32_t order = 0; order < 6; ++order) {
+    for (uint32_t order = 0; order < 6; ++order) {
         SCOPED_TRACE(order);
         const Blas blas(gpu(), {mapped(*micromap)});
         const Tlas tlas(gpu(), {instance(blas, {}, 5)});
@@ -182,7 +182,7 @@ TEST_F(Destruction, MicromapsBuffersAndMemoryInAnyOrder)
     if (gpu().khr())
         GTEST_SKIP() << "VkMicromapEXT only";
     const auto micromap = makeMicromap(0);
-    for (std::uint32_t order = 0; order < 6; ++order) {
+    for (uint32_t order = 0; order < 6; ++order) {
         SCOPED_TRACE(order);
         Pieces pieces(gpu());
         pieces.allocate(micromap->size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);

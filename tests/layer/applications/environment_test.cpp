@@ -59,7 +59,7 @@ protected:
             set.push_back(std::make_unique<Variable>(name, value));
         Gpu gpu({.validation = false});
         MicromapInput input;
-        input.add(3, kFourState, std::vector<std::uint8_t>(64, 0));
+        input.add(3, kFourState, std::vector<uint8_t>(64, 0));
         Micromap micromap(gpu, std::move(input));
         micromap.build();
         Geometry geometry{.vertices = triangleRow(1)};

@@ -49,8 +49,8 @@ TEST_F(UnusedRegions, AreNotRead)
 {
     // One micro-triangle of each state; every ray goes on to a triangle without a micromap behind it.
     MicromapInput input;
-    for (std::uint8_t state = 0; state < 4; ++state)
-        input.add(0, kFourState, std::vector<std::uint8_t>{state});
+    for (uint8_t state = 0; state < 4; ++state)
+        input.add(0, kFourState, std::vector<uint8_t>{state});
     Micromap micromap(gpu(), std::move(input));
     micromap.build();
     Geometry front{.vertices = triangleRow(4)};
@@ -60,14 +60,14 @@ TEST_F(UnusedRegions, AreNotRead)
     const Blas first(gpu(), {front}), second(gpu(), {behind});
     const Tlas tlas(gpu(), {instance(first, {}, 1), instance(second, {}, 2)});
     std::vector<Ray> rays(4);
-    for (std::size_t i = 0; i < rays.size(); ++i) {
+    for (size_t i = 0; i < rays.size(); ++i) {
         rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
         rays[i].rule = i == 2 ? kNever : kAlways;
     }
     PipelineTracer tracer(gpu(), {.groups = {{}}});
     const auto expectRight = [&] {
         const std::vector<PipelineResult> results = tracer.results();
-        for (std::size_t i = 0; i < results.size(); ++i) {
+        for (size_t i = 0; i < results.size(); ++i) {
             EXPECT_EQ(results[i].committed, kTriangle) << i;
             EXPECT_EQ(results[i].customIndex, i == 0 || i == 2 ? 2u : 1u) << i; // ignored: the one behind
             EXPECT_EQ(results[i].candidateCount, i < 2 ? 0u : 1u) << i;
@@ -77,8 +77,8 @@ TEST_F(UnusedRegions, AreNotRead)
         reinterpret_cast<PFN_vkCmdTraceRaysKHR>(vkGetDeviceProcAddr(gpu().device(), "vkCmdTraceRaysKHR"));
     const auto indirect = reinterpret_cast<PFN_vkCmdTraceRaysIndirectKHR>(
         vkGetDeviceProcAddr(gpu().device(), "vkCmdTraceRaysIndirectKHR"));
-    const std::array size{static_cast<std::uint32_t>(rays.size()), 1u, 1u};
-    const Buffer arguments = gpu().upload(std::span<const std::uint32_t>(size), VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
+    const std::array size{static_cast<uint32_t>(rays.size()), 1u, 1u};
+    const Buffer arguments = gpu().upload(std::span<const uint32_t>(size), VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
     for (const Case &test : kCases) {
         for (const bool fromBuffer : {false, true}) {
             SCOPED_TRACE(std::string(test.name) + (fromBuffer ? ", indirect" : ""));

@@ -17,15 +17,15 @@ class ComputePipeline
 {
 public:
     // `inlineModule`: the code is in the stage's chain.
-    ComputePipeline(Gpu &gpu, VkPipelineLayout layout, std::span<const std::uint32_t> words, VkFlags64 flags,
+    ComputePipeline(Gpu &gpu, VkPipelineLayout layout, std::span<const uint32_t> words, VkFlags64 flags,
                     bool inlineModule = false)
         : gpu_(gpu)
     {
         const PipelineFlags2 flags2{.flags = flags};
-        const std::vector<std::uint32_t> code = gpu.code(words);
+        const std::vector<uint32_t> code = gpu.code(words);
         VkShaderModuleCreateInfo inlined{};
         inlined.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        inlined.codeSize = code.size() * sizeof(std::uint32_t);
+        inlined.codeSize = code.size() * sizeof(uint32_t);
         inlined.pCode = code.data();
         VkComputePipelineCreateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;

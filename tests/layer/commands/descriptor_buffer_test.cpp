@@ -41,17 +41,17 @@ struct DescriptorCommands {
 class DescriptorTable
 {
 public:
-    DescriptorTable(Gpu &gpu, std::uint32_t buffers, const VkPushConstantRange &push) : gpu_(gpu), commands_(gpu)
+    DescriptorTable(Gpu &gpu, uint32_t buffers, const VkPushConstantRange &push) : gpu_(gpu), commands_(gpu)
     {
         std::vector<VkDescriptorSetLayoutBinding> bindings;
-        for (std::uint32_t i = 0; i <= buffers; ++i)
+        for (uint32_t i = 0; i <= buffers; ++i)
             bindings.push_back(
                 {i, i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
                  VK_SHADER_STAGE_ALL, nullptr});
         VkDescriptorSetLayoutCreateInfo set{};
         set.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
         set.flags = VK_DESCRIPTOR_SET_LAYOUT_CREATE_DESCRIPTOR_BUFFER_BIT_EXT;
-        set.bindingCount = static_cast<std::uint32_t>(bindings.size());
+        set.bindingCount = static_cast<uint32_t>(bindings.size());
         set.pBindings = bindings.data();
         VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &set, nullptr, &setLayout_));
         VkPipelineLayoutCreateInfo layout{};
@@ -85,14 +85,14 @@ public:
         info.type = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
         info.data.accelerationStructure = scene;
         put(0, info, properties_.accelerationStructureDescriptorSize);
-        for (std::size_t i = 0; i < buffers.size(); ++i) {
+        for (size_t i = 0; i < buffers.size(); ++i) {
             VkDescriptorAddressInfoEXT range{};
             range.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_ADDRESS_INFO_EXT;
             range.address = buffers[i]->address();
             range.range = buffers[i]->size();
             info.type = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
             info.data.pStorageBuffer = &range;
-            put(static_cast<std::uint32_t>(i + 1), info, properties_.storageBufferDescriptorSize);
+            put(static_cast<uint32_t>(i + 1), info, properties_.storageBufferDescriptorSize);
         }
     }
 
@@ -110,7 +110,7 @@ public:
         binding.address = buffer_.address();
         binding.usage = flags2 ? 0 : usage();
         commands_.bindBuffers(commands, 1, &binding);
-        const std::uint32_t index = 0;
+        const uint32_t index = 0;
         const VkDeviceSize offset = 0;
         commands_.setOffsets(commands, point, layout_, 0, 1, &index, &offset);
     }
@@ -124,7 +124,7 @@ private:
                (gpu_.options().vellum ? VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT : 0);
     }
 
-    void put(std::uint32_t binding, const VkDescriptorGetInfoEXT &info, std::size_t size)
+    void put(uint32_t binding, const VkDescriptorGetInfoEXT &info, size_t size)
     {
         VkDeviceSize offset = 0;
         commands_.bindingOffset(gpu_.device(), setLayout_, binding, &offset);
@@ -168,7 +168,7 @@ protected:
     {
         constexpr VkBufferUsageFlags kUsage =
             VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-        constexpr std::uint32_t kCapacity = 4;
+        constexpr uint32_t kCapacity = 4;
         StateScene scene(gpu());
         const std::vector<Ray> rays = StateScene::rays();
         DescriptorTable table(gpu(), 3, {VK_SHADER_STAGE_COMPUTE_BIT, 0, 16});
@@ -177,7 +177,7 @@ protected:
         const Buffer seen(gpu(), rays.size() * sizeof(RawResult), kUsage);
         const Buffer candidates(gpu(), rays.size() * kCapacity * sizeof(Candidate), kUsage);
         table.write(scene.tlas().address(), std::array<const Buffer *, 3>{&origin, &seen, &candidates});
-        const std::array<std::uint32_t, 4> push{static_cast<std::uint32_t>(rays.size()), kCapacity, 0, 0};
+        const std::array<uint32_t, 4> push{static_cast<uint32_t>(rays.size()), kCapacity, 0, 0};
         gpu().submit([&](VkCommandBuffer commands) {
             table.bind(commands, VK_PIPELINE_BIND_POINT_COMPUTE);
             vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.handle());
@@ -205,7 +205,7 @@ protected:
                                             return MadePipeline{RayPipeline(g, own), {}};
                                         }};
         PipelineTracer tracer(gpu(), setup);
-        for (const std::uint32_t flags : opacityRayFlags(gpu().options().micromaps)) {
+        for (const uint32_t flags : opacityRayFlags(gpu().options().micromaps)) {
             tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
             table.write(scene_->tlas().address(), tracer.buffers());
             gpu().submit([&](VkCommandBuffer commands) {

@@ -9,70 +9,70 @@
 namespace vt
 {
 
-enum class Token : std::uint32_t { ExecutionSet = 0, PushConstant = 1, Dispatch = 9, TraceRays2 = 1000386004 };
+enum class Token : uint32_t { ExecutionSet = 0, PushConstant = 1, Dispatch = 9, TraceRays2 = 1000386004 };
 
 namespace generated // layouts and values: vk.xml
 {
 
-using Handle = std::uint64_t; // of an execution set or a layout of commands
+using Handle = uint64_t; // of an execution set or a layout of commands
 
 struct PipelineSetInfo { // VkIndirectExecutionSetPipelineInfoEXT
-    std::uint32_t sType = 1000572010;
+    uint32_t sType = 1000572010;
     const void *pNext = nullptr;
     VkPipeline initialPipeline;
-    std::uint32_t maxPipelineCount;
+    uint32_t maxPipelineCount;
 };
 struct ShaderSetLayoutInfo { // VkIndirectExecutionSetShaderLayoutInfoEXT
-    std::uint32_t sType = 1000572012;
+    uint32_t sType = 1000572012;
     const void *pNext = nullptr;
-    std::uint32_t setLayoutCount = 0;
+    uint32_t setLayoutCount = 0;
     const VkDescriptorSetLayout *pSetLayouts = nullptr;
 };
 struct ShaderSetInfo { // VkIndirectExecutionSetShaderInfoEXT
-    std::uint32_t sType = 1000572011;
+    uint32_t sType = 1000572011;
     const void *pNext = nullptr;
-    std::uint32_t shaderCount;
-    const std::uint64_t *pInitialShaders;
+    uint32_t shaderCount;
+    const uint64_t *pInitialShaders;
     const ShaderSetLayoutInfo *pSetLayoutInfos;
-    std::uint32_t maxShaderCount;
-    std::uint32_t pushConstantRangeCount;
+    uint32_t maxShaderCount;
+    uint32_t pushConstantRangeCount;
     const VkPushConstantRange *pPushConstantRanges;
 };
 struct SetCreateInfo { // VkIndirectExecutionSetCreateInfoEXT
-    std::uint32_t sType = 1000572003;
+    uint32_t sType = 1000572003;
     const void *pNext = nullptr;
-    std::uint32_t type; // 0: pipelines, 1: shader objects
+    uint32_t type; // 0: pipelines, 1: shader objects
     const void *info;
 };
 struct SetWrite { // VkWriteIndirectExecutionSetPipelineEXT, and with a VkShaderEXT ...ShaderEXT
-    std::uint32_t sType;
+    uint32_t sType;
     const void *pNext = nullptr;
-    std::uint32_t index;
-    std::uint64_t object;
+    uint32_t index;
+    uint64_t object;
 };
 struct ExecutionSetToken { // VkIndirectCommandsExecutionSetTokenEXT
-    std::uint32_t type;
+    uint32_t type;
     VkShaderStageFlags shaderStages;
 };
 struct LayoutToken { // VkIndirectCommandsLayoutTokenEXT
-    std::uint32_t sType = 1000572007;
+    uint32_t sType = 1000572007;
     const void *pNext = nullptr;
     Token type;
     const void *data;
-    std::uint32_t offset;
+    uint32_t offset;
 };
 struct LayoutCreateInfo { // VkIndirectCommandsLayoutCreateInfoEXT
-    std::uint32_t sType = 1000572006;
+    uint32_t sType = 1000572006;
     const void *pNext = nullptr;
     VkFlags flags;
     VkShaderStageFlags shaderStages;
-    std::uint32_t indirectStride;
+    uint32_t indirectStride;
     VkPipelineLayout pipelineLayout;
-    std::uint32_t tokenCount;
+    uint32_t tokenCount;
     const LayoutToken *pTokens;
 };
 struct CommandsInfo { // VkGeneratedCommandsInfoEXT
-    std::uint32_t sType = 1000572004;
+    uint32_t sType = 1000572004;
     const void *pNext = nullptr;
     VkShaderStageFlags shaderStages;
     Handle indirectExecutionSet;
@@ -81,20 +81,20 @@ struct CommandsInfo { // VkGeneratedCommandsInfoEXT
     VkDeviceSize indirectAddressSize;
     VkDeviceAddress preprocessAddress;
     VkDeviceSize preprocessSize;
-    std::uint32_t maxSequenceCount;
+    uint32_t maxSequenceCount;
     VkDeviceAddress sequenceCountAddress;
-    std::uint32_t maxDrawCount;
+    uint32_t maxDrawCount;
 };
 struct MemoryInfo { // VkGeneratedCommandsMemoryRequirementsInfoEXT
-    std::uint32_t sType = 1000572002;
+    uint32_t sType = 1000572002;
     const void *pNext = nullptr;
     Handle indirectExecutionSet;
     Handle indirectCommandsLayout;
-    std::uint32_t maxSequenceCount;
-    std::uint32_t maxDrawCount;
+    uint32_t maxSequenceCount;
+    uint32_t maxDrawCount;
 };
 struct PipelineInfo { // VkGeneratedCommandsPipelineInfoEXT, and with shaders ...ShaderInfoEXT
-    std::uint32_t sType = 1000572013;
+    uint32_t sType = 1000572013;
     const void *pNext = nullptr;
     VkPipeline pipeline;
 };
@@ -128,8 +128,8 @@ struct Commands {
     void(VKAPI_PTR *destroyLayout)(VkDevice, Handle, const VkAllocationCallbacks *);
     VkResult(VKAPI_PTR *createSet)(VkDevice, const SetCreateInfo *, const VkAllocationCallbacks *, Handle *);
     void(VKAPI_PTR *destroySet)(VkDevice, Handle, const VkAllocationCallbacks *);
-    void(VKAPI_PTR *updatePipelines)(VkDevice, Handle, std::uint32_t, const SetWrite *);
-    void(VKAPI_PTR *updateShaders)(VkDevice, Handle, std::uint32_t, const SetWrite *);
+    void(VKAPI_PTR *updatePipelines)(VkDevice, Handle, uint32_t, const SetWrite *);
+    void(VKAPI_PTR *updateShaders)(VkDevice, Handle, uint32_t, const SetWrite *);
 };
 
 } // namespace generated
@@ -141,15 +141,15 @@ public:
     ExecutionSet(Gpu &gpu, std::span<const VkPipeline> pipelines) : gpu_(gpu), vk_(gpu)
     {
         const generated::PipelineSetInfo info{.initialPipeline = pipelines[0],
-                                              .maxPipelineCount = static_cast<std::uint32_t>(pipelines.size())};
+                                              .maxPipelineCount = static_cast<uint32_t>(pipelines.size())};
         create(0, &info);
-        for (std::uint32_t i = 0; i < pipelines.size(); ++i) {
+        for (uint32_t i = 0; i < pipelines.size(); ++i) {
             const generated::SetWrite write{
-                .sType = 1000572008, .index = i, .object = reinterpret_cast<std::uint64_t>(pipelines[i])};
+                .sType = 1000572008, .index = i, .object = reinterpret_cast<uint64_t>(pipelines[i])};
             vk_.updatePipelines(gpu.device(), handle_, 1, &write);
         }
     }
-    ExecutionSet(Gpu &gpu, std::span<const std::uint64_t> shaders, VkDescriptorSetLayout set,
+    ExecutionSet(Gpu &gpu, std::span<const uint64_t> shaders, VkDescriptorSetLayout set,
                  const VkPushConstantRange &push)
         : gpu_(gpu), vk_(gpu)
     {
@@ -157,11 +157,11 @@ public:
         const generated::ShaderSetInfo info{.shaderCount = 1,
                                             .pInitialShaders = shaders.data(),
                                             .pSetLayoutInfos = &sets,
-                                            .maxShaderCount = static_cast<std::uint32_t>(shaders.size()),
+                                            .maxShaderCount = static_cast<uint32_t>(shaders.size()),
                                             .pushConstantRangeCount = 1,
                                             .pPushConstantRanges = &push};
         create(1, &info);
-        for (std::uint32_t i = 0; i < shaders.size(); ++i) {
+        for (uint32_t i = 0; i < shaders.size(); ++i) {
             const generated::SetWrite write{.sType = 1000572009, .index = i, .object = shaders[i]};
             vk_.updateShaders(gpu.device(), handle_, 1, &write);
         }
@@ -172,7 +172,7 @@ public:
     [[nodiscard]] generated::Handle handle() const { return handle_; }
 
 private:
-    void create(std::uint32_t type, const void *info)
+    void create(uint32_t type, const void *info)
     {
         const generated::SetCreateInfo create{.type = type, .info = info};
         VT_CHECK(vk_.createSet(gpu_.device(), &create, nullptr, &handle_));
@@ -196,16 +196,16 @@ public:
         const void *shaderInfo = nullptr;     // of bound shader objects, without either
         VkPushConstantRange push{};           // of a size: what comes next
         Token last = Token::Dispatch;         // and then this, of this size
-        std::uint32_t lastBytes = 12;
+        uint32_t lastBytes = 12;
         bool preprocess = false; // by a command of its own
     };
     // `sequences`: one after the other, all of the same size.
-    GeneratedCommands(Gpu &gpu, const Setup &setup, std::span<const std::uint32_t> sequences)
+    GeneratedCommands(Gpu &gpu, const Setup &setup, std::span<const uint32_t> sequences)
         : gpu_(gpu), vk_(gpu), setup_(setup), input_(gpu.upload(sequences, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT))
     {
         const generated::ExecutionSetToken set{setup.shaderObjects ? 1u : 0u, setup.stages};
         std::vector<generated::LayoutToken> tokens;
-        std::uint32_t stride = 0;
+        uint32_t stride = 0;
         if (setup.set != nullptr) {
             tokens.push_back({.type = Token::ExecutionSet, .data = &set, .offset = 0});
             stride += 4;
@@ -220,12 +220,12 @@ public:
                                                  .shaderStages = setup.stages,
                                                  .indirectStride = stride,
                                                  .pipelineLayout = setup.layout,
-                                                 .tokenCount = static_cast<std::uint32_t>(tokens.size()),
+                                                 .tokenCount = static_cast<uint32_t>(tokens.size()),
                                                  .pTokens = tokens.data()};
         VT_CHECK(vk_.createLayout(gpu.device(), &layout, nullptr, &layout_));
 
         pipelineInfo_.pipeline = setup.pipeline;
-        const auto count = static_cast<std::uint32_t>(sequences.size_bytes() / stride);
+        const auto count = static_cast<uint32_t>(sequences.size_bytes() / stride);
         const void *const chain = setup.set != nullptr               ? nullptr
                                   : setup.pipeline != VK_NULL_HANDLE ? &pipelineInfo_
                                                                      : setup.shaderInfo;

@@ -68,16 +68,16 @@ TEST_F(GeneratedCommandsOfDevice, DispatchesWithPushConstants)
         tracer.prepare(scene.tlas(), StateScene::rays());
         const ComputePipeline pipeline(gpu(), tracer.layout(), tracer_by_address, generated::kIndirectBindableBit);
         const VkDeviceAddress at = scene.tlas().address();
-        const auto low = static_cast<std::uint32_t>(at);
-        const auto high = static_cast<std::uint32_t>(at >> 32);
+        const auto low = static_cast<uint32_t>(at);
+        const auto high = static_cast<uint32_t>(at >> 32);
         const GeneratedCommands generated(gpu(),
                                           {.layout = tracer.layout(),
                                            .stages = VK_SHADER_STAGE_COMPUTE_BIT,
                                            .pipeline = pipeline.handle(),
                                            .push = kPush,
                                            .preprocess = preprocess},
-                                          std::array<std::uint32_t, 14>{0, 8, low, high, 1, 1, 1, //
-                                                                        4, 8, low, high, 1, 1, 1});
+                                          std::array<uint32_t, 14>{0, 8, low, high, 1, 1, 1, //
+                                                                   4, 8, low, high, 1, 1, 1});
         expectRight(tracer, scene, generated, preprocess, [&](VkCommandBuffer commands) {
             tracer.bind(commands);
             vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.handle());
@@ -98,7 +98,7 @@ TEST_F(GeneratedCommandsOfDevice, ChoosesPipelines)
         const GeneratedCommands generated(
             gpu(),
             {.layout = tracer.layout(), .stages = VK_SHADER_STAGE_COMPUTE_BIT, .set = &set, .preprocess = preprocess},
-            std::array<std::uint32_t, 8>{0, 1, 1, 1, 1, 1, 1, 1});
+            std::array<uint32_t, 8>{0, 1, 1, 1, 1, 1, 1, 1});
         expectRight(tracer, scene, generated, preprocess, [&](VkCommandBuffer commands) {
             tracer.bind(commands);
             vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, other.handle()); // the initial pipeline
@@ -117,9 +117,8 @@ TEST_F(GeneratedCommandsOfDevice, ChoosesShaderObjects)
     Tracer tracer(gpu());
     tracer.prepare(scene.tlas(), StateScene::rays());
     std::array<ShaderHandle, 2> shaders{};
-    for (std::size_t i = 0; i < 2; ++i) {
-        TracerShader description(gpu(), tracer,
-                                 i == 0 ? std::span<const std::uint32_t>(tracer_constant_080) : tracer_comp);
+    for (size_t i = 0; i < 2; ++i) {
+        TracerShader description(gpu(), tracer, i == 0 ? std::span<const uint32_t>(tracer_constant_080) : tracer_comp);
         description.info.flags = generated::kIndirectBindableShaderBit;
         VT_CHECK(create(gpu().device(), 1, &description.info, nullptr, &shaders[i]));
     }
@@ -128,7 +127,7 @@ TEST_F(GeneratedCommandsOfDevice, ChoosesShaderObjects)
         const GeneratedCommands generated(
             gpu(),
             {.layout = tracer.layout(), .stages = VK_SHADER_STAGE_COMPUTE_BIT, .set = &set, .shaderObjects = true},
-            std::array<std::uint32_t, 8>{0, 1, 1, 1, 1, 1, 1, 1});
+            std::array<uint32_t, 8>{0, 1, 1, 1, 1, 1, 1, 1});
         expectRight(tracer, scene, generated, false, [&](VkCommandBuffer commands) {
             tracer.bind(commands);
             const VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
@@ -169,7 +168,7 @@ public:
         std::optional<ExecutionSet> set;
         if (chosen_)
             set.emplace(gpu_, pipelines);
-        for (const std::uint32_t flags : opacityRayFlags(gpu_.options().micromaps)) {
+        for (const uint32_t flags : opacityRayFlags(gpu_.options().micromaps)) {
             tracer.prepare(scene_.tlas(), scene_.rays(flags), 4);
             const BindingTable &table = tracer.table();
             const VkTraceRaysIndirectCommand2KHR command{table.raygen.deviceAddress,
@@ -186,7 +185,7 @@ public:
                                                          tracer.rayCount(),
                                                          1,
                                                          1};
-            std::vector<std::uint32_t> words(sizeof command / 4);
+            std::vector<uint32_t> words(sizeof command / 4);
             std::memcpy(words.data(), &command, sizeof command);
             if (chosen_)
                 words.insert(words.begin(), 0);

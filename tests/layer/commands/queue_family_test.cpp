@@ -18,10 +18,10 @@ protected:
     explicit QueueFamilies(const Options &options = {.traits = "queues"}) : GpuTest(options) {}
 
     // The family with exactly these of the three purposes.
-    std::uint32_t family(VkQueueFlags purposes)
+    uint32_t family(VkQueueFlags purposes)
     {
         constexpr VkQueueFlags kAll = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT | VK_QUEUE_TRANSFER_BIT;
-        for (std::uint32_t i = 0; i < gpu().families().size(); ++i) {
+        for (uint32_t i = 0; i < gpu().families().size(); ++i) {
             if ((gpu().families()[i].queueFlags & kAll) == purposes)
                 return i;
         }
@@ -29,7 +29,7 @@ protected:
     }
 
     // Records for that family, submits there and waits.
-    void submit(std::uint32_t family, const std::function<void(VkCommandBuffer)> &record)
+    void submit(uint32_t family, const std::function<void(VkCommandBuffer)> &record)
     {
         VkCommandPoolCreateInfo poolInfo{};
         poolInfo.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
@@ -64,16 +64,16 @@ TEST_F(QueueFamilies, QueryResultsWithoutCompute)
 {
     const Patchwork patchwork(gpu());
     const Blas structure(gpu(), patchwork.geometries());
-    const std::uint32_t graphics = family(VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_TRANSFER_BIT);
-    constexpr std::uint32_t kQueries = 3; // the second one is never written
+    const uint32_t graphics = family(VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_TRANSFER_BIT);
+    constexpr uint32_t kQueries = 3; // the second one is never written
     const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, kQueries);
     submit(graphics, [&](VkCommandBuffer commands) { vkCmdResetQueryPool(commands, pool, 0, kQueries); });
     gpu().submit([&](VkCommandBuffer commands) {
         const VkAccelerationStructureKHR handle = structure.handle();
-        for (const std::uint32_t query : {0u, 2u})
+        for (const uint32_t query : {0u, 2u})
             gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &handle, pool.type(), pool, query);
     });
-    const std::uint64_t size = pool.value(0);
+    const uint64_t size = pool.value(0);
     EXPECT_GT(size, 0u);
     for (const VkQueryResultFlags flags :
          {VkQueryResultFlags{0}, VkQueryResultFlags{VK_QUERY_RESULT_64_BIT},
@@ -86,15 +86,15 @@ TEST_F(QueueFamilies, QueryResultsWithoutCompute)
             const VkDeviceSize number = wide ? 8 : 4;
             const VkDeviceSize stride = number * (both ? 2 : 1) + spare;
             const Buffer out(gpu(), 16 + stride * kQueries, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
-            std::memset(out.bytes(), 0xee, static_cast<std::size_t>(out.size()));
+            std::memset(out.bytes(), 0xee, static_cast<size_t>(out.size()));
             submit(graphics, [&](VkCommandBuffer commands) {
                 vkCmdCopyQueryPoolResults(commands, pool, 0, kQueries, out.handle(), 16, stride,
                                           flags | VK_QUERY_RESULT_PARTIAL_BIT);
             });
-            for (std::uint32_t i = 0; i < kQueries; ++i) {
+            for (uint32_t i = 0; i < kQueries; ++i) {
                 const auto word = [&](VkDeviceSize at) {
-                    std::uint64_t value = 0;
-                    std::memcpy(&value, out.bytes() + 16 + i * stride + at, static_cast<std::size_t>(number));
+                    uint64_t value = 0;
+                    std::memcpy(&value, out.bytes() + 16 + i * stride + at, static_cast<size_t>(number));
                     return value;
                 };
                 EXPECT_EQ(word(0), i == 1 ? 0 : size);
@@ -149,8 +149,8 @@ TEST_F(QueueFamiliesKhr, AddressCommandsOnATransferQueue)
         copy.pRegions = &region;
         gpu().vk().CmdCopyMemoryKHR(commands, &copy);
     });
-    EXPECT_EQ(to.as<std::uint32_t>()[0], 0u);
-    EXPECT_EQ(to.as<std::uint32_t>()[128], 0x01020304u);
+    EXPECT_EQ(to.as<uint32_t>()[0], 0u);
+    EXPECT_EQ(to.as<uint32_t>()[128], 0x01020304u);
 }
 
 } // namespace

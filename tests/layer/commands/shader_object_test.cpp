@@ -78,7 +78,7 @@ TEST_F(ShaderObject, BinariesFitOnlyWhereTheTablesAre)
 {
     if (!gpu().has("VK_EXT_shader_object"))
         GTEST_SKIP() << "no VK_EXT_shader_object";
-    using GetBinary = VkResult(VKAPI_PTR *)(VkDevice, ShaderHandle, std::size_t *, void *);
+    using GetBinary = VkResult(VKAPI_PTR *)(VkDevice, ShaderHandle, size_t *, void *);
     const auto create = reinterpret_cast<CreateShaders>(vkGetDeviceProcAddr(gpu().device(), "vkCreateShadersEXT"));
     const auto destroy = reinterpret_cast<DestroyShader>(vkGetDeviceProcAddr(gpu().device(), "vkDestroyShaderEXT"));
     const auto binaryOf = reinterpret_cast<GetBinary>(vkGetDeviceProcAddr(gpu().device(), "vkGetShaderBinaryDataEXT"));
@@ -90,11 +90,11 @@ TEST_F(ShaderObject, BinariesFitOnlyWhereTheTablesAre)
     ShaderHandle shader = 0;
     VT_CHECK(create(gpu().device(), 1, &info, nullptr, &shader));
 
-    std::size_t size = 0;
+    size_t size = 0;
     VT_CHECK(binaryOf(gpu().device(), shader, &size, nullptr));
     std::vector<std::max_align_t> storage(size / sizeof(std::max_align_t) + 1);
-    auto *bytes = reinterpret_cast<std::uint8_t *>(storage.data());
-    std::size_t small = size - 1;
+    auto *bytes = reinterpret_cast<uint8_t *>(storage.data());
+    size_t small = size - 1;
     EXPECT_EQ(binaryOf(gpu().device(), shader, &small, bytes), VK_INCOMPLETE);
     VT_CHECK(binaryOf(gpu().device(), shader, &size, bytes));
     destroy(gpu().device(), shader, nullptr);
@@ -131,9 +131,9 @@ TEST_F(ShaderObject, BinariesFitOnlyWhereTheTablesAre)
 TEST(ShaderObjectBinary, FitsTheNextDevice)
 {
     const Options options{.validation = false, .spy = false, .shaderObject = true};
-    using GetBinary = VkResult(VKAPI_PTR *)(VkDevice, ShaderHandle, std::size_t *, void *);
+    using GetBinary = VkResult(VKAPI_PTR *)(VkDevice, ShaderHandle, size_t *, void *);
     std::vector<std::max_align_t> storage;
-    std::size_t size = 0;
+    size_t size = 0;
     for (const bool first : {true, false}) {
         Gpu gpu(options);
         if (!gpu.has("VK_EXT_shader_object"))

@@ -12,38 +12,37 @@
 namespace vt
 {
 
-using ShaderHandle = std::uint64_t; // VkShaderEXT
+using ShaderHandle = uint64_t; // VkShaderEXT
 
 struct ShaderCreateInfo { // VkShaderCreateInfoEXT
-    std::uint32_t sType = 1000482002;
+    uint32_t sType = 1000482002;
     const void *pNext = nullptr;
     VkFlags flags = 0;
     VkShaderStageFlagBits stage{};
     VkShaderStageFlags nextStage = 0;
-    std::uint32_t codeType = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
-    std::size_t codeSize = 0;
+    uint32_t codeType = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
+    size_t codeSize = 0;
     const void *pCode = nullptr;
     const char *pName = "main";
-    std::uint32_t setLayoutCount = 0;
+    uint32_t setLayoutCount = 0;
     const VkDescriptorSetLayout *pSetLayouts = nullptr;
-    std::uint32_t pushConstantRangeCount = 0;
+    uint32_t pushConstantRangeCount = 0;
     const VkPushConstantRange *pPushConstantRanges = nullptr;
     const VkSpecializationInfo *pSpecializationInfo = nullptr;
 };
 
-using CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, std::uint32_t, const ShaderCreateInfo *,
-                                            const VkAllocationCallbacks *, ShaderHandle *);
+using CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, uint32_t, const ShaderCreateInfo *, const VkAllocationCallbacks *,
+                                            ShaderHandle *);
 using DestroyShader = void(VKAPI_PTR *)(VkDevice, ShaderHandle, const VkAllocationCallbacks *);
-using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, std::uint32_t, const VkShaderStageFlagBits *,
-                                      const ShaderHandle *);
+using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *, const ShaderHandle *);
 
 // The tracer as a shader object: what `info` points to lives as long as this.
 struct TracerShader {
-    explicit TracerShader(const Gpu &gpu, const Tracer &tracer, std::span<const std::uint32_t> words = tracer_comp)
+    explicit TracerShader(const Gpu &gpu, const Tracer &tracer, std::span<const uint32_t> words = tracer_comp)
         : setLayout(tracer.setLayout()), code(gpu.code(words))
     {
         info.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.codeSize = code.size() * sizeof(std::uint32_t);
+        info.codeSize = code.size() * sizeof(uint32_t);
         info.pCode = code.data();
         info.setLayoutCount = 1;
         info.pSetLayouts = &setLayout;
@@ -53,7 +52,7 @@ struct TracerShader {
     TracerShader(const TracerShader &) = delete;
     TracerShader &operator=(const TracerShader &) = delete;
     VkDescriptorSetLayout setLayout;
-    std::vector<std::uint32_t> code;
+    std::vector<uint32_t> code;
     VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
     ShaderCreateInfo info;
 };

@@ -11,13 +11,13 @@ namespace vt
 class StateScene
 {
 public:
-    static constexpr std::uint32_t kSteps = 3;
+    static constexpr uint32_t kSteps = 3;
 
     explicit StateScene(Gpu &gpu) : blas_(gpu), tlas_(gpu), tracer_(gpu)
     {
         MicromapInput input;
-        for (std::uint8_t state = 0; state < 4; ++state)
-            input.add(5, kFourState, std::vector<std::uint8_t>(1024, state));
+        for (uint8_t state = 0; state < 4; ++state)
+            input.add(5, kFourState, std::vector<uint8_t>(1024, state));
         micromap_ = std::make_unique<Micromap>(gpu, std::move(input));
         Geometry geometry{.vertices = triangleRow(4)};
         geometry.micromap = Attachment{micromap_.get()};
@@ -25,7 +25,7 @@ public:
         tlas_.prepare(std::vector{instance(blas_, {}, 321)});
     }
 
-    void recordStep(VkCommandBuffer commands, std::uint32_t step)
+    void recordStep(VkCommandBuffer commands, uint32_t step)
     {
         if (step == 0)
             micromap_->record(commands);
@@ -37,7 +37,7 @@ public:
     // Everything, with barriers in between.
     void record(VkCommandBuffer commands)
     {
-        for (std::uint32_t step = 0; step < kSteps; ++step) {
+        for (uint32_t step = 0; step < kSteps; ++step) {
             recordStep(commands, step);
             barrier(commands);
         }
@@ -46,7 +46,7 @@ public:
     [[nodiscard]] static std::vector<Ray> rays()
     {
         std::vector<Ray> rays(4);
-        for (std::size_t i = 0; i < 4; ++i) {
+        for (size_t i = 0; i < 4; ++i) {
             rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
             rays[i].rule = kNever;
         }
@@ -54,7 +54,7 @@ public:
     }
     static void expectRight(const std::vector<Result> &results)
     {
-        for (std::size_t i = 0; i < 4; ++i) {
+        for (size_t i = 0; i < 4; ++i) {
             EXPECT_EQ(results[i].committed, i == 1 ? kTriangle : kNone) << "triangle " << i;
             EXPECT_EQ(results[i].candidateCount, i >= 2 ? 1u : 0u) << "triangle " << i;
         }

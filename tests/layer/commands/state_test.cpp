@@ -69,17 +69,17 @@ protected:
         allocation.pSetLayouts = setLayouts_.data();
         VT_CHECK(vkAllocateDescriptorSets(gpu().device(), &allocation, sets_.data()));
         seen_ = Buffer(gpu(), 128 * 4, kStorage);
-        first_ = gpu().upload(std::span<const std::uint32_t>(std::array{0xabcd0001u}), kStorage);
-        second_ = gpu().upload(std::span<const std::uint32_t>(std::array{0xabcd0002u}), kStorage);
+        first_ = gpu().upload(std::span<const uint32_t>(std::array{0xabcd0001u}), kStorage);
+        second_ = gpu().upload(std::span<const uint32_t>(std::array{0xabcd0002u}), kStorage);
         const std::array<VkDescriptorBufferInfo, 3> buffers{{{seen_.handle(), 0, VK_WHOLE_SIZE},
                                                              {first_.handle(), 0, VK_WHOLE_SIZE},
                                                              {second_.handle(), 0, VK_WHOLE_SIZE}}};
-        for (std::uint32_t i = 0; i < (pushed_ ? 2u : 3u); ++i) {
+        for (uint32_t i = 0; i < (pushed_ ? 2u : 3u); ++i) {
             VkWriteDescriptorSet write = storageWrite(i == 2 ? 0 : i, &buffers[i]);
             write.dstSet = sets_[i == 2 ? 1 : 0];
             vkUpdateDescriptorSets(gpu().device(), 1, &write, 0, nullptr);
         }
-        for (std::uint32_t i = 0; i < words_.size(); ++i)
+        for (uint32_t i = 0; i < words_.size(); ++i)
             words_[i] = 0x1234567 * (i + 1);
         scene_ = std::make_unique<StateScene>(gpu());
     }
@@ -117,7 +117,7 @@ protected:
     {
         vkCmdPushConstants(commands, layout_, VK_SHADER_STAGE_VERTEX_BIT, 0, 64, words_.data());
     }
-    void pushCompute(VkCommandBuffer commands, std::uint32_t offset, std::uint32_t size)
+    void pushCompute(VkCommandBuffer commands, uint32_t offset, uint32_t size)
     {
         vkCmdPushConstants(commands, layout_, VK_SHADER_STAGE_COMPUTE_BIT, 64 + offset, size,
                            words_.data() + 16 + offset / 4);
@@ -133,27 +133,27 @@ protected:
 
     void expectSeen()
     {
-        const auto seen = seen_.as<std::uint32_t>();
-        for (std::uint32_t i = 0; i < computeBytes_ / 4; ++i)
+        const auto seen = seen_.as<uint32_t>();
+        for (uint32_t i = 0; i < computeBytes_ / 4; ++i)
             EXPECT_EQ(seen[i], words_[16 + i]) << "compute push constant word " << i;
-        for (std::uint32_t i = 0; i < 16; ++i)
+        for (uint32_t i = 0; i < 16; ++i)
             EXPECT_EQ(seen[64 + i], words_[i]) << "vertex push constant word " << i;
-        for (const std::uint32_t stage : {0u, 64u}) {
+        for (const uint32_t stage : {0u, 64u}) {
             EXPECT_EQ(seen[stage + 62], 0xabcd0001u);
             EXPECT_EQ(seen[stage + 63], 0xabcd0002u);
         }
-        std::memset(seen_.bytes(), 0, static_cast<std::size_t>(seen_.size()));
+        std::memset(seen_.bytes(), 0, static_cast<size_t>(seen_.size()));
     }
 
     std::unique_ptr<StateScene> scene_;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
-    std::uint32_t computeBytes_ = 0;
+    uint32_t computeBytes_ = 0;
 
 private:
-    VkDescriptorSetLayout setLayout(std::uint32_t count, VkDescriptorSetLayoutCreateFlags flags)
+    VkDescriptorSetLayout setLayout(uint32_t count, VkDescriptorSetLayoutCreateFlags flags)
     {
         std::array<VkDescriptorSetLayoutBinding, 2> bindings{};
-        for (std::uint32_t i = 0; i < count; ++i)
+        for (uint32_t i = 0; i < count; ++i)
             bindings[i] = {i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, kBoth, nullptr};
         VkDescriptorSetLayoutCreateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
@@ -164,7 +164,7 @@ private:
         VT_CHECK(vkCreateDescriptorSetLayout(gpu().device(), &info, nullptr, &layout));
         return layout;
     }
-    static VkWriteDescriptorSet storageWrite(std::uint32_t binding, const VkDescriptorBufferInfo *buffer)
+    static VkWriteDescriptorSet storageWrite(uint32_t binding, const VkDescriptorBufferInfo *buffer)
     {
         VkWriteDescriptorSet write{};
         write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
@@ -182,7 +182,7 @@ private:
     VkPipeline pipeline_ = VK_NULL_HANDLE;
     std::unique_ptr<Graphics> graphics_;
     Buffer seen_, first_, second_;
-    std::array<std::uint32_t, 64> words_{};
+    std::array<uint32_t, 64> words_{};
 };
 
 TEST_F(State, SurvivesAllBuilds)
@@ -198,7 +198,7 @@ TEST_F(State, SurvivesAllBuilds)
 
 TEST_F(State, SurvivesEachBuildAlone)
 {
-    for (std::uint32_t step = 0; step < StateScene::kSteps; ++step) {
+    for (uint32_t step = 0; step < StateScene::kSteps; ++step) {
         SCOPED_TRACE(testing::Message() << "step " << step);
         gpu().submit([&](VkCommandBuffer commands) {
             bindAll(commands);
@@ -292,19 +292,19 @@ TEST_F(State, ConditionalRendering)
 {
     if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         GTEST_SKIP() << "no VK_EXT_conditional_rendering";
-    for (const std::uint32_t predicate : {1u, 0u}) {
+    for (const uint32_t predicate : {1u, 0u}) {
         SCOPED_TRACE(testing::Message() << "predicate " << predicate);
         StateScene fresh(gpu());
         Buffer condition(gpu(), 16, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
-        condition.as<std::uint32_t>()[0] = predicate;
+        condition.as<uint32_t>()[0] = predicate;
         VkConditionalRenderingBeginInfoEXT begin{};
         begin.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT;
         begin.buffer = condition.handle();
         gpu().submit([&](VkCommandBuffer commands) {
             bindAll(commands);
             gpu().vk().CmdBeginConditionalRenderingEXT(commands, &begin);
-            const std::uint32_t inside = predicate == 1 || !gpu().onLavapipe26() ? StateScene::kSteps : 1;
-            for (std::uint32_t step = 0; step < StateScene::kSteps; ++step) {
+            const uint32_t inside = predicate == 1 || !gpu().onLavapipe26() ? StateScene::kSteps : 1;
+            for (uint32_t step = 0; step < StateScene::kSteps; ++step) {
                 if (step == inside)
                     gpu().vk().CmdEndConditionalRenderingEXT(commands);
                 fresh.recordStep(commands, step);

@@ -207,7 +207,7 @@ TEST_F(Sync, Submissions)
     gpu().end(rest);
     std::array<VkCommandBufferSubmitInfo, 2> commands{};
     std::array<VkSemaphoreSubmitInfo, 2> semaphores{};
-    for (std::size_t i = 0; i < 2; ++i) {
+    for (size_t i = 0; i < 2; ++i) {
         commands[i].sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO;
         commands[i].commandBuffer = i == 0 ? builds : rest;
         semaphores[i].sType = VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO;
@@ -215,7 +215,7 @@ TEST_F(Sync, Submissions)
         semaphores[i].stageMask = ofApi(i == 0 ? kMicromapBuild : kMicromapBuild | kStructureBuild);
     }
     std::array<VkSubmitInfo2, 2> submissions{};
-    for (std::size_t i = 0; i < 2; ++i) {
+    for (size_t i = 0; i < 2; ++i) {
         submissions[i].sType = VK_STRUCTURE_TYPE_SUBMIT_INFO_2;
         submissions[i].commandBufferInfoCount = 1;
         submissions[i].pCommandBufferInfos = &commands[i];
@@ -242,7 +242,7 @@ TEST_F(Sync, Timestamps)
         scene.record(commands);
         vkCmdWriteTimestamp2(commands, ofApi(kMicromapBuild), pool, 1);
     });
-    std::array<std::uint64_t, 2> times{};
+    std::array<uint64_t, 2> times{};
     VT_CHECK(vkGetQueryPoolResults(gpu().device(), pool, 0, 2, sizeof(times), times.data(), 8,
                                    VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
     EXPECT_LE(times[0], times[1]);
@@ -291,7 +291,7 @@ TEST_F(Sync, RenderPassDependencies)
     const VkMemoryBarrier2 out =
         ofApi(memoryBarrier(VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, 0, kMicromapBuild, kMicromapWrite));
     std::array<VkSubpassDependency2, 2> dependencies{};
-    for (std::size_t i = 0; i < 2; ++i) {
+    for (size_t i = 0; i < 2; ++i) {
         dependencies[i].sType = VK_STRUCTURE_TYPE_SUBPASS_DEPENDENCY_2;
         dependencies[i].pNext = i == 0 ? &in : &out;
         dependencies[i].srcSubpass = i == 0 ? VK_SUBPASS_EXTERNAL : 0;

@@ -16,12 +16,12 @@ using namespace vt;
 class Threads : public GpuTest
 {
 protected:
-    static constexpr std::size_t kThreads = 4;
+    static constexpr size_t kThreads = 4;
 
-    void onThreads(const std::function<void(std::size_t)> &work)
+    void onThreads(const std::function<void(size_t)> &work)
     {
         std::vector<std::thread> threads;
-        for (std::size_t i = 0; i < kThreads; ++i)
+        for (size_t i = 0; i < kThreads; ++i)
             threads.emplace_back([&work, i] { work(i); });
         for (std::thread &thread : threads)
             thread.join();
@@ -63,7 +63,7 @@ protected:
 TEST_F(Threads, MakeEverythingAtOnce)
 {
     std::array<std::unique_ptr<StateScene>, kThreads> scenes;
-    onThreads([&](std::size_t thread) {
+    onThreads([&](size_t thread) {
         for (int round = 0; round < 3; ++round) {
             scenes[thread] = std::make_unique<StateScene>(gpu());
             submit([&](VkCommandBuffer commands) { scenes[thread]->record(commands); });
@@ -88,7 +88,7 @@ TEST_F(Threads, MakeEverythingAtOnce)
 TEST_F(Threads, ModulesAreMadeWhileTablesGrow)
 {
     const StateScene scene(gpu());
-    onThreads([&](std::size_t thread) {
+    onThreads([&](size_t thread) {
         if (thread > 0) {
             for (int i = 0; i < 40; ++i)
                 vkDestroyShaderModule(gpu().device(), gpu().shader(tracer_comp), nullptr);

@@ -23,12 +23,12 @@ class Trials : public GpuTest
 {
 protected:
     // Works while the queue is in use by this thread.
-    void besideSubmissions(const std::function<void(std::size_t thread)> &work)
+    void besideSubmissions(const std::function<void(size_t thread)> &work)
     {
-        constexpr std::size_t kThreads = 4;
-        std::atomic<std::size_t> running = kThreads;
+        constexpr size_t kThreads = 4;
+        std::atomic<size_t> running = kThreads;
         std::vector<std::thread> threads;
-        for (std::size_t i = 0; i < kThreads; ++i)
+        for (size_t i = 0; i < kThreads; ++i)
             threads.emplace_back([&, i] {
                 work(i);
                 --running;
@@ -51,7 +51,7 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
     const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, 4);
     std::vector<VkCommandPool> pools(4);
     std::vector<VkCommandBuffer> commands(4);
-    besideSubmissions([&](std::size_t thread) {
+    besideSubmissions([&](size_t thread) {
         const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, gpu().family()};
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
         const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
@@ -59,17 +59,17 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
         VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocate, &commands[thread]));
         const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
         VT_CHECK(vkBeginCommandBuffer(commands[thread], &begin));
-        const auto query = static_cast<std::uint32_t>(thread);
+        const auto query = static_cast<uint32_t>(thread);
         vkCmdResetQueryPool(commands[thread], pool, query, 1);
         const VkAccelerationStructureKHR structure = blas.handle();
         gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands[thread], 1, &structure, pool.type(), pool,
                                                                query);
         VT_CHECK(vkEndCommandBuffer(commands[thread]));
     });
-    std::vector<std::uint64_t> sizes(4);
-    for (std::size_t i = 0; i < sizes.size(); ++i) {
+    std::vector<uint64_t> sizes(4);
+    for (size_t i = 0; i < sizes.size(); ++i) {
         gpu().execute(commands[i]);
-        VT_CHECK(vkGetQueryPoolResults(gpu().device(), pool, static_cast<std::uint32_t>(i), 1, 8, &sizes[i], 8,
+        VT_CHECK(vkGetQueryPoolResults(gpu().device(), pool, static_cast<uint32_t>(i), 1, 8, &sizes[i], 8,
                                        VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
         EXPECT_GT(sizes[i], 56u); // the header that the specification gives
         EXPECT_EQ(sizes[i], sizes[0]);
@@ -77,8 +77,8 @@ TEST_F(Trials, OfSerializationRunBesideTheApplicationsSubmissions)
     }
 }
 
-// The application signals what the queue waits for after it has made shaders and a pipeline, in the same thread. Nothing
-// that these need of the driver may be found out on the queue.
+// The application signals what the queue waits for after it has made shaders and a pipeline, in the same thread.
+// Nothing that these need of the driver may be found out on the queue.
 TEST_F(Trials, CreationOfShadersDoesNotWaitForTheQueue)
 {
     VkSemaphoreTypeCreateInfo type{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO};
@@ -86,7 +86,7 @@ TEST_F(Trials, CreationOfShadersDoesNotWaitForTheQueue)
     const VkSemaphoreCreateInfo semaphoreInfo{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, &type, 0};
     VkSemaphore semaphore = VK_NULL_HANDLE;
     VT_CHECK(vkCreateSemaphore(gpu().device(), &semaphoreInfo, nullptr, &semaphore));
-    const std::uint64_t value = 1;
+    const uint64_t value = 1;
     VkTimelineSemaphoreSubmitInfo values{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO};
     values.waitSemaphoreValueCount = 1;
     values.pWaitSemaphoreValues = &value;

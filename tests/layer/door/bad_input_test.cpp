@@ -11,7 +11,7 @@ const vt::Labels kLabels{{"BadInput.*", "strict"}, {"BadInputExt.*", "one_api st
 
 using namespace vt;
 
-constexpr std::uint32_t kHuge = 0x7fffffff;
+constexpr uint32_t kHuge = 0x7fffffff;
 
 class BadInput : public GpuTest
 {
@@ -21,8 +21,8 @@ protected:
     void SetUp() override
     {
         MicromapInput input;
-        for (std::uint8_t state = 0; state < 4; ++state)
-            input.add(2, kFourState, std::vector<std::uint8_t>(16, state));
+        for (uint8_t state = 0; state < 4; ++state)
+            input.add(2, kFourState, std::vector<uint8_t>(16, state));
         micromap_ = std::make_unique<Micromap>(gpu(), std::move(input));
         expectNoMessages();
     }
@@ -93,14 +93,14 @@ protected:
     const char *id(const char *ext, const char *khr) { return gpu().khr() ? khr : ext; }
 
     // What the shader sees of a row of triangles with that attachment: -1 nothing, 0 a committed hit, 1 a candidate.
-    std::vector<int> seen(const Attachment &attachment, std::uint32_t triangles)
+    std::vector<int> seen(const Attachment &attachment, uint32_t triangles)
     {
         Geometry geometry{.vertices = triangleRow(triangles)};
         geometry.micromap = attachment;
         const Blas blas(gpu(), {geometry});
         const Tlas tlas(gpu(), {instance(blas, {}, 1)});
         std::vector<Ray> rays(triangles);
-        for (std::uint32_t i = 0; i < triangles; ++i)
+        for (uint32_t i = 0; i < triangles; ++i)
             rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
         std::vector<int> out;
         for (const Result &r : Tracer(gpu()).trace(tlas, rays))
@@ -146,7 +146,7 @@ TEST_F(BadInput, LevelsAndFormats)
     }
     // Counts of a format that there is not are as good as those of one that takes most. Where there are no triangles,
     // so is any level.
-    for (const std::uint32_t other : {0u, 3u, kHuge}) {
+    for (const uint32_t other : {0u, 3u, kHuge}) {
         SCOPED_TRACE(testing::Message() << "format " << other);
         const VkMicromapUsageEXT usage{4, 2, other};
         expectBuilt(format, [&](VkMicromapBuildInfoEXT &info) {
@@ -201,8 +201,8 @@ TEST_F(BadInput, TriangleArrayStride)
 TEST_F(BadInput, DestinationTooSmall)
 {
     MicromapInput input;
-    for (std::uint8_t state = 0; state < 4; ++state)
-        input.add(6, kFourState, std::vector<std::uint8_t>(4096, state));
+    for (uint8_t state = 0; state < 4; ++state)
+        input.add(6, kFourState, std::vector<uint8_t>(4096, state));
     const Micromap large(gpu(), std::move(input));
     const VkMicromapBuildSizesInfoEXT sizes = sizesOf(large.buildInfo());
     const Guarded storage(gpu(), sizes.micromapSize / 2, 256, micromapStorageUsage(gpu()));
@@ -278,7 +278,7 @@ TEST_F(BadInput, CountsThatOverflow)
 {
     const std::vector<VkMicromapUsageEXT> usage(64, {0xffffffff, 12, kFourState});
     VkMicromapBuildInfoEXT info = micromap_->buildInfo();
-    info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
+    info.usageCountsCount = static_cast<uint32_t>(usage.size());
     info.pUsageCounts = usage.data();
     EXPECT_EQ(sizesOf(info).micromapSize, 0u);
     const std::vector<Message> messages = gpu().takeUnexpectedMessages();
@@ -306,12 +306,12 @@ TEST_F(BadInput, NoUsageAtAll)
 // Of VK_KHR_opacity_micromap: MicromapStructureRefused.BuildsAndTheirMemory.
 TEST_F(BadInputExt, AddressesAndScratchMemory)
 {
-    const std::vector<std::uint8_t> before(micromap_->memory(), micromap_->memory() + micromap_->size());
+    const std::vector<uint8_t> before(micromap_->memory(), micromap_->memory() + micromap_->size());
     const auto refused = [&](const char *rule, const std::function<void(VkMicromapBuildInfoEXT &)> &change) {
         SCOPED_TRACE(rule);
         buildWith(change);
         expectComplaint(rule);
-        EXPECT_EQ(std::vector<std::uint8_t>(micromap_->memory(), micromap_->memory() + micromap_->size()), before);
+        EXPECT_EQ(std::vector<uint8_t>(micromap_->memory(), micromap_->memory() + micromap_->size()), before);
     };
     refused("vkCmdBuildMicromapsEXT-pInfos-10896", [](auto &info) { info.data.deviceAddress = 0; });
     refused("vkCmdBuildMicromapsEXT-pInfos-10897", [](auto &info) { info.triangleArray.deviceAddress = 0; });
@@ -327,9 +327,9 @@ TEST_F(BadInputExt, UnalignedInput)
 {
     gpu().breaks("VUID-vkCmdBuildMicromapsEXT-pInfos-07515");
     MicromapInput input;
-    for (std::uint8_t state = 0; state < 4; ++state)
-        input.add(4, kFourState, std::vector<std::uint8_t>(256, state));
-    const std::uint32_t bytes = input.triangles[1].dataOffset;
+    for (uint8_t state = 0; state < 4; ++state)
+        input.add(4, kFourState, std::vector<uint8_t>(256, state));
+    const uint32_t bytes = input.triangles[1].dataOffset;
     for (const bool data : {false, true}) {
         Micromap micromap(gpu(), input);
         VkMicromapBuildInfoEXT info = micromap.buildInfo();
@@ -383,7 +383,7 @@ TEST_F(BadInput, RefusedBesideGood)
 {
     // Of two builds in one command the good one may be done or not, the bad one must not be.
     MicromapInput input;
-    input.add(2, kFourState, std::vector<std::uint8_t>(16, 1));
+    input.add(2, kFourState, std::vector<uint8_t>(16, 1));
     Micromap other(gpu(), std::move(input));
     std::array builds{MicromapBuild{micromap_->buildInfo(), micromap_->handle()},
                       MicromapBuild{other.buildInfo(), other.handle()}};
@@ -397,8 +397,8 @@ TEST_F(BadInput, RefusedBesideGood)
 TEST_F(BadInput, DataBeyondTheBuffer)
 {
     MicromapInput input;
-    for (std::uint8_t state = 0; state < 4; ++state)
-        input.add(4, kFourState, std::vector<std::uint8_t>(256, 1));
+    for (uint8_t state = 0; state < 4; ++state)
+        input.add(4, kFourState, std::vector<uint8_t>(256, 1));
     input.triangles[1].dataOffset = 1 << 20;
     input.triangles[2].dataOffset = 0xffffffff;
     input.triangles[3].dataOffset = 0xfffffff0;
@@ -412,7 +412,7 @@ TEST_F(BadInput, RecordsThatBreakTheRules)
     gpu().breaks("VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-format-11679");
     MicromapInput input;
     for (int i = 0; i < 6; ++i)
-        input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+        input.add(3, kFourState, std::vector<uint8_t>(64, 1));
     input.declared = {{6, 3, kFourState}};
     input.triangles[1].subdivisionLevel = 13;
     input.triangles[2].subdivisionLevel = 0xffff;
@@ -428,9 +428,9 @@ TEST_F(BadInput, RecordsLargerThanDeclared)
     // The usage counts, and so the micromap, leave no room for these triangles' data.
     MicromapInput input;
     for (int i = 0; i < 3; ++i) {
-        std::vector<std::uint8_t> states(std::size_t{1} << 16);
-        for (std::size_t k = 0; k < states.size(); ++k)
-            states[k] = static_cast<std::uint8_t>(k * 7 % 4);
+        std::vector<uint8_t> states(size_t{1} << 16);
+        for (size_t k = 0; k < states.size(); ++k)
+            states[k] = static_cast<uint8_t>(k * 7 % 4);
         input.add(8, kFourState, states);
     }
     input.declared = {{3, 0, kTwoState}};
@@ -443,7 +443,7 @@ TEST_F(BadInput, FewerTrianglesThanDeclared)
 {
     gpu().breaks("VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554");
     MicromapInput input;
-    input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+    input.add(3, kFourState, std::vector<uint8_t>(64, 1));
     input.declared = {{100000, 3, kFourState}};
     Micromap micromap(gpu(), std::move(input));
     micromap.build();

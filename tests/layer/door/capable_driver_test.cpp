@@ -17,7 +17,7 @@ protected:
 
     // Builds what is prepared, with ranges from memory, of which the host says no more than `most` primitives.
     void buildIndirectly(const Structure &structure, std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges,
-                         std::vector<std::uint32_t> most)
+                         std::vector<uint32_t> most)
     {
         // Each range is followed by as much that is none.
         std::vector<VkAccelerationStructureBuildRangeInfoKHR> strided;
@@ -28,8 +28,8 @@ protected:
         const Buffer buffer = gpu().upload(std::span<const VkAccelerationStructureBuildRangeInfoKHR>(strided),
                                            VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
         const VkDeviceAddress address = buffer.address();
-        const std::uint32_t stride = 2 * sizeof(VkAccelerationStructureBuildRangeInfoKHR);
-        const std::uint32_t *counts = most.data();
+        const uint32_t stride = 2 * sizeof(VkAccelerationStructureBuildRangeInfoKHR);
+        const uint32_t *counts = most.data();
         gpu().submit([&](VkCommandBuffer commands) {
             gpu().vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &structure.buildInfo(), &address, &stride,
                                                                  &counts);
@@ -65,8 +65,8 @@ TEST_F(CapableDriver, IndirectBottomLevel)
     Blas indirect(gpu());
     indirect.prepare(patchwork.geometries());
     std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
-    std::vector<std::uint32_t> most;
-    for (std::uint32_t g = 0; g < indirect.buildInfo().geometryCount; ++g) {
+    std::vector<uint32_t> most;
+    for (uint32_t g = 0; g < indirect.buildInfo().geometryCount; ++g) {
         ranges.push_back(indirect.ranges()[g]);
         most.push_back(indirect.ranges()[g].primitiveCount);
     }
@@ -84,8 +84,8 @@ TEST_F(CapableDriver, IndirectBottomLevelWithFewerPrimitives)
     direct.prepare(patchwork.geometries());
     indirect.prepare(patchwork.geometries());
     std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
-    std::vector<std::uint32_t> most;
-    for (std::uint32_t g = 0; g < direct.buildInfo().geometryCount; ++g) {
+    std::vector<uint32_t> most;
+    for (uint32_t g = 0; g < direct.buildInfo().geometryCount; ++g) {
         ranges.push_back(direct.ranges()[g]);
         most.push_back(ranges.back().primitiveCount);
         ranges.back().primitiveCount = g % 2 == 0 ? 4 : 1;
@@ -118,7 +118,7 @@ TEST_F(CapableDriver, IndirectTopLevel)
         direct.build(std::span(instances).subspan(1, 2), 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
                      arrangement);
         indirect.prepare(instances, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR, arrangement);
-        const std::uint32_t skipped = arrangement == Arrangement::Array ? sizeof instances[0] : sizeof(VkDeviceAddress);
+        const uint32_t skipped = arrangement == Arrangement::Array ? sizeof instances[0] : sizeof(VkDeviceAddress);
         buildIndirectly(indirect, {{2, skipped, 0, 0}}, {4});
         const auto seenBefore = vt::seen(gpu(), indirect, rays);
         EXPECT_EQ(seenBefore, vt::seen(gpu(), direct, rays));
@@ -235,7 +235,7 @@ TEST_F(CapableDriverKhr, CaptureReplayOfMicromaps)
     // The driver has the feature for buffers only, which is what a micromap's address takes.
     gpu().breaks("VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613");
     MicromapInput input;
-    input.add(4, kFourState, std::vector<std::uint8_t>(256, 0));
+    input.add(4, kFourState, std::vector<uint8_t>(256, 0));
     Micromap source(gpu(), input);
     source.build();
     VkBufferCreateInfo info{};

@@ -43,12 +43,12 @@ void nameMicromap(Api api)
     // The validation layer has its own ideas about handles that it does not know.
     Gpu gpu(Options{.validation = false, .api = api, .debugMarker = true});
     MicromapInput input;
-    input.add(1, kFourState, std::vector<std::uint8_t>(4, 1));
+    input.add(1, kFourState, std::vector<uint8_t>(4, 1));
     const Micromap micromap(gpu, input);
     const VkObjectType type = api == Api::Khr ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT;
-    const std::uint64_t object = api == Api::Khr ? reinterpret_cast<std::uint64_t>(micromap.handle().khr)
-                                                 : reinterpret_cast<std::uint64_t>(micromap.handle().ext);
-    const auto set = [&](VkObjectType kind, std::uint64_t handle) {
+    const uint64_t object = api == Api::Khr ? reinterpret_cast<uint64_t>(micromap.handle().khr)
+                                            : reinterpret_cast<uint64_t>(micromap.handle().ext);
+    const auto set = [&](VkObjectType kind, uint64_t handle) {
         const auto function = [&]<class Function>(Function, const char *name) {
             const auto loaded = reinterpret_cast<Function>(vkGetDeviceProcAddr(gpu.device(), name));
             EXPECT_NE(loaded, nullptr) << name;
@@ -85,18 +85,18 @@ void nameMicromap(Api api)
         VkPrivateDataSlot slot = VK_NULL_HANDLE;
         VT_CHECK(vkCreatePrivateDataSlot(gpu.device(), &slotInfo, nullptr, &slot));
         VT_CHECK(vkSetPrivateData(gpu.device(), kind, handle, slot, 42));
-        std::uint64_t value = 0;
+        uint64_t value = 0;
         vkGetPrivateData(gpu.device(), kind, handle, slot, &value);
         EXPECT_EQ(value, 42u);
         vkDestroyPrivateDataSlot(gpu.device(), slot, nullptr);
     };
     set(type, object);
     const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
-    set(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<std::uint64_t>(blas.handle()));
+    set(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(blas.handle()));
     for (const Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
     // The spy would have told.
-    const auto stranger = reinterpret_cast<std::uint64_t>(&gpu);
+    const auto stranger = reinterpret_cast<uint64_t>(&gpu);
     VkDebugMarkerObjectNameInfoEXT marker{};
     marker.sType = VK_STRUCTURE_TYPE_DEBUG_MARKER_OBJECT_NAME_INFO_EXT;
     marker.objectType = VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT;
@@ -123,7 +123,7 @@ TEST(Driver, InputAndMicromapInOneBuffer)
 {
     Gpu gpu(Options{.api = Api::Ext});
     MicromapInput input;
-    const std::vector<std::uint8_t> states(256, 1);
+    const std::vector<uint8_t> states(256, 1);
     input.add(4, kFourState, states);
     input.triangles.resize(1000, input.triangles[0]);
     Micromap other(gpu, input); // for its build info
@@ -156,18 +156,18 @@ TEST(Driver, InputAndMicromapInOneBuffer)
 
 // What messages that an application sends itself name: object by object, by VK_EXT_debug_utils and, the last one, by
 // VK_EXT_debug_report.
-using Named = std::vector<std::pair<int, std::uint64_t>>;
+using Named = std::vector<std::pair<int, uint64_t>>;
 
 VKAPI_ATTR VkBool32 VKAPI_CALL noteObjects(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
                                            const VkDebugUtilsMessengerCallbackDataEXT *data, void *named)
 {
-    for (std::uint32_t i = 0; i < data->objectCount; ++i)
+    for (uint32_t i = 0; i < data->objectCount; ++i)
         static_cast<Named *>(named)->emplace_back(data->pObjects[i].objectType, data->pObjects[i].objectHandle);
     return VK_FALSE;
 }
 
-VKAPI_ATTR VkBool32 VKAPI_CALL noteObject(VkDebugReportFlagsEXT, VkDebugReportObjectTypeEXT type, std::uint64_t object,
-                                          std::size_t, std::int32_t, const char *, const char *, void *named)
+VKAPI_ATTR VkBool32 VKAPI_CALL noteObject(VkDebugReportFlagsEXT, VkDebugReportObjectTypeEXT type, uint64_t object,
+                                          size_t, int32_t, const char *, const char *, void *named)
 {
     static_cast<Named *>(named)->emplace_back(type, object);
     return VK_FALSE;
@@ -180,13 +180,13 @@ TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
     for (const Api api : {Api::Ext, Api::Khr}) {
         Gpu gpu(Options{.validation = false, .api = api});
         MicromapInput input;
-        input.add(1, kFourState, std::vector<std::uint8_t>(4, 1));
+        input.add(1, kFourState, std::vector<uint8_t>(4, 1));
         const Micromap micromap(gpu, input);
         const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
         const bool khr = api == Api::Khr;
-        const auto structure = reinterpret_cast<std::uint64_t>(blas.handle());
-        const auto object = khr ? reinterpret_cast<std::uint64_t>(micromap.handle().khr)
-                                : reinterpret_cast<std::uint64_t>(micromap.handle().ext);
+        const auto structure = reinterpret_cast<uint64_t>(blas.handle());
+        const auto object =
+            khr ? reinterpret_cast<uint64_t>(micromap.handle().khr) : reinterpret_cast<uint64_t>(micromap.handle().ext);
         const auto function = [&]<class Function>(Function, const char *name) {
             return reinterpret_cast<Function>(vkGetInstanceProcAddr(gpu.instance(), name));
         };
@@ -225,7 +225,7 @@ TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
         VkDebugReportCallbackEXT callback = VK_NULL_HANDLE;
         VT_CHECK(function(PFN_vkCreateDebugReportCallbackEXT{}, "vkCreateDebugReportCallbackEXT")(gpu.instance(), &info,
                                                                                                   nullptr, &callback));
-        for (const std::uint64_t one : {object, structure})
+        for (const uint64_t one : {object, structure})
             function(PFN_vkDebugReportMessageEXT{}, "vkDebugReportMessageEXT")(
                 gpu.instance(), info.flags, VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT, one, 0, 0,
                 "test", "of the application");
@@ -244,26 +244,26 @@ TEST(Driver, ManyCopiesOfQueryResults)
 {
     Gpu gpu(Options{.api = Api::Ext});
     MicromapInput input;
-    input.add(4, kFourState, std::vector<std::uint8_t>(256, 1));
+    input.add(4, kFourState, std::vector<uint8_t>(256, 1));
     Micromap micromap(gpu, input);
     micromap.build();
-    constexpr std::uint32_t kCopies = 100;
+    constexpr uint32_t kCopies = 100;
     const Buffer out(gpu, kCopies * 8, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     const QueryPool pool(gpu, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT);
     const VkMicromapEXT handle = micromap.handle().ext;
     gpu.submit([&](VkCommandBuffer commands) {
         vkCmdResetQueryPool(commands, pool, 0, 1);
         gpu.vk().CmdWriteMicromapsPropertiesEXT(commands, 1, &handle, pool.type(), pool, 0);
-        const auto copy = [&](std::uint32_t i) {
+        const auto copy = [&](uint32_t i) {
             vkCmdCopyQueryPoolResults(commands, pool, 0, 1, out.handle(), i * 8, 8,
                                       VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
         };
         copy(0);
         const Environment full("VELLUM_TEST_SPY_MEMORY");
-        for (std::uint32_t i = 1; i < kCopies; ++i)
+        for (uint32_t i = 1; i < kCopies; ++i)
             copy(i);
     });
-    for (const std::uint64_t size : out.as<std::uint64_t>())
+    for (const uint64_t size : out.as<uint64_t>())
         EXPECT_EQ(size, 64u + 64u + 16u + 256u / 4u);
     for (const Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
@@ -276,7 +276,7 @@ TEST(Driver, NoDisplacementBesideEmulation)
     const Environment force("VELLUM_FORCE_EMULATION");
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .traits = "displacement", .api = Api::Ext});
     constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu->physical(), nullptr, &count, nullptr));
     std::vector<VkExtensionProperties> list(count);
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu->physical(), nullptr, &count, list.data()));
@@ -288,7 +288,7 @@ TEST(Driver, NoDisplacementBesideEmulation)
     struct OneMember {
         VkStructureType sType;
         void *pNext = nullptr;
-        std::uint32_t value = 1;
+        uint32_t value = 1;
     };
     OneMember feature{static_cast<VkStructureType>(1000397000)};
     VkPhysicalDeviceFeatures2 features{};
@@ -365,7 +365,7 @@ TEST(Driver, HiddenExtension)
         VkBool32 shaderMeshEnqueue = VK_TRUE;
     };
     const auto has = [](const Gpu &gpu) {
-        std::uint32_t count = 0;
+        uint32_t count = 0;
         VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, nullptr));
         std::vector<VkExtensionProperties> list(count);
         VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, list.data()));

@@ -57,7 +57,7 @@ VkInstance makeInstance(const Loader &loader, const std::vector<const char *> &l
     application.apiVersion = VK_API_VERSION_1_3;
     VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
     info.pApplicationInfo = &application;
-    info.enabledLayerCount = static_cast<std::uint32_t>(layers.size());
+    info.enabledLayerCount = static_cast<uint32_t>(layers.size());
     info.ppEnabledLayerNames = layers.data();
     check(COMMAND(vkCreateInstance)(&info, nullptr, &instance), "vkCreateInstance");
     return instance;
@@ -66,7 +66,7 @@ VkInstance makeInstance(const Loader &loader, const std::vector<const char *> &l
 VkDevice makeDevice(const Loader &loader, VkInstance instance)
 {
     VkPhysicalDevice physical = VK_NULL_HANDLE;
-    std::uint32_t count = 1;
+    uint32_t count = 1;
     if (COMMAND(vkEnumeratePhysicalDevices)(instance, &count, &physical) < 0 || count == 0)
         fail("vkEnumeratePhysicalDevices");
     const float priority = 1;
@@ -99,10 +99,10 @@ VkDevice makeDevice(const Loader &loader, VkInstance instance)
 class Threads
 {
 public:
-    Threads(std::size_t count, const Loader &loader, VkInstance instance, VkDevice device)
+    Threads(size_t count, const Loader &loader, VkInstance instance, VkDevice device)
     {
         const auto sizes = COMMAND(vkGetMicromapBuildSizesEXT);
-        for (std::size_t i = 0; i < count; ++i) {
+        for (size_t i = 0; i < count; ++i) {
             std::thread([this, sizes, device] {
                 do {
                     const VkMicromapBuildInfoEXT build{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
@@ -117,7 +117,7 @@ public:
             std::this_thread::yield();
     }
     // From now on none is in the layer.
-    void rest(std::size_t count)
+    void rest(size_t count)
     {
         busy_ = false;
         while (resting_ < count)
@@ -126,7 +126,7 @@ public:
 
 private:
     std::atomic<bool> busy_ = true;
-    std::atomic<std::size_t> calls_ = 0, resting_ = 0;
+    std::atomic<size_t> calls_ = 0, resting_ = 0;
 };
 
 } // namespace
@@ -136,7 +136,7 @@ int main(int argc, char **argv)
     if (argc < 3)
         fail("usage: vellum_end_program WAY THREADS [LAYER...]");
     const std::string_view way = argv[1];
-    const std::size_t count = std::strtoul(argv[2], nullptr, 10);
+    const size_t count = std::strtoul(argv[2], nullptr, 10);
     const std::vector<const char *> layers(argv + 3, argv + argc);
     const Loader loader;
     VkInstance instance = makeInstance(loader, layers);

@@ -20,7 +20,7 @@ Options alone(const char *traits)
 
 bool provides(const Gpu &gpu, const char *name)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, nullptr));
     std::vector<VkExtensionProperties> all(count);
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, all.data()));
@@ -35,8 +35,8 @@ TEST(ExtDriver, HasMicromapsOfItsOwn)
     for (const char *name : {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME,
                              "VK_ARM_pipeline_opacity_micromap"})
         EXPECT_FALSE(provides(own, name)) << name;
-    const auto builds = testDriverFunction<std::uint64_t (*)()>("vellumExtBuilds");
-    const std::uint64_t before = builds();
+    const auto builds = testDriverFunction<uint64_t (*)()>("vellumExtBuilds");
+    const uint64_t before = builds();
     const Patchwork ownPatchwork(own), emulatedPatchwork(emulated);
     EXPECT_GT(builds(), before);
     const auto expected = seenOf(emulated, Blas(emulated, emulatedPatchwork.geometries()));
@@ -82,7 +82,7 @@ TEST(ExtDriver, TellsOfTheOtherExtensions)
     build.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
     build.geometryCount = 1;
     build.pGeometries = &geometry;
-    const std::uint32_t one = 1;
+    const uint32_t one = 1;
     gpu.vk().GetAccelerationStructureBuildSizesKHR(gpu.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                    &build, &one, &sizes);
     expectTold("VkAccelerationStructureTrianglesOpacityMicromapKHR");
@@ -95,10 +95,10 @@ TEST(ExtDriver, TellsOfTheOtherExtensions)
     gpu.submit([&](VkCommandBuffer commands) { vkCmdPipelineBarrier2(commands, &dependency); });
     expectTold("VkMemoryRangeBarriersInfoKHR");
 
-    const std::vector<std::uint32_t> words = withModeWhereNeeded(tracer_comp);
+    const std::vector<uint32_t> words = withModeWhereNeeded(tracer_comp);
     VkShaderModuleCreateInfo module{};
     module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    module.codeSize = words.size() * sizeof(std::uint32_t);
+    module.codeSize = words.size() * sizeof(uint32_t);
     module.pCode = words.data();
     VkShaderModule made = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(gpu.device(), &module, nullptr, &made));

@@ -24,19 +24,16 @@ protected:
         GpuTest::TearDown();
     }
 
-    static std::uint64_t failAt(std::uint64_t n)
-    {
-        return testDriverFunction<std::uint64_t (*)(std::uint64_t)>("vellumDriverFailAt")(n);
-    }
+    static uint64_t failAt(uint64_t n) { return testDriverFunction<uint64_t (*)(uint64_t)>("vellumDriverFailAt")(n); }
     static void lose(bool value) { testDriverFunction<void (*)(int)>("vellumDriverLose")(value); }
 
     // The command that failed last.
     static std::string failedCommand() { return testDriverFunction<const char *(*)()>("vellumDriverFailed")(); }
 
     // The layer's own messages; others are failures of the test.
-    std::size_t complaints()
+    size_t complaints()
     {
-        std::size_t count = 0;
+        size_t count = 0;
         for (const Message &m : gpu().takeUnexpectedMessages()) {
             if (m.fromVellum()) {
                 ++count;
@@ -55,11 +52,11 @@ protected:
     using WhileItFails = std::function<void(const std::function<void()> &)>;
     void failEach(const std::function<bool(const WhileItFails &)> &act)
     {
-        std::uint64_t failed = 0;
+        uint64_t failed = 0;
         for (int round = 0; round < 12; ++round) {
-            for (std::uint64_t n = 1;; ++n) {
+            for (uint64_t n = 1;; ++n) {
                 SCOPED_TRACE(testing::Message() << "round " << round << ", command " << n);
-                std::uint64_t calls = 0;
+                uint64_t calls = 0;
                 const bool works = act([&](const std::function<void()> &call) {
                     failAt(n);
                     call();
@@ -104,7 +101,7 @@ protected:
 // Whose ray flags come from a buffer: the driver is tried with a ray.
 TEST_F(Failures, ShaderModule)
 {
-    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
+    const std::vector<uint32_t> code = gpu().code(tracer_comp);
     hasAnotherWay_ = true;
     failEach([&](const WhileItFails &whileItFails) {
         VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
@@ -121,20 +118,20 @@ TEST_F(Failures, ShaderModule)
 
 TEST_F(Failures, RayTracingPipeline)
 {
-    for (const std::uint32_t count : {1u, 2u}) {
+    for (const uint32_t count : {1u, 2u}) {
         hasAnotherWay_ = count > 1; // those of one call are made one by one where one cannot be made
         const auto make = [&](Gpu &, const PipelineSetup &setup) {
             const PipelineInfo info(gpu(), setup);
             const std::vector<VkRayTracingPipelineCreateInfoKHR> infos(count, info.get());
             const RayPipeline first(gpu(), setup); // the driver was tried
             failEach([&](const WhileItFails &whileItFails) {
-                std::vector<VkPipeline> pipelines(count, reinterpret_cast<VkPipeline>(std::uintptr_t{1}));
+                std::vector<VkPipeline> pipelines(count, reinterpret_cast<VkPipeline>(uintptr_t{1}));
                 VkResult result = VK_SUCCESS;
                 whileItFails([&] {
                     result = gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE,
                                                                      count, infos.data(), nullptr, pipelines.data());
                 });
-                std::size_t made = 0;
+                size_t made = 0;
                 for (const VkPipeline pipeline : pipelines) {
                     made += pipeline != VK_NULL_HANDLE;
                     vkDestroyPipeline(gpu().device(), pipeline, nullptr);
@@ -153,7 +150,7 @@ TEST_F(Failures, RayTracingPipeline)
 TEST_F(Failures, Builds)
 {
     StateScene scene(gpu());
-    for (std::uint32_t step = 0; step < StateScene::kSteps; ++step) {
+    for (uint32_t step = 0; step < StateScene::kSteps; ++step) {
         SCOPED_TRACE(testing::Message() << "step " << step);
         failEachRecorded([&](VkCommandBuffer commands) { scene.recordStep(commands, step); });
     }
@@ -190,13 +187,13 @@ TEST_F(Failures, Serialization)
     const VkDeviceAddress begin = (data.address() + 255) & ~VkDeviceAddress{255};
     hasAnotherWay_ = true;
     isRight_ = [&] {
-        std::uint64_t total = 0;
+        uint64_t total = 0;
         std::memcpy(&total, data.bytes() + (begin - data.address()) + 2 * VK_UUID_SIZE, 8);
         return total > 56;
     };
     failEachRecorded([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, source, begin); });
     Structure restored(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
-    std::uint64_t deserializedSize = 0; // of the header that the specification gives
+    uint64_t deserializedSize = 0; // of the header that the specification gives
     std::memcpy(&deserializedSize, data.bytes() + (begin - data.address()) + 2 * VK_UUID_SIZE + 8, 8);
     restored.create(deserializedSize);
     const auto expected = seenOf(gpu(), source);
@@ -254,7 +251,7 @@ TEST_F(FailuresUnvalidated, DeviceLost)
     vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
     // A query that waits for what will never be written ends, too.
     const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR);
-    std::uint64_t value = 0;
+    uint64_t value = 0;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, sizeof value, &value, sizeof value,
                                     VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
               VK_ERROR_DEVICE_LOST);

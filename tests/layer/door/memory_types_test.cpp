@@ -17,11 +17,11 @@ class MemoryTypes : public testing::Test
 {
 protected:
     // Of exactly those properties.
-    static std::uint32_t type(const Gpu &gpu, VkMemoryPropertyFlags flags)
+    static uint32_t type(const Gpu &gpu, VkMemoryPropertyFlags flags)
     {
         VkPhysicalDeviceMemoryProperties memory;
         vkGetPhysicalDeviceMemoryProperties(gpu.physical(), &memory);
-        for (std::uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+        for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
             if (memory.memoryTypes[i].propertyFlags == flags)
                 return i;
         }
@@ -32,7 +32,7 @@ protected:
         for (const Message &m : gpu.takeUnexpectedMessages())
             ADD_FAILURE() << m.id << ": " << m.text;
     }
-    static VkResult allocate(const Gpu &gpu, std::uint32_t type, VkDeviceSize bytes, VkDeviceMemory &memory)
+    static VkResult allocate(const Gpu &gpu, uint32_t type, VkDeviceSize bytes, VkDeviceMemory &memory)
     {
         VkMemoryAllocateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
@@ -48,7 +48,7 @@ TEST_F(MemoryTypes, NoneThatNeedsAFeature)
 {
     Gpu gpu(Options{.validation = false, .traits = "uncached"});
     MicromapInput input;
-    input.add(1, kFourState, std::vector<std::uint8_t>(4, 1));
+    input.add(1, kFourState, std::vector<uint8_t>(4, 1));
     Micromap(gpu, input).build();
     expectNoMessages(gpu);
 }
@@ -100,8 +100,8 @@ TEST_F(MemoryTypes, HostCommandsOnMemoryThatIsNotCoherent)
 {
     Gpu gpu(Options{.traits = "discrete", .api = Api::Ext});
     MicromapInput input;
-    for (std::uint8_t i = 0; i < 7; ++i)
-        input.add(3, kFourState, std::vector<std::uint8_t>(64, i % 4));
+    for (uint8_t i = 0; i < 7; ++i)
+        input.add(3, kFourState, std::vector<uint8_t>(64, i % 4));
     Micromap built(gpu, input);
     built.build();
     VkBufferCreateInfo bufferInfo{};
@@ -141,7 +141,7 @@ TEST_F(MemoryTypes, HostCommandsOnMemoryThatIsNotCoherent)
     EXPECT_TRUE(std::equal(built.memory(), built.memory() + 64, copied.memory()));
     // Written by the device, read by the host.
     MicromapInput small;
-    small.add(1, kFourState, std::vector<std::uint8_t>(4, 2));
+    small.add(1, kFourState, std::vector<uint8_t>(4, 2));
     Micromap other(gpu, small);
     other.build();
     const VkCopyMicromapInfoEXT toIt = copyInfo(other.handle().ext, micromap);

@@ -14,7 +14,7 @@ using vt::Gpu;
 
 bool advertises(VkPhysicalDevice physical)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
     std::vector<VkExtensionProperties> all(count);
     vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, all.data());
@@ -53,7 +53,7 @@ VkResult createDevice(VkPhysicalDevice physical, std::span<const char *const> ex
     info.pNext = chain;
     info.queueCreateInfoCount = 1;
     info.pQueueCreateInfos = &queue;
-    info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
     info.ppEnabledExtensionNames = extensions.data();
     return vkCreateDevice(physical, &info, nullptr, device);
 }
@@ -78,10 +78,10 @@ TEST_F(Properties, ExtensionIsListedOnce)
 
 TEST_F(Properties, ListingInPiecesWorks)
 {
-    std::uint32_t total = 0;
+    uint32_t total = 0;
     ASSERT_EQ(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &total, nullptr), VK_SUCCESS);
     std::vector<VkExtensionProperties> some(total - 1);
-    std::uint32_t count = total - 1;
+    uint32_t count = total - 1;
     EXPECT_EQ(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, some.data()), VK_INCOMPLETE);
     EXPECT_EQ(count, total - 1);
 }
@@ -119,7 +119,7 @@ struct PipelineFlags2 {
 TEST_F(Properties, PipelinesWithoutMicromaps)
 {
     const char *const name = "VK_ARM_pipeline_opacity_micromap";
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, nullptr));
     std::vector<VkExtensionProperties> list(count);
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, list.data()));
@@ -149,11 +149,11 @@ TEST_F(Properties, PipelinesWithoutMicromaps)
 TEST_F(Properties, TheFlagOfPipelinesStaysInTheLayer)
 {
     // A compute shader that does nothing.
-    constexpr std::array<std::uint32_t, 34> words{
+    constexpr std::array<uint32_t, 34> words{
         0x07230203, 0x00010000, 0,          5, 0,  0x00020011, 1, 0x0003000e, 0,          1, 0x0005000f, 5, 3,
         0x6e69616d, 0,          0x00060010, 3, 17, 1,          1, 1,          0x00020013, 1, 0x00030021, 2, 1,
         0x00050036, 1,          3,          0, 2,  0x000200f8, 4, 0x000100fd};
-    std::vector<std::uint32_t> code(words.begin(), words.end());
+    std::vector<uint32_t> code(words.begin(), words.end());
     code.push_back(0x00010038);
     const VkShaderModule module = gpu().shader(code);
     VkPipelineLayoutCreateInfo layoutInfo{};
@@ -281,7 +281,7 @@ TEST_F(Properties, AddressesBehindAnUnknownStructure)
 
 TEST_F(Properties, CompatibilityOfVersionData)
 {
-    const std::array<std::uint8_t, 2 * VK_UUID_SIZE> foreign{1, 2, 3};
+    const std::array<uint8_t, 2 * VK_UUID_SIZE> foreign{1, 2, 3};
     VkMicromapVersionInfoEXT version{};
     version.sType = VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT;
     version.pVersionData = foreign.data();

@@ -114,7 +114,7 @@ TEST_F(TestDriver, MemoryOfSomebodyElse)
     VT_CHECK(vkAllocateMemory(gpu().device(), &info, nullptr, &memory));
     void *data = nullptr;
     VT_CHECK(vkMapMemory(gpu().device(), memory, 0, VK_WHOLE_SIZE, 0, &data));
-    EXPECT_EQ(static_cast<std::uint8_t *>(data)[4095], 0xd7);
+    EXPECT_EQ(static_cast<uint8_t *>(data)[4095], 0xd7);
     vkFreeMemory(gpu().device(), memory, nullptr);
 }
 
@@ -133,7 +133,7 @@ TEST_F(TestDriver, ScratchMemoryThatIsAllUsed)
         });
     };
     const Buffer room(gpu(), 2 * size, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    std::memset(room.bytes(), 1, static_cast<std::size_t>(room.size()));
+    std::memset(room.bytes(), 1, static_cast<size_t>(room.size()));
     build(room.address());
     EXPECT_TRUE(gpu().takeMessages().empty());
     EXPECT_NE(room.bytes()[size - 8], 1);
@@ -199,7 +199,7 @@ TEST_F(TestDriver, AddressesElsewhere)
 {
     make("elsewhere");
     const Buffer room(gpu(), 65536, gpu().structureUsage());
-    EXPECT_NE(reinterpret_cast<std::uint64_t>(room.bytes()), room.address());
+    EXPECT_NE(reinterpret_cast<uint64_t>(room.bytes()), room.address());
     for (const bool generic : {false, true}) {
         Structure structure(gpu(), generic ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
                                            : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);

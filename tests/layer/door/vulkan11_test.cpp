@@ -45,8 +45,8 @@ TEST_F(Vulkan11, BuildsAndRayQueries)
 TEST_F(Vulkan11, CompactedMicromaps)
 {
     MicromapInput input;
-    for (std::uint8_t state = 0; state < 4; ++state)
-        input.add(5, kFourState, std::vector<std::uint8_t>(1024, state));
+    for (uint8_t state = 0; state < 4; ++state)
+        input.add(5, kFourState, std::vector<uint8_t>(1024, state));
     Micromap micromap(gpu(), input, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
     micromap.build();
     Geometry geometry{.vertices = triangleRow(4)};
@@ -67,7 +67,7 @@ TEST_F(Vulkan11, Pipelines)
         PipelineTracerSetup setup;
         setup.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}};
         PipelineTracer tracer(gpu(), setup);
-        for (const std::uint32_t flags : opacityRayFlags())
+        for (const uint32_t flags : opacityRayFlags())
             scene.expect(tracer, flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
     }
 }

@@ -243,7 +243,7 @@ bool ForcedMicromap::attach(bool opaque, uint32_t triangles, const void *&chain,
             continue;
         hasData = true;
         const auto size = static_cast<uint32_t>(pattern.size());
-        const VkMicromapUsageEXT &usage = micromapContent().usage[static_cast<std::size_t>(pattern[i])];
+        const VkMicromapUsageEXT &usage = micromapContent().usage[static_cast<size_t>(pattern[i])];
         attachment.usage.push_back(
             {triangles / size + (i < triangles % size ? 1 : 0), usage.subdivisionLevel, usage.format});
     }

@@ -22,7 +22,7 @@ namespace spirv = vellum::spirv;
 using Words = std::vector<uint32_t>;
 
 // The module with the execution mode; empty where it has no ray queries, or declares the mode itself.
-Words withExecutionMode(const void *code, std::size_t bytes)
+Words withExecutionMode(const void *code, size_t bytes)
 {
     constexpr uint32_t kRayQuery = 4472, kOpExecutionModeId = 331;
     std::string error;

@@ -30,8 +30,8 @@ Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gp
     VT_CHECK(vkBindBufferMemory(gpu.device(), buffer_, memory_, 0));
     void *mapped = nullptr;
     VT_CHECK(vkMapMemory(gpu.device(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
-    bytes_ = static_cast<std::uint8_t *>(mapped);
-    std::memset(bytes_, 0, static_cast<std::size_t>(size));
+    bytes_ = static_cast<uint8_t *>(mapped);
+    std::memset(bytes_, 0, static_cast<size_t>(size));
     if (addressed) {
         VkBufferDeviceAddressInfo query{};
         query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
@@ -62,7 +62,7 @@ void Buffer::swap(Buffer &other) noexcept
     std::swap(bytes_, other.bytes_);
 }
 
-QueryPool::QueryPool(Gpu &gpu, VkQueryType type, std::uint32_t count) : gpu_(&gpu), type_(type)
+QueryPool::QueryPool(Gpu &gpu, VkQueryType type, uint32_t count) : gpu_(&gpu), type_(type)
 {
     VkQueryPoolCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
@@ -84,19 +84,19 @@ void QueryPool::swap(QueryPool &other) noexcept
     std::swap(pool_, other.pool_);
 }
 
-std::uint64_t QueryPool::value(std::uint32_t query) const
+uint64_t QueryPool::value(uint32_t query) const
 {
-    std::uint64_t value = 0;
+    uint64_t value = 0;
     VT_CHECK(vkGetQueryPoolResults(gpu_->device(), pool_, query, 1, sizeof value, &value, sizeof value,
                                    VK_QUERY_RESULT_64_BIT));
     return value;
 }
 
-std::uint32_t Gpu::memoryType(std::uint32_t allowed, VkMemoryPropertyFlags wanted) const
+uint32_t Gpu::memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const
 {
     VkPhysicalDeviceMemoryProperties memory;
     vkGetPhysicalDeviceMemoryProperties(physical_, &memory);
-    for (std::uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+    for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
         if ((allowed >> i & 1u) != 0 && (memory.memoryTypes[i].propertyFlags & wanted) == wanted)
             return i;
     }

@@ -13,30 +13,30 @@ namespace vt
 class Columns
 {
 public:
-    static constexpr std::uint32_t kColumns = 96;
-    static constexpr std::uint32_t kLayers = 7;
+    static constexpr uint32_t kColumns = 96;
+    static constexpr uint32_t kLayers = 7;
 
     // States are drawn from 0..states-1 in the order transparent, unknown transparent, unknown opaque, opaque.
-    Columns(Gpu &gpu, std::uint32_t states, std::uint32_t rule, std::uint32_t flags = 0)
+    Columns(Gpu &gpu, uint32_t states, uint32_t rule, uint32_t flags = 0)
     {
         std::mt19937 random(states * 7 + flags);
-        constexpr std::array<std::uint8_t, 4> order{0, 2, 3, 1};
+        constexpr std::array<uint8_t, 4> order{0, 2, 3, 1};
         MicromapInput input;
-        for (std::uint8_t s = 0; s < 4; ++s)
-            input.add(2, kFourState, std::vector<std::uint8_t>(16, s));
+        for (uint8_t s = 0; s < 4; ++s)
+            input.add(2, kFourState, std::vector<uint8_t>(16, s));
         micromap_ = std::make_unique<Micromap>(gpu, std::move(input));
         micromap_->build();
         Geometry geometry;
         Attachment attachment;
         attachment.micromap = micromap_.get();
         attachment.indexType = VK_INDEX_TYPE_UINT16;
-        for (std::uint32_t c = 0; c < kColumns; ++c) {
+        for (uint32_t c = 0; c < kColumns; ++c) {
             const float x = 1.5f * static_cast<float>(c);
-            for (std::uint32_t l = 0; l < kLayers; ++l) {
-                const std::uint8_t state = order[random() % states];
+            for (uint32_t l = 0; l < kLayers; ++l) {
+                const uint8_t state = order[random() % states];
                 states_[c][l] = state;
                 appendTriangle(geometry.vertices, {x, 0, -static_cast<float>(l)});
-                attachment.indices.push_back(random() % 4 == 0 ? -1 - std::int32_t{state} : std::int32_t{state});
+                attachment.indices.push_back(random() % 4 == 0 ? -1 - int32_t{state} : int32_t{state});
             }
             Ray ray;
             ray.origin = {x + 0.3f, 0.3f, 1};
@@ -52,24 +52,24 @@ public:
     [[nodiscard]] const Tlas &scene() const { return *tlas_; }
     [[nodiscard]] const std::vector<Ray> &rays() const { return rays_; }
     // Of the column's triangles, how many are handed to a shader if nothing is committed.
-    [[nodiscard]] std::uint32_t nonOpaque(std::uint32_t column, std::uint32_t rayFlags = 0) const
+    [[nodiscard]] uint32_t nonOpaque(uint32_t column, uint32_t rayFlags = 0) const
     {
-        std::uint32_t n = 0;
-        for (const std::uint8_t state : states_[column % kColumns])
+        uint32_t n = 0;
+        for (const uint8_t state : states_[column % kColumns])
             n += outcomeOf(state, false, 0, rayFlags) == Outcome::NonOpaque ? 1u : 0u;
         return n;
     }
     // The first layer that may be committed, if the shader confirms everything (or nothing); kLayers: none.
-    [[nodiscard]] std::uint32_t nearest(std::uint32_t column, bool confirming, std::uint32_t rayFlags = 0) const
+    [[nodiscard]] uint32_t nearest(uint32_t column, bool confirming, uint32_t rayFlags = 0) const
     {
-        for (std::uint32_t l = 0; l < kLayers; ++l) {
+        for (uint32_t l = 0; l < kLayers; ++l) {
             const Outcome outcome = outcomeOf(states_[column % kColumns][l], false, 0, rayFlags);
             if (outcome == Outcome::Opaque || (confirming && outcome == Outcome::NonOpaque))
                 return l;
         }
         return kLayers;
     }
-    static void expectCommitted(const RawResult &result, std::uint32_t layer)
+    static void expectCommitted(const RawResult &result, uint32_t layer)
     {
         EXPECT_EQ(result.committed, layer == kLayers ? kNone : kTriangle);
         if (layer == kLayers || result.committed != kTriangle)
@@ -79,7 +79,7 @@ public:
     }
 
 private:
-    std::array<std::array<std::uint8_t, kLayers>, kColumns> states_{};
+    std::array<std::array<uint8_t, kLayers>, kColumns> states_{};
     std::unique_ptr<Micromap> micromap_;
     std::unique_ptr<Blas> blas_;
     std::unique_ptr<Tlas> tlas_;

@@ -8,22 +8,22 @@ namespace vt
 namespace
 {
 
-constexpr std::uint32_t kTriangles = 6; // of each geometry
+constexpr uint32_t kTriangles = 6; // of each geometry
 constexpr std::array<std::array<float, 2>, 6> kPlaces{
     {{0.11f, 0.13f}, {0.62f, 0.17f}, {0.17f, 0.62f}, {0.31f, 0.29f}, {0.43f, 0.41f}, {0.05f, 0.83f}}};
 
 constexpr VkBufferUsageFlags kSerializedUsage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
-MicromapInput randomInput(std::mt19937 &random, std::uint32_t triangles)
+MicromapInput randomInput(std::mt19937 &random, uint32_t triangles)
 {
     MicromapInput input;
-    for (std::uint32_t i = 0; i < triangles; ++i) {
-        const std::uint32_t level = i % 6;
-        const std::uint16_t format = i % 3 == 2 ? kTwoState : kFourState;
-        std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
-        for (std::uint8_t &state : states)
-            state = static_cast<std::uint8_t>(random() % (format == kTwoState ? 2 : 4));
+    for (uint32_t i = 0; i < triangles; ++i) {
+        const uint32_t level = i % 6;
+        const uint16_t format = i % 3 == 2 ? kTwoState : kFourState;
+        std::vector<uint8_t> states(size_t{1} << (2 * level));
+        for (uint8_t &state : states)
+            state = static_cast<uint8_t>(random() % (format == kTwoState ? 2 : 4));
         input.add(level, format, states);
     }
     return input;
@@ -47,9 +47,9 @@ void copy(Gpu &gpu, const Structure &from, const Structure &to, VkCopyAccelerati
     gpu.submit([&](VkCommandBuffer commands) { recordCopy(gpu, commands, from.handle(), to.handle(), mode); });
 }
 
-void Serialized::relocate(const std::function<std::uint64_t(std::uint64_t)> &change)
+void Serialized::relocate(const std::function<uint64_t(uint64_t)> &change)
 {
-    for (std::size_t i = 0; i < handleCount(); ++i)
+    for (size_t i = 0; i < handleCount(); ++i)
         setHandle(i, change(handle(i)));
 }
 
@@ -86,7 +86,7 @@ Serialized serialize(Gpu &gpu, const Structure &structure)
     EXPECT_TRUE(buffer.intact());
     Serialized data({buffer.bytes(), buffer.bytes() + buffer.size()});
     EXPECT_LE(data.total(), buffer.size());
-    data.bytes().resize(std::min<std::size_t>(data.total(), data.bytes().size()));
+    data.bytes().resize(std::min<size_t>(data.total(), data.bytes().size()));
     return data;
 }
 
@@ -98,7 +98,7 @@ void deserialize(Gpu &gpu, const Serialized &data, const Structure &to, VkDevice
     const VkDeviceSize skipped = (256 - buffer.address() % 256) % 256;
     const Buffer exact(gpu, skipped + size, kSerializedUsage);
     ASSERT_EQ(exact.address() % 256, buffer.address() % 256);
-    std::memcpy(exact.bytes() + skipped, data.bytes().data(), std::min<std::size_t>(size, data.bytes().size()));
+    std::memcpy(exact.bytes() + skipped, data.bytes().data(), std::min<size_t>(size, data.bytes().size()));
     gpu.submit([&](VkCommandBuffer commands) {
         VkCopyMemoryToAccelerationStructureInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
@@ -107,8 +107,7 @@ void deserialize(Gpu &gpu, const Serialized &data, const Structure &to, VkDevice
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
         gpu.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info);
     });
-    EXPECT_EQ(
-        std::memcmp(exact.bytes() + skipped, data.bytes().data(), std::min<std::size_t>(size, data.bytes().size())), 0)
+    EXPECT_EQ(std::memcmp(exact.bytes() + skipped, data.bytes().data(), std::min<size_t>(size, data.bytes().size())), 0)
         << "the data was written to";
 }
 
@@ -120,10 +119,10 @@ std::unique_ptr<Structure> deserialized(Gpu &gpu, const Serialized &data, VkAcce
     return structure;
 }
 
-Patchwork::Patchwork(Gpu &gpu, std::uint32_t seed)
+Patchwork::Patchwork(Gpu &gpu, uint32_t seed)
 {
     std::mt19937 random(seed);
-    for (const std::uint32_t triangles : {kTriangles, 2 * kTriangles}) {
+    for (const uint32_t triangles : {kTriangles, 2 * kTriangles}) {
         micromaps_.push_back(std::make_unique<Micromap>(gpu, randomInput(random, triangles)));
         micromaps_.back()->build();
     }
@@ -132,7 +131,7 @@ Patchwork::Patchwork(Gpu &gpu, std::uint32_t seed)
 std::vector<Geometry> Patchwork::geometries() const
 {
     std::vector<Geometry> out;
-    for (std::uint32_t g = 0; g < 6; ++g)
+    for (uint32_t g = 0; g < 6; ++g)
         out.push_back(Geometry{.vertices = triangleRow(kTriangles, {0, 2 * static_cast<float>(g), 0})});
     out[0].micromap = Attachment{micromaps_[0].get()};
     out[1].flags = VK_GEOMETRY_OPAQUE_BIT_KHR;
@@ -143,11 +142,11 @@ std::vector<Geometry> Patchwork::geometries() const
     return out;
 }
 
-std::vector<Ray> Patchwork::rays(Vec3 place, std::uint32_t flags)
+std::vector<Ray> Patchwork::rays(Vec3 place, uint32_t flags)
 {
     std::vector<Ray> out;
-    for (std::uint32_t g = 0; g < 6; ++g) {
-        for (std::uint32_t t = 0; t < kTriangles; ++t) {
+    for (uint32_t g = 0; g < 6; ++g) {
+        for (uint32_t t = 0; t < kTriangles; ++t) {
             for (const auto &[u, v] : kPlaces) {
                 Ray ray;
                 ray.origin = {place[0] + 1.5f * static_cast<float>(t) + u, place[1] + 2 * static_cast<float>(g) + v,
@@ -178,7 +177,7 @@ std::vector<std::string> seen(Gpu &gpu, const Structure &scene, std::span<const 
     return out;
 }
 
-std::vector<std::string> seenOf(Gpu &gpu, const Structure &blas, std::uint32_t instanceFlags)
+std::vector<std::string> seenOf(Gpu &gpu, const Structure &blas, uint32_t instanceFlags)
 {
     const Tlas scene(gpu, {instance(blas, {}, 77, instanceFlags)});
     return seen(gpu, scene, Patchwork::rays());

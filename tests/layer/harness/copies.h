@@ -17,25 +17,25 @@ class Serialized
 {
 public:
     Serialized() = default;
-    explicit Serialized(std::vector<std::uint8_t> bytes) : bytes_(std::move(bytes)) {}
-    [[nodiscard]] std::vector<std::uint8_t> &bytes() { return bytes_; }
-    [[nodiscard]] const std::vector<std::uint8_t> &bytes() const { return bytes_; }
-    [[nodiscard]] std::uint64_t total() const { return number(4); }
-    [[nodiscard]] std::uint64_t deserializedSize() const { return number(5); }
-    [[nodiscard]] std::uint64_t handleCount() const { return number(6); }
-    [[nodiscard]] std::uint64_t handle(std::size_t i) const { return number(7 + i); }
-    void setHandle(std::size_t i, std::uint64_t value) { std::memcpy(bytes_.data() + (7 + i) * 8, &value, 8); }
+    explicit Serialized(std::vector<uint8_t> bytes) : bytes_(std::move(bytes)) {}
+    [[nodiscard]] std::vector<uint8_t> &bytes() { return bytes_; }
+    [[nodiscard]] const std::vector<uint8_t> &bytes() const { return bytes_; }
+    [[nodiscard]] uint64_t total() const { return number(4); }
+    [[nodiscard]] uint64_t deserializedSize() const { return number(5); }
+    [[nodiscard]] uint64_t handleCount() const { return number(6); }
+    [[nodiscard]] uint64_t handle(size_t i) const { return number(7 + i); }
+    void setHandle(size_t i, uint64_t value) { std::memcpy(bytes_.data() + (7 + i) * 8, &value, 8); }
     // Replaces handles by what `change` gives for them.
-    void relocate(const std::function<std::uint64_t(std::uint64_t)> &change);
+    void relocate(const std::function<uint64_t(uint64_t)> &change);
 
 private:
-    [[nodiscard]] std::uint64_t number(std::size_t i) const
+    [[nodiscard]] uint64_t number(size_t i) const
     {
-        std::uint64_t value = 0;
+        uint64_t value = 0;
         std::memcpy(&value, bytes_.data() + i * 8, 8);
         return value;
     }
-    std::vector<std::uint8_t> bytes_;
+    std::vector<uint8_t> bytes_;
 };
 
 // What the size query says, read on the host.
@@ -54,12 +54,12 @@ class Patchwork
 {
 public:
     // Different seeds: different states, in the same places.
-    explicit Patchwork(Gpu &gpu, std::uint32_t seed = 1);
+    explicit Patchwork(Gpu &gpu, uint32_t seed = 1);
     [[nodiscard]] std::vector<Geometry> geometries() const;
-    [[nodiscard]] Micromap &micromap(std::size_t i) const { return *micromaps_[i]; }
+    [[nodiscard]] Micromap &micromap(size_t i) const { return *micromaps_[i]; }
 
     // Rays at several places of every triangle of an instance at that place.
-    static std::vector<Ray> rays(Vec3 place = {}, std::uint32_t flags = 0);
+    static std::vector<Ray> rays(Vec3 place = {}, uint32_t flags = 0);
 
 private:
     std::vector<std::unique_ptr<Micromap>> micromaps_;
@@ -68,6 +68,6 @@ private:
 // What the shader saw, in words that compare.
 std::vector<std::string> seen(Gpu &gpu, const Structure &scene, std::span<const Ray> rays);
 // Of a bottom-level structure, by a scene of one instance.
-std::vector<std::string> seenOf(Gpu &gpu, const Structure &blas, std::uint32_t instanceFlags = 0);
+std::vector<std::string> seenOf(Gpu &gpu, const Structure &blas, uint32_t instanceFlags = 0);
 
 } // namespace vt

@@ -6,24 +6,24 @@
 namespace vt
 {
 
-std::vector<std::uint32_t> withMode(std::span<const std::uint32_t> words, Mode mode)
+std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode)
 {
-    constexpr std::uint32_t kCapability = 17, kEntryPoint = 15, kDecorate = 71, kTypeBool = 20, kTypeVoid = 19;
-    constexpr std::uint32_t kSource = 3, kExecutionModeId = 331, kFalse = 42, kTrue = 41, kSpecFalse = 49;
-    std::vector<std::uint32_t> out(words.begin(), words.begin() + 5);
+    constexpr uint32_t kCapability = 17, kEntryPoint = 15, kDecorate = 71, kTypeBool = 20, kTypeVoid = 19;
+    constexpr uint32_t kSource = 3, kExecutionModeId = 331, kFalse = 42, kTrue = 41, kSpecFalse = 49;
+    std::vector<uint32_t> out(words.begin(), words.begin() + 5);
     if (mode == Mode::Absent)
         return {words.begin(), words.end()};
-    const std::uint32_t constant = out[3]++;
-    std::uint32_t function = 0;
+    const uint32_t constant = out[3]++;
+    uint32_t function = 0;
     bool begun = false, decorated = mode != Mode::Specialized;
-    const auto put = [&out](std::uint32_t opcode, std::initializer_list<std::uint32_t> operands) {
-        out.push_back(static_cast<std::uint32_t>(operands.size() + 1) << 16 | opcode);
+    const auto put = [&out](uint32_t opcode, std::initializer_list<uint32_t> operands) {
+        out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
         out.insert(out.end(), operands);
     };
     put(kCapability, {6032});
     bool named = false;
-    for (std::size_t at = 5; at < words.size(); at += words[at] >> 16) {
-        const std::uint32_t opcode = words[at] & 0xffff;
+    for (size_t at = 5; at < words.size(); at += words[at] >> 16) {
+        const uint32_t opcode = words[at] & 0xffff;
         if (opcode != kCapability && !named) {
             // OpExtension "SPV_KHR_opacity_micromap"
             constexpr char kExtension[24 + 4] = "SPV_KHR_opacity_micromap";
@@ -42,8 +42,8 @@ std::vector<std::uint32_t> withMode(std::span<const std::uint32_t> words, Mode m
             put(kDecorate, {constant, 1 /* SpecId */, 0});
             decorated = true;
         }
-        out.insert(out.end(), words.begin() + static_cast<std::ptrdiff_t>(at),
-                   words.begin() + static_cast<std::ptrdiff_t>(at + (words[at] >> 16)));
+        out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
+                   words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
         if (opcode == kTypeBool)
             put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {words[at + 1], constant});
     }
@@ -52,11 +52,11 @@ std::vector<std::uint32_t> withMode(std::span<const std::uint32_t> words, Mode m
     return out;
 }
 
-std::vector<std::uint32_t> withModeWhereNeeded(std::span<const std::uint32_t> words)
+std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words)
 {
-    constexpr std::uint32_t kRayQuery = 4472, kExecutionMode = 6032;
+    constexpr uint32_t kRayQuery = 4472, kExecutionMode = 6032;
     bool queries = false, declared = false;
-    for (std::size_t at = 5; at < words.size() && words[at] == (2u << 16 | 17u); at += 2) {
+    for (size_t at = 5; at < words.size() && words[at] == (2u << 16 | 17u); at += 2) {
         queries = queries || words[at + 1] == kRayQuery;
         declared = declared || words[at + 1] == kExecutionMode;
     }

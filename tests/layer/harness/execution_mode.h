@@ -12,9 +12,9 @@ enum class Mode { Absent, False, True, Specialized };
 
 // The module with the execution mode; Specialized: by the constant with id 0, which is false. It must have one entry
 // point, a bool type and debug names.
-std::vector<std::uint32_t> withMode(std::span<const std::uint32_t> words, Mode mode);
+std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode);
 
 // With the mode, true, where the module has ray queries.
-std::vector<std::uint32_t> withModeWhereNeeded(std::span<const std::uint32_t> words);
+std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words);
 
 } // namespace vt

@@ -24,7 +24,7 @@ inline int forcedState(bool geometryOpaque)
 }
 
 // state: the 4-state value 0..3 (a 2-state value is 0 or 1, special index s stands for -1 - s), kNoMicromap or kBox.
-inline Outcome outcomeOf(int state, bool geometryOpaque, std::uint32_t instanceFlags, std::uint32_t rayFlags)
+inline Outcome outcomeOf(int state, bool geometryOpaque, uint32_t instanceFlags, uint32_t rayFlags)
 {
     // Rows: value; columns: ordinary mode, 2-state override.
     constexpr Outcome table[4][2] = {

@@ -9,7 +9,7 @@ constexpr VkFormat kFormat = VK_FORMAT_R8G8B8A8_UNORM;
 
 } // namespace
 
-RowImage::RowImage(Gpu &gpu, VkFormat format, std::uint32_t width, VkImageUsageFlags usage) : gpu_(gpu)
+RowImage::RowImage(Gpu &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage) : gpu_(gpu)
 {
     const VkDevice device = gpu.device();
     VkImageCreateInfo image{};
@@ -45,18 +45,18 @@ RowImage::~RowImage()
     vkFreeMemory(gpu_.device(), memory_, nullptr);
 }
 
-Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width)
+Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width)
     : gpu_(gpu), width_(width), image_(gpu, kFormat, width, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
 {
     const VkDevice device = gpu.device();
-    std::array<std::vector<std::uint32_t>, 2> code; // of inline modules
+    std::array<std::vector<uint32_t>, 2> code; // of inline modules
     std::array<VkShaderModuleCreateInfo, 2> modules{};
     std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
-    for (std::size_t i = 0; i < 2; ++i) {
+    for (size_t i = 0; i < 2; ++i) {
         const auto original = i == 0 ? shaders.vertex : shaders.fragment;
         const auto &words = code[i] = gpu.code(original);
         modules[i].sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        modules[i].codeSize = words.size() * sizeof(std::uint32_t);
+        modules[i].codeSize = words.size() * sizeof(uint32_t);
         modules[i].pCode = words.data();
         stages[i].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
         stages[i].stage = i == 0 ? VK_SHADER_STAGE_VERTEX_BIT : VK_SHADER_STAGE_FRAGMENT_BIT;
@@ -123,7 +123,7 @@ void Graphics::link(const VkGraphicsPipelineCreateInfo &whole)
         VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT,
         VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_OUTPUT_INTERFACE_BIT_EXT};
     parts_.resize(kParts.size());
-    for (std::size_t i = 0; i < kParts.size(); ++i) {
+    for (size_t i = 0; i < kParts.size(); ++i) {
         VkGraphicsPipelineLibraryCreateInfoEXT library{};
         library.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT;
         library.pNext = const_cast<void *>(whole.pNext);
@@ -140,7 +140,7 @@ void Graphics::link(const VkGraphicsPipelineCreateInfo &whole)
     }
     VkPipelineLibraryCreateInfoKHR libraries{};
     libraries.sType = VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR;
-    libraries.libraryCount = static_cast<std::uint32_t>(parts_.size());
+    libraries.libraryCount = static_cast<uint32_t>(parts_.size());
     libraries.pLibraries = parts_.data();
     VkGraphicsPipelineCreateInfo linked{};
     linked.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
@@ -156,7 +156,7 @@ Graphics::~Graphics()
         vkDestroyPipeline(gpu_.device(), part, nullptr);
 }
 
-void Graphics::draw(VkCommandBuffer commands, std::uint32_t vertices) const
+void Graphics::draw(VkCommandBuffer commands, uint32_t vertices) const
 {
     VkImageMemoryBarrier2 ready{};
     ready.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2;

@@ -12,7 +12,7 @@ namespace vt
 class RowImage
 {
 public:
-    RowImage(Gpu &gpu, VkFormat format, std::uint32_t width, VkImageUsageFlags usage);
+    RowImage(Gpu &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage);
     RowImage(const RowImage &) = delete;
     RowImage &operator=(const RowImage &) = delete;
     ~RowImage();
@@ -32,13 +32,13 @@ class Graphics
 {
 public:
     struct Shaders {
-        std::span<const std::uint32_t> vertex, fragment;
+        std::span<const uint32_t> vertex, fragment;
         bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
         VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
         const void *pNext = nullptr; // of the pipeline
         bool libraries = false;      // it is linked of four (VK_EXT_graphics_pipeline_library)
     };
-    Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, std::uint32_t width);
+    Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width);
     Graphics(const Graphics &) = delete;
     Graphics &operator=(const Graphics &) = delete;
     ~Graphics();
@@ -48,13 +48,13 @@ public:
         vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_);
     }
     // Renders with whatever is bound.
-    void draw(VkCommandBuffer commands, std::uint32_t vertices) const;
+    void draw(VkCommandBuffer commands, uint32_t vertices) const;
 
 private:
     void link(const VkGraphicsPipelineCreateInfo &whole);
 
     Gpu &gpu_;
-    std::uint32_t width_;
+    uint32_t width_;
     RowImage image_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
     std::vector<VkPipeline> parts_;

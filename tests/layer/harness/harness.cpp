@@ -44,7 +44,7 @@ constexpr bool kHasValidation = true;
 // Whether the validation layer knows the extensions that Vellum provides, and all that came before.
 bool validationIsNew()
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     check(vkEnumerateInstanceLayerProperties(&count, nullptr), "vkEnumerateInstanceLayerProperties");
     std::vector<VkLayerProperties> layers(count);
     check(vkEnumerateInstanceLayerProperties(&count, layers.data()), "vkEnumerateInstanceLayerProperties");
@@ -108,7 +108,7 @@ struct SomeFeatures {
 };
 struct NewerExtension {
     const char *name;
-    std::uint32_t features; // VkStructureType
+    uint32_t features; // VkStructureType
     bool Options::*wanted = &Options::newer;
 };
 constexpr std::array<NewerExtension, 9> kNewerExtensions{{
@@ -274,9 +274,9 @@ void Gpu::createInstance()
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
     info.pApplicationInfo = &application;
-    info.enabledLayerCount = static_cast<std::uint32_t>(layers.size());
+    info.enabledLayerCount = static_cast<uint32_t>(layers.size());
     info.ppEnabledLayerNames = layers.data();
-    info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+    info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
     info.ppEnabledExtensionNames = extensions.data();
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
@@ -306,7 +306,7 @@ Validation validationOfTests()
 
 void Gpu::createDevice()
 {
-    std::uint32_t count = 1;
+    uint32_t count = 1;
     const VkResult found = vkEnumeratePhysicalDevices(instance_, &count, &physical_);
     if ((found != VK_SUCCESS && found != VK_INCOMPLETE) || count == 0)
         throw std::runtime_error("no Vulkan device");
@@ -412,7 +412,7 @@ void Gpu::createDevice()
         chain(executables, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_EXECUTABLE_PROPERTIES_FEATURES_KHR);
     if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
         chain(maintenance, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MAINTENANCE_1_FEATURES_KHR);
-    for (std::size_t i = 0; i < newer.size(); ++i) {
+    for (size_t i = 0; i < newer.size(); ++i) {
         if (has(kNewerExtensions[i].name))
             chain(newer[i], static_cast<VkStructureType>(kNewerExtensions[i].features));
     }
@@ -426,7 +426,7 @@ void Gpu::createDevice()
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 
-    std::uint32_t families = 0;
+    uint32_t families = 0;
     vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, nullptr);
     families_.resize(families);
     vkGetPhysicalDeviceQueueFamilyProperties(physical_, &families, families_.data());
@@ -435,10 +435,10 @@ void Gpu::createDevice()
         ++family_;
     constexpr std::array<float, 4> priorities{1, 1, 1, 1};
     std::vector<VkDeviceQueueCreateInfo> queues(families);
-    for (std::uint32_t i = 0; i < families; ++i) {
+    for (uint32_t i = 0; i < families; ++i) {
         queues[i].sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
         queues[i].queueFamilyIndex = i;
-        queues[i].queueCount = i == family_ ? std::min<std::uint32_t>(families_[i].queueCount, priorities.size()) : 1u;
+        queues[i].queueCount = i == family_ ? std::min<uint32_t>(families_[i].queueCount, priorities.size()) : 1u;
         queues[i].pQueuePriorities = priorities.data();
     }
     // Of an absent GPU (absentGpu), queues of other kinds are of no use.
@@ -450,17 +450,17 @@ void Gpu::createDevice()
     VkDeviceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
     info.pNext = &features;
-    info.queueCreateInfoCount = static_cast<std::uint32_t>(queues.size());
+    info.queueCreateInfoCount = static_cast<uint32_t>(queues.size());
     info.pQueueCreateInfos = queues.data();
-    info.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
+    info.enabledExtensionCount = static_cast<uint32_t>(names.size());
     info.ppEnabledExtensionNames = names.data();
     VT_CHECK(vkCreateDevice(physical_, &info, nullptr, &device_));
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetDeviceProcAddr(device_, "vk" #name));
     VT_DEVICE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
 
-    const std::uint32_t ownQueues = std::min<std::uint32_t>(families_[family_].queueCount, priorities.size());
-    for (std::uint32_t i = 0; i < ownQueues; ++i)
+    const uint32_t ownQueues = std::min<uint32_t>(families_[family_].queueCount, priorities.size());
+    for (uint32_t i = 0; i < ownQueues; ++i)
         vkGetDeviceQueue(device_, family_, i, &queues_.emplace_back());
     queue_ = queues_[0];
     VkCommandPoolCreateInfo pool{};
@@ -486,7 +486,7 @@ void Gpu::createDevice()
                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
 }
 
-VkQueue Gpu::queueOf(std::uint32_t family) const
+VkQueue Gpu::queueOf(uint32_t family) const
 {
     VkQueue queue = VK_NULL_HANDLE;
     vkGetDeviceQueue(device_, family, 0, &queue);
@@ -541,20 +541,20 @@ void Gpu::submit(const std::function<void(VkCommandBuffer)> &record)
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
 }
 
-std::vector<std::uint32_t> Gpu::code(std::span<const std::uint32_t> words) const
+std::vector<uint32_t> Gpu::code(std::span<const uint32_t> words) const
 {
     // A driver without the extension knows nothing of the mode.
     return khr() && options_.vellum && options_.micromaps && options_.declaresMode
                ? withModeWhereNeeded(words)
-               : std::vector<std::uint32_t>(words.begin(), words.end());
+               : std::vector<uint32_t>(words.begin(), words.end());
 }
 
-VkShaderModule Gpu::shader(std::span<const std::uint32_t> original) const
+VkShaderModule Gpu::shader(std::span<const uint32_t> original) const
 {
-    const std::vector<std::uint32_t> words = code(original);
+    const std::vector<uint32_t> words = code(original);
     VkShaderModuleCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    info.codeSize = words.size() * sizeof(std::uint32_t);
+    info.codeSize = words.size() * sizeof(uint32_t);
     info.pCode = words.data();
     VkShaderModule module = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(device_, &info, nullptr, &module));

@@ -56,18 +56,18 @@ inline bool strictTests()
 struct Options {
     bool vellum = true;
     bool validation = true;
-    bool oldValidation = true;  // also a validation layer older than VK_KHR_opacity_micromap
-    bool spy = true;            // layers/spy.cpp: what must not reach the driver
-    std::string traits = {};    // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
-    std::string absentGpu{};    // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
-    bool micromaps = true;      // enable opacity micromaps on the device
-    Api api = apiOfTests();     // by this extension
-    bool bothApis = false;      // enable the other one, too
-    bool hostCommands = true;   // enable micromapHostCommands
-    bool validate = false;      // the layer's setting
-    bool shaderObject = false;  // VK_EXT_shader_object, which the oldest supported headers do not know
-    bool debugMarker = false;   // VK_EXT_debug_marker, which the spy has
-    bool maintenance = false;   // VK_KHR_ray_tracing_maintenance1
+    bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
+    bool spy = true;           // layers/spy.cpp: what must not reach the driver
+    std::string traits = {};   // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
+    std::string absentGpu{};   // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
+    bool micromaps = true;     // enable opacity micromaps on the device
+    Api api = apiOfTests();    // by this extension
+    bool bothApis = false;     // enable the other one, too
+    bool hostCommands = true;  // enable micromapHostCommands
+    bool validate = false;     // the layer's setting
+    bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
+    bool debugMarker = false;  // VK_EXT_debug_marker, which the spy has
+    bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age complains about: see oldValidation
     bool addressCommands = false; // VK_KHR_device_address_commands, and the extensions whose commands it has again
@@ -183,11 +183,11 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Only where the usage holds VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address() const { return address_; }
-    [[nodiscard]] std::uint8_t *bytes() const { return bytes_; }
+    [[nodiscard]] uint8_t *bytes() const { return bytes_; }
     template <class T>
     [[nodiscard]] std::span<T> as() const
     {
-        return {reinterpret_cast<T *>(bytes_), static_cast<std::size_t>(size_) / sizeof(T)};
+        return {reinterpret_cast<T *>(bytes_), static_cast<size_t>(size_) / sizeof(T)};
     }
 
 private:
@@ -198,7 +198,7 @@ private:
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
     VkDeviceSize size_ = 0;
     VkDeviceAddress address_ = 0;
-    std::uint8_t *bytes_ = nullptr;
+    uint8_t *bytes_ = nullptr;
 };
 
 // A pool of queries, used as the handle it is.
@@ -206,7 +206,7 @@ class QueryPool
 {
 public:
     QueryPool() = default;
-    QueryPool(Gpu &gpu, VkQueryType type, std::uint32_t count = 1);
+    QueryPool(Gpu &gpu, VkQueryType type, uint32_t count = 1);
     QueryPool(QueryPool &&other) noexcept { swap(other); }
     QueryPool &operator=(QueryPool &&other) noexcept
     {
@@ -218,7 +218,7 @@ public:
     operator VkQueryPool() const { return pool_; } // NOLINT
     [[nodiscard]] VkQueryType type() const { return type_; }
     // Which must be available.
-    [[nodiscard]] std::uint64_t value(std::uint32_t query = 0) const;
+    [[nodiscard]] uint64_t value(uint32_t query = 0) const;
 
 private:
     void swap(QueryPool &other) noexcept;
@@ -241,7 +241,7 @@ public:
     // What is made from now on goes through that API; of a device with both.
     void use(Api api) { options_.api = api; }
     // A module as shader() makes it.
-    [[nodiscard]] std::vector<std::uint32_t> code(std::span<const std::uint32_t> words) const;
+    [[nodiscard]] std::vector<uint32_t> code(std::span<const uint32_t> words) const;
     [[nodiscard]] VkInstance instance() const { return instance_; }
     [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
     [[nodiscard]] VkDevice device() const { return device_; }
@@ -258,16 +258,16 @@ public:
     [[nodiscard]] std::span<const VkQueue> queues() const { return queues_; }
     // The family that they are of, which is the first one for both graphics and compute. Where there are others, the
     // device was made with a queue of each.
-    [[nodiscard]] std::uint32_t family() const { return family_; }
+    [[nodiscard]] uint32_t family() const { return family_; }
     [[nodiscard]] std::span<const VkQueueFamilyProperties> families() const { return families_; }
-    [[nodiscard]] VkQueue queueOf(std::uint32_t family) const;
-    [[nodiscard]] std::uint32_t scratchAlignment() const { return scratchAlignment_; }
+    [[nodiscard]] VkQueue queueOf(uint32_t family) const;
+    [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
     {
         return pipelineProperties_;
     }
 
-    [[nodiscard]] std::uint32_t memoryType(std::uint32_t allowed, VkMemoryPropertyFlags wanted) const;
+    [[nodiscard]] uint32_t memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const;
     // A buffer with device address and the content, readable by everything that needs an address.
     template <class T>
     Buffer upload(std::span<const T> content, VkBufferUsageFlags usage)
@@ -286,7 +286,7 @@ public:
     void execute(VkCommandBuffer commands);
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
-    VkShaderModule shader(std::span<const std::uint32_t> words) const;
+    VkShaderModule shader(std::span<const uint32_t> words) const;
 
     // All messages since the last call.
     std::vector<Message> takeMessages();
@@ -302,7 +302,7 @@ public:
     void reset(const Options &options);
     void addMessage(Message message);
     // How often the layer said that an intersection shader does not see all ray flags, which is not kept as a message.
-    [[nodiscard]] std::size_t intersectionWarnings() const { return intersectionWarnings_; }
+    [[nodiscard]] size_t intersectionWarnings() const { return intersectionWarnings_; }
 
 private:
     void createInstance();
@@ -315,19 +315,19 @@ private:
     VkDevice device_ = VK_NULL_HANDLE;
     VkQueue queue_ = VK_NULL_HANDLE;
     std::vector<VkQueue> queues_;
-    std::uint32_t family_ = 0;
+    uint32_t family_ = 0;
     std::vector<VkQueueFamilyProperties> families_;
     std::unique_ptr<Arena> arena_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     Commands commands_;
     std::vector<std::string> extensions_;
-    std::uint32_t scratchAlignment_ = 0;
+    uint32_t scratchAlignment_ = 0;
     bool lavapipe26_ = false;
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
     std::mutex messagesMutex_; // layers speak on whichever thread calls them
     std::vector<Message> messages_;
     std::vector<std::string> broken_;
-    std::atomic<std::size_t> intersectionWarnings_ = 0;
+    std::atomic<size_t> intersectionWarnings_ = 0;
 };
 
 // A test with a device; at its end nobody may have complained. Where the device is shared, what a test left alive is

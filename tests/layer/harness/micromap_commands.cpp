@@ -69,7 +69,7 @@ void destroyMicromap(const Gpu &gpu, MicromapHandle micromap)
 StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAccelerationStructureKHR target)
 {
     const bool any = ext.pUsageCounts != nullptr || ext.ppUsageCounts != nullptr;
-    for (std::uint32_t i = 0; any && i < ext.usageCountsCount; ++i) {
+    for (uint32_t i = 0; any && i < ext.usageCountsCount; ++i) {
         const VkMicromapUsageEXT &usage = ext.pUsageCounts != nullptr ? ext.pUsageCounts[i] : *ext.ppUsageCounts[i];
         usages.push_back({usage.count, usage.subdivisionLevel, static_cast<VkOpacityMicromapFormatKHR>(usage.format)});
     }
@@ -127,7 +127,7 @@ VkDeviceSize toldSize(const Gpu &gpu, VkDeviceSize bytes)
 
 void recordMicromapBuilds(const Gpu &gpu, VkCommandBuffer commands, std::span<const MicromapBuild> builds)
 {
-    const auto count = static_cast<std::uint32_t>(builds.size());
+    const auto count = static_cast<uint32_t>(builds.size());
     if (!gpu.khr()) {
         std::vector<VkMicromapBuildInfoEXT> infos;
         for (const MicromapBuild &build : builds) {
@@ -218,7 +218,7 @@ VkQueryType micromapQueryType(const Gpu &gpu, VkQueryType type)
 }
 
 void recordMicromapProperties(const Gpu &gpu, VkCommandBuffer commands, std::span<const MicromapHandle> micromaps,
-                              VkQueryType type, VkQueryPool pool, std::uint32_t first)
+                              VkQueryType type, VkQueryPool pool, uint32_t first)
 {
     std::vector<VkMicromapEXT> ext;
     std::vector<VkAccelerationStructureKHR> khr;
@@ -226,14 +226,14 @@ void recordMicromapProperties(const Gpu &gpu, VkCommandBuffer commands, std::spa
         ext.push_back(micromap.ext);
         khr.push_back(micromap.khr);
     }
-    const auto count = static_cast<std::uint32_t>(micromaps.size());
+    const auto count = static_cast<uint32_t>(micromaps.size());
     if (gpu.khr())
         gpu.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, count, khr.data(), type, pool, first);
     else
         gpu.vk().CmdWriteMicromapsPropertiesEXT(commands, count, ext.data(), type, pool, first);
 }
 
-bool micromapIsCompatible(const Gpu &gpu, const std::uint8_t *version)
+bool micromapIsCompatible(const Gpu &gpu, const uint8_t *version)
 {
     auto result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
     if (gpu.khr()) {

@@ -23,9 +23,9 @@ struct MicromapHandle {
     {
         return khr != VK_NULL_HANDLE ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT;
     }
-    [[nodiscard]] std::uint64_t object() const
+    [[nodiscard]] uint64_t object() const
     {
-        return khr != VK_NULL_HANDLE ? reinterpret_cast<std::uint64_t>(khr) : reinterpret_cast<std::uint64_t>(ext);
+        return khr != VK_NULL_HANDLE ? reinterpret_cast<uint64_t>(khr) : reinterpret_cast<uint64_t>(ext);
     }
 };
 
@@ -76,7 +76,7 @@ void recordMemoryToMicromap(const Gpu &gpu, VkCommandBuffer commands, VkDeviceAd
 VkQueryType micromapQueryType(const Gpu &gpu, VkQueryType type);
 // `type` as a pool was created with.
 void recordMicromapProperties(const Gpu &gpu, VkCommandBuffer commands, std::span<const MicromapHandle> micromaps,
-                              VkQueryType type, VkQueryPool pool, std::uint32_t first);
-bool micromapIsCompatible(const Gpu &gpu, const std::uint8_t *version);
+                              VkQueryType type, VkQueryPool pool, uint32_t first);
+bool micromapIsCompatible(const Gpu &gpu, const uint8_t *version);
 
 } // namespace vt

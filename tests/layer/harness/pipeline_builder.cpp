@@ -26,10 +26,10 @@ void fill(std::vector<T> &values)
 
 PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), inlined_(setup.stages.size())
 {
-    std::vector<std::pair<const std::uint32_t *, VkShaderModule>> shared;
-    for (std::size_t i = 0; i < setup.stages.size(); ++i)
+    std::vector<std::pair<const uint32_t *, VkShaderModule>> shared;
+    for (size_t i = 0; i < setup.stages.size(); ++i)
         names_.emplace_back(setup.stages[i].entry);
-    for (std::size_t i = 0; i < setup.stages.size(); ++i) {
+    for (size_t i = 0; i < setup.stages.size(); ++i) {
         const PipelineStage &from = setup.stages[i];
         VkPipelineShaderStageCreateInfo stage{};
         stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
@@ -39,7 +39,7 @@ PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), in
         if (from.inlineModule) {
             words_.push_back(gpu.code(from.words));
             inlined_[i].sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-            inlined_[i].codeSize = words_.back().size() * sizeof(std::uint32_t);
+            inlined_[i].codeSize = words_.back().size() * sizeof(uint32_t);
             inlined_[i].pCode = words_.back().data();
             stage.pNext = &inlined_[i];
         } else {
@@ -70,9 +70,9 @@ PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), in
     libraries_ = setup.libraries;
 
     info_.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR;
-    info_.stageCount = static_cast<std::uint32_t>(stages_.size());
+    info_.stageCount = static_cast<uint32_t>(stages_.size());
     info_.pStages = stages_.data();
-    info_.groupCount = static_cast<std::uint32_t>(groups_.size());
+    info_.groupCount = static_cast<uint32_t>(groups_.size());
     info_.pGroups = groups_.data();
     info_.maxPipelineRayRecursionDepth = setup.recursion;
     info_.layout = setup.layout;
@@ -92,7 +92,7 @@ PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), in
     }
     if (!libraries_.empty()) {
         libraryInfo_.sType = VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR;
-        libraryInfo_.libraryCount = static_cast<std::uint32_t>(libraries_.size());
+        libraryInfo_.libraryCount = static_cast<uint32_t>(libraries_.size());
         libraryInfo_.pLibraries = libraries_.data();
         info_.pLibraryInfo = &libraryInfo_;
     }
@@ -113,7 +113,7 @@ PipelineInfo::~PipelineInfo()
 
 void PipelineInfo::scribble()
 {
-    for (std::vector<std::uint32_t> &words : words_)
+    for (std::vector<uint32_t> &words : words_)
         fill(words);
     for (std::string &name : names_)
         std::fill(name.begin(), name.end(), 'z');
@@ -141,15 +141,15 @@ RayPipeline::~RayPipeline()
     vkDestroyPipeline(gpu_->device(), pipeline_, nullptr);
 }
 
-std::vector<std::uint8_t> RayPipeline::groupHandles(std::uint32_t first, std::uint32_t count) const
+std::vector<uint8_t> RayPipeline::groupHandles(uint32_t first, uint32_t count) const
 {
-    std::vector<std::uint8_t> handles(std::size_t{gpu_->pipelineProperties().shaderGroupHandleSize} * count, 0xee);
+    std::vector<uint8_t> handles(size_t{gpu_->pipelineProperties().shaderGroupHandleSize} * count, 0xee);
     VT_CHECK(gpu_->vk().GetRayTracingShaderGroupHandlesKHR(gpu_->device(), pipeline_, first, count, handles.size(),
                                                            handles.data()));
     return handles;
 }
 
-VkDeviceSize RayPipeline::stackSize(std::uint32_t group, VkShaderGroupShaderKHR shader) const
+VkDeviceSize RayPipeline::stackSize(uint32_t group, VkShaderGroupShaderKHR shader) const
 {
     return gpu_->vk().GetRayTracingShaderGroupStackSizeKHR(gpu_->device(), pipeline_, group, shader);
 }
@@ -179,11 +179,11 @@ BindingTable::BindingTable(Gpu &gpu, const RayPipeline &pipeline, const BindingR
                      VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const VkDeviceSize start = alignUp(buffer_.address(), base) - buffer_.address();
     for (Part &part : parts) {
-        for (std::size_t i = 0; i < part.records.size(); ++i) {
+        for (size_t i = 0; i < part.records.size(); ++i) {
             const BindingRecord &record = part.records[i];
-            std::uint8_t *at = buffer_.bytes() + start + part.offset + i * stride;
+            uint8_t *at = buffer_.bytes() + start + part.offset + i * stride;
             if (record.group)
-                std::memcpy(at, pipeline.groupHandles(*record.group).data(), static_cast<std::size_t>(handle));
+                std::memcpy(at, pipeline.groupHandles(*record.group).data(), static_cast<size_t>(handle));
             if (record.data.size() > kDataWords)
                 throw std::runtime_error("too much data in a binding table record");
             if (!record.data.empty())
@@ -195,23 +195,23 @@ BindingTable::BindingTable(Gpu &gpu, const RayPipeline &pipeline, const BindingR
     }
 }
 
-void BindingTable::trace(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height, std::uint32_t depth) const
+void BindingTable::trace(VkCommandBuffer commands, uint32_t width, uint32_t height, uint32_t depth) const
 {
     gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
 }
 
-PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize,
+PipelineResources::PipelineResources(Gpu &gpu, uint32_t buffers, uint32_t pushSize,
                                      std::span<const VkPushConstantRange> others)
     : gpu_(gpu)
 {
     std::vector<VkDescriptorSetLayoutBinding> bindings;
-    for (std::uint32_t i = 0; i <= buffers; ++i)
+    for (uint32_t i = 0; i <= buffers; ++i)
         bindings.push_back({i,
                             i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
                             1, VK_SHADER_STAGE_ALL, nullptr});
     VkDescriptorSetLayoutCreateInfo setInfo{};
     setInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-    setInfo.bindingCount = static_cast<std::uint32_t>(bindings.size());
+    setInfo.bindingCount = static_cast<uint32_t>(bindings.size());
     setInfo.pBindings = bindings.data();
     VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &setInfo, nullptr, &setLayout_));
     std::vector<VkPushConstantRange> ranges(others.begin(), others.end());
@@ -220,7 +220,7 @@ PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint3
     layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
     layout.setLayoutCount = 1;
     layout.pSetLayouts = &setLayout_;
-    layout.pushConstantRangeCount = static_cast<std::uint32_t>(ranges.size());
+    layout.pushConstantRangeCount = static_cast<uint32_t>(ranges.size());
     layout.pPushConstantRanges = ranges.data();
     VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
     const std::array<VkDescriptorPoolSize, 2> sizes{
@@ -228,7 +228,7 @@ PipelineResources::PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint3
     VkDescriptorPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
     pool.maxSets = 1;
-    pool.poolSizeCount = static_cast<std::uint32_t>(sizes.size());
+    pool.poolSizeCount = static_cast<uint32_t>(sizes.size());
     pool.pPoolSizes = sizes.data();
     VT_CHECK(vkCreateDescriptorPool(gpu.device(), &pool, nullptr, &pool_));
     VkDescriptorSetAllocateInfo allocation{};

@@ -10,11 +10,11 @@ namespace vt
 {
 
 inline constexpr VkPipelineCreateFlags kMicromapBit = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
-inline constexpr std::uint32_t kUnused = VK_SHADER_UNUSED_KHR;
+inline constexpr uint32_t kUnused = VK_SHADER_UNUSED_KHR;
 
 struct PipelineStage {
     VkShaderStageFlagBits stage;
-    std::span<const std::uint32_t> words;
+    std::span<const uint32_t> words;
     const char *entry = "main";
     const VkSpecializationInfo *specialization = nullptr;
     bool inlineModule = false; // VkShaderModuleCreateInfo in the stage's pNext
@@ -23,10 +23,10 @@ struct PipelineStage {
 // Indices of stages. A group with a general shader is a general one, with an intersection shader a procedural one,
 // every other one is for triangles.
 struct PipelineGroup {
-    std::uint32_t general = kUnused;
-    std::uint32_t closestHit = kUnused;
-    std::uint32_t anyHit = kUnused;
-    std::uint32_t intersection = kUnused;
+    uint32_t general = kUnused;
+    uint32_t closestHit = kUnused;
+    uint32_t anyHit = kUnused;
+    uint32_t intersection = kUnused;
 };
 
 struct PipelineSetup {
@@ -35,10 +35,10 @@ struct PipelineSetup {
     VkPipelineLayout layout = VK_NULL_HANDLE;
     VkPipelineCreateFlags flags = 0;
     bool flags2 = false; // the flags come in VkPipelineCreateFlags2CreateInfo
-    std::uint32_t recursion = 1;
+    uint32_t recursion = 1;
     std::vector<VkPipeline> libraries;
-    std::uint32_t payloadSize = 96;
-    std::uint32_t attributeSize = 8;
+    uint32_t payloadSize = 96;
+    uint32_t attributeSize = 8;
     bool dynamicStackSize = false;
     bool sharedModules = false; // stages with the same words share one VkShaderModule
 };
@@ -65,7 +65,7 @@ private:
     };
 
     Gpu &gpu_;
-    std::vector<std::vector<std::uint32_t>> words_;
+    std::vector<std::vector<uint32_t>> words_;
     std::vector<VkShaderModuleCreateInfo> inlined_;
     std::vector<VkShaderModule> modules_;
     std::vector<std::string> names_;
@@ -93,8 +93,8 @@ public:
     ~RayPipeline();
 
     [[nodiscard]] VkPipeline handle() const { return pipeline_; }
-    [[nodiscard]] std::vector<std::uint8_t> groupHandles(std::uint32_t first, std::uint32_t count = 1) const;
-    [[nodiscard]] VkDeviceSize stackSize(std::uint32_t group, VkShaderGroupShaderKHR shader) const;
+    [[nodiscard]] std::vector<uint8_t> groupHandles(uint32_t first, uint32_t count = 1) const;
+    [[nodiscard]] VkDeviceSize stackSize(uint32_t group, VkShaderGroupShaderKHR shader) const;
 
 private:
     Gpu *gpu_;
@@ -103,8 +103,8 @@ private:
 
 // A record of a binding table: a group of the pipeline, or all zeros, and data for the shader.
 struct BindingRecord {
-    std::optional<std::uint32_t> group;
-    std::vector<std::uint32_t> data;
+    std::optional<uint32_t> group;
+    std::vector<uint32_t> data;
 };
 
 struct BindingRecords {
@@ -115,10 +115,10 @@ struct BindingRecords {
 class BindingTable
 {
 public:
-    static constexpr std::uint32_t kDataWords = 4; // room for data in each record
+    static constexpr uint32_t kDataWords = 4; // room for data in each record
 
     BindingTable(Gpu &gpu, const RayPipeline &pipeline, const BindingRecords &records);
-    void trace(VkCommandBuffer commands, std::uint32_t width, std::uint32_t height = 1, std::uint32_t depth = 1) const;
+    void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
 
     VkStridedDeviceAddressRegionKHR raygen{}, miss{}, hit{}, callable{};
 
@@ -132,8 +132,7 @@ private:
 class PipelineResources
 {
 public:
-    PipelineResources(Gpu &gpu, std::uint32_t buffers, std::uint32_t pushSize,
-                      std::span<const VkPushConstantRange> others = {});
+    PipelineResources(Gpu &gpu, uint32_t buffers, uint32_t pushSize, std::span<const VkPushConstantRange> others = {});
     PipelineResources(const PipelineResources &) = delete;
     PipelineResources &operator=(const PipelineResources &) = delete;
     ~PipelineResources();

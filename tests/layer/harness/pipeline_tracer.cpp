@@ -14,23 +14,22 @@ namespace vt
 namespace
 {
 
-constexpr VkBufferUsageFlags kStorage =
-    VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
 struct More {
-    std::uint32_t visits, hitKind, record, invocations, intact, pad[3];
+    uint32_t visits, hitKind, record, invocations, intact, pad[3];
 };
 static_assert(sizeof(CandidateNote) == 16 && sizeof(BoxVisit) == 32 && sizeof(More) == 32);
 
 MadePipeline makePipeline(Gpu &gpu, VkPipelineLayout layout, const PipelineTracerSetup &setup)
 {
-    const VkSpecializationMapEntry entry{0, 0, sizeof(std::uint32_t)};
-    const std::uint32_t flags = setup.specializedFlags.value_or(0);
+    const VkSpecializationMapEntry entry{0, 0, sizeof(uint32_t)};
+    const uint32_t flags = setup.specializedFlags.value_or(0);
     const VkSpecializationInfo specialization{1, &entry, sizeof(flags), &flags};
     PipelineSetup pipeline;
     pipeline.stages = {
         {VK_SHADER_STAGE_RAYGEN_BIT_KHR,
-         setup.raygen.empty() ? std::span<const std::uint32_t>(pipeline_tracer_raygen) : setup.raygen},
+         setup.raygen.empty() ? std::span<const uint32_t>(pipeline_tracer_raygen) : setup.raygen},
         {VK_SHADER_STAGE_MISS_BIT_KHR, pipeline_tracer_miss},
         {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_tracer_closest_hit},
         {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pipeline_tracer_any_hit},
@@ -65,11 +64,9 @@ PipelineTracer::PipelineTracer(Gpu &gpu, const PipelineTracerSetup &setup)
     : gpu_(gpu), resources_(gpu, 6, sizeof(Push), setup.otherPushConstants),
       pipeline_(makePipeline(gpu, resources_.layout(), setup))
 {
-    const auto place = [this](std::uint32_t group) {
-        return pipeline_.groups.empty() ? group : pipeline_.groups[group];
-    };
-    std::vector<std::optional<std::uint32_t>> names = setup.records;
-    for (std::uint32_t i = 0; setup.records.empty() && i < setup.groups.size(); ++i)
+    const auto place = [this](uint32_t group) { return pipeline_.groups.empty() ? group : pipeline_.groups[group]; };
+    std::vector<std::optional<uint32_t>> names = setup.records;
+    for (uint32_t i = 0; setup.records.empty() && i < setup.groups.size(); ++i)
         names.emplace_back(i);
     BindingRecords records;
     records.raygen.group = place(0);
@@ -77,23 +74,23 @@ PipelineTracer::PipelineTracer(Gpu &gpu, const PipelineTracerSetup &setup)
         records.miss = {{place(1), {50}}};
     else
         records.miss = {{std::nullopt, {}}};
-    for (std::uint32_t i = 0; i < names.size(); ++i)
+    for (uint32_t i = 0; i < names.size(); ++i)
         records.hit.push_back({names[i] ? std::optional(place(2 + *names[i])) : std::nullopt, {100 + i}});
     table_ = std::make_unique<BindingTable>(gpu, pipeline_.pipeline, records);
     push_.sbtOffset = setup.sbtOffset;
     push_.sbtStride = setup.sbtStride;
 }
 
-void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity)
+void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
 {
-    const std::size_t count = std::max<std::size_t>(rays.size(), 1);
+    const size_t count = std::max<size_t>(rays.size(), 1);
     rays_ = gpu_.upload(rays, kStorage);
     results_ = Buffer(gpu_, count * sizeof(RawResult), kStorage);
     candidates_ = Buffer(gpu_, count * capacity * sizeof(Candidate), kStorage);
     notes_ = Buffer(gpu_, count * capacity * sizeof(CandidateNote), kStorage);
     visits_ = Buffer(gpu_, count * capacity * sizeof(BoxVisit), kStorage);
     mores_ = Buffer(gpu_, count * sizeof(More), kStorage);
-    push_.rayCount = static_cast<std::uint32_t>(rays.size());
+    push_.rayCount = static_cast<uint32_t>(rays.size());
     push_.capacity = capacity;
     push_.scene = scene.address();
     resources_.write(scene.handle(), buffers());
@@ -114,13 +111,13 @@ void PipelineTracer::dispatch(VkCommandBuffer commands) const
 void PipelineTracer::clearResults()
 {
     for (const Buffer *buffer : {&results_, &candidates_, &notes_, &visits_, &mores_})
-        std::memset(buffer->bytes(), 0xcc, static_cast<std::size_t>(buffer->size()));
+        std::memset(buffer->bytes(), 0xcc, static_cast<size_t>(buffer->size()));
 }
 
 std::vector<PipelineResult> PipelineTracer::results() const
 {
     std::vector<PipelineResult> results(push_.rayCount);
-    for (std::size_t i = 0; i < results.size(); ++i) {
+    for (size_t i = 0; i < results.size(); ++i) {
         PipelineResult &r = results[i];
         static_cast<RawResult &>(r) = results_.as<RawResult>()[i];
         const More more = mores_.as<More>()[i];
@@ -129,8 +126,8 @@ std::vector<PipelineResult> PipelineTracer::results() const
         r.record = more.record;
         r.invocations = more.invocations;
         r.intact = more.intact == 1;
-        const std::size_t first = i * push_.capacity;
-        const std::size_t kept = std::min(r.candidateCount, push_.capacity);
+        const size_t first = i * push_.capacity;
+        const size_t kept = std::min(r.candidateCount, push_.capacity);
         const auto candidates = candidates_.as<Candidate>().subspan(first, kept);
         const auto notes = notes_.as<CandidateNote>().subspan(first, kept);
         const auto visits = visits_.as<BoxVisit>().subspan(first, std::min(r.visitCount, push_.capacity));
@@ -141,8 +138,7 @@ std::vector<PipelineResult> PipelineTracer::results() const
     return results;
 }
 
-std::vector<PipelineResult> PipelineTracer::trace(const Structure &scene, std::span<const Ray> rays,
-                                                  std::uint32_t capacity)
+std::vector<PipelineResult> PipelineTracer::trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
 {
     prepare(scene, rays, capacity);
     gpu_.submit([this](VkCommandBuffer commands) {

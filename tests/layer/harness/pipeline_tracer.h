@@ -10,19 +10,19 @@
 namespace vt
 {
 
-inline constexpr std::uint32_t kTerminate = 3; // a Rule: accept the candidate and end the ray
-inline constexpr std::uint32_t kRaySkipClosestHit = 0x008;
-inline constexpr std::uint32_t kUnknownResult = 0xffffffff; // neither closest-hit nor miss shader ran
-inline constexpr std::uint32_t kHitKindFront = 0xfe;
-inline constexpr std::uint32_t kHitKindBack = 0xff;
+inline constexpr uint32_t kTerminate = 3; // a Rule: accept the candidate and end the ray
+inline constexpr uint32_t kRaySkipClosestHit = 0x008;
+inline constexpr uint32_t kUnknownResult = 0xffffffff; // neither closest-hit nor miss shader ran
+inline constexpr uint32_t kHitKindFront = 0xfe;
+inline constexpr uint32_t kHitKindBack = 0xff;
 
 struct CandidateNote { // of an any-hit invocation
-    std::uint32_t flags, hitKind, record, intact;
+    uint32_t flags, hitKind, record, intact;
 };
 
 struct BoxVisit { // an invocation of an intersection shader
-    std::uint32_t customIndex, instance, geometry, primitive;
-    std::uint32_t flags, record, reported;
+    uint32_t customIndex, instance, geometry, primitive;
+    uint32_t flags, record, reported;
     float tMin;
 };
 
@@ -30,10 +30,10 @@ struct BoxVisit { // an invocation of an intersection shader
 struct PipelineResult : Result {
     std::vector<CandidateNote> notes; // one for each candidate
     std::vector<BoxVisit> visits;
-    std::uint32_t visitCount;
-    std::uint32_t hitKind;
-    std::uint32_t record; // first word of the record of the closest-hit or miss shader
-    std::uint32_t invocations;
+    uint32_t visitCount;
+    uint32_t hitKind;
+    uint32_t record; // first word of the record of the closest-hit or miss shader
+    uint32_t invocations;
     bool intact; // the payload, where nobody was to write
 };
 
@@ -45,17 +45,17 @@ struct TracerGroup {
 
 struct MadePipeline {
     RayPipeline pipeline;
-    std::vector<std::uint32_t> groups; // where each group of the setup is in the pipeline; empty: at the same place
+    std::vector<uint32_t> groups; // where each group of the setup is in the pipeline; empty: at the same place
 };
 
 struct PipelineTracerSetup {
-    std::span<const std::uint32_t> raygen;         // empty: run-time flags
-    std::optional<std::uint32_t> specializedFlags; // specialization constant 0 of the ray generation shader
+    std::span<const uint32_t> raygen;         // empty: run-time flags
+    std::optional<uint32_t> specializedFlags; // specialization constant 0 of the ray generation shader
     std::vector<TracerGroup> groups{{}, {.box = true}};
     // Hit records: the group of `groups` that each names, nothing for a zero record. Empty: one for each group.
     // The data of record i is 100 + i; that of the miss shader 50.
-    std::vector<std::optional<std::uint32_t>> records;
-    std::uint32_t sbtOffset = 0, sbtStride = 0;
+    std::vector<std::optional<uint32_t>> records;
+    uint32_t sbtOffset = 0, sbtStride = 0;
     bool missRecord = true;
     std::optional<VkPipelineCreateFlags> flags; // else the micromap bit, where the device has micromaps enabled
     bool flags2 = false;
@@ -70,14 +70,14 @@ struct PipelineTracerSetup {
 class PipelineTracer
 {
 public:
-    static constexpr std::uint32_t kPushSize = 32;
+    static constexpr uint32_t kPushSize = 32;
 
     explicit PipelineTracer(Gpu &gpu, const PipelineTracerSetup &setup = {});
 
-    std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity = 8);
+    std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
 
     // The same in steps.
-    void prepare(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity = 8);
+    void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
     void bind(VkCommandBuffer commands) const;
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<PipelineResult> results() const;
@@ -85,7 +85,7 @@ public:
     [[nodiscard]] const RayPipeline &pipeline() const { return pipeline_.pipeline; }
     [[nodiscard]] const BindingTable &table() const { return *table_; }
     [[nodiscard]] const PipelineResources &resources() const { return resources_; }
-    [[nodiscard]] std::uint32_t rayCount() const { return push_.rayCount; }
+    [[nodiscard]] uint32_t rayCount() const { return push_.rayCount; }
     // Those of the bindings 1 and more.
     [[nodiscard]] std::array<const Buffer *, 6> buffers() const
     {
@@ -94,7 +94,7 @@ public:
 
 private:
     struct Push {
-        std::uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex, pad;
+        uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex, pad;
         VkDeviceAddress scene;
     };
     static_assert(sizeof(Push) == kPushSize);

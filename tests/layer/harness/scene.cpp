@@ -12,7 +12,7 @@ namespace
 constexpr VkBufferUsageFlags kBuildInput =
     VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
-std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> &counts)
+std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<uint32_t, uint32_t>, uint32_t> &counts)
 {
     std::vector<VkMicromapUsageEXT> usage;
     for (const auto &[key, count] : counts)
@@ -20,18 +20,18 @@ std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<std::uint32_t, 
     return usage;
 }
 
-std::uint32_t bytesOf(VkIndexType type)
+uint32_t bytesOf(VkIndexType type)
 {
     return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT8_EXT ? 1 : 2;
 }
 
 // Packs indices the way an application would, with the gaps of the stride left as garbage.
-std::vector<std::uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
+std::vector<uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
 {
     const VkDeviceSize last = bytesOf(attachment.indexType);
-    std::vector<std::uint8_t> packed(attachment.indexOffset + stride * (attachment.indices.size() - 1) + last, 0x5a);
-    for (std::size_t i = 0; i < (stride == 0 ? 1 : attachment.indices.size()); ++i) {
-        const auto value = static_cast<std::uint32_t>(attachment.indices[i]);
+    std::vector<uint8_t> packed(attachment.indexOffset + stride * (attachment.indices.size() - 1) + last, 0x5a);
+    for (size_t i = 0; i < (stride == 0 ? 1 : attachment.indices.size()); ++i) {
+        const auto value = static_cast<uint32_t>(attachment.indices[i]);
         std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, last);
     }
     return packed;
@@ -39,40 +39,40 @@ std::vector<std::uint8_t> packIndices(const Attachment &attachment, VkDeviceSize
 
 } // namespace
 
-std::uint32_t MicromapInput::add(std::uint32_t level, std::uint16_t format, std::span<const std::uint8_t> states)
+uint32_t MicromapInput::add(uint32_t level, uint16_t format, std::span<const uint8_t> states)
 {
-    const std::uint32_t bits = format == kTwoState ? 1 : 2;
+    const uint32_t bits = format == kTwoState ? 1 : 2;
     VkMicromapTriangleEXT triangle{};
-    triangle.dataOffset = static_cast<std::uint32_t>(data.size());
-    triangle.subdivisionLevel = static_cast<std::uint16_t>(level);
+    triangle.dataOffset = static_cast<uint32_t>(data.size());
+    triangle.subdivisionLevel = static_cast<uint16_t>(level);
     triangle.format = format;
     data.resize(data.size() + (states.size() * bits + 7) / 8);
-    for (std::size_t i = 0; i < states.size(); ++i) {
-        const std::size_t bit = i * bits;
-        std::uint8_t &byte = data[triangle.dataOffset + bit / 8];
-        byte = static_cast<std::uint8_t>(byte | (states[i] << (bit % 8)));
+    for (size_t i = 0; i < states.size(); ++i) {
+        const size_t bit = i * bits;
+        uint8_t &byte = data[triangle.dataOffset + bit / 8];
+        byte = static_cast<uint8_t>(byte | (states[i] << (bit % 8)));
     }
     triangles.push_back(triangle);
-    return static_cast<std::uint32_t>(triangles.size() - 1);
+    return static_cast<uint32_t>(triangles.size() - 1);
 }
 
 std::vector<VkMicromapUsageEXT> MicromapInput::usage() const
 {
     if (!declared.empty())
         return declared;
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> counts;
+    std::map<std::pair<uint32_t, uint32_t>, uint32_t> counts;
     for (const VkMicromapTriangleEXT &t : triangles)
         ++counts[{t.format, t.subdivisionLevel}];
     return toUsage(counts);
 }
 
-std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const std::int32_t> indices, std::uint32_t base) const
+std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> indices, uint32_t base) const
 {
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> counts;
-    for (const std::int32_t i : indices) {
-        if (i < 0 || static_cast<std::size_t>(i) + base >= triangles.size())
+    std::map<std::pair<uint32_t, uint32_t>, uint32_t> counts;
+    for (const int32_t i : indices) {
+        if (i < 0 || static_cast<size_t>(i) + base >= triangles.size())
             continue;
-        const VkMicromapTriangleEXT &t = triangles[static_cast<std::size_t>(i) + base];
+        const VkMicromapTriangleEXT &t = triangles[static_cast<size_t>(i) + base];
         ++counts[{t.format, t.subdivisionLevel}];
     }
     return toUsage(counts);
@@ -86,14 +86,14 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags,
     info_.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
     info_.flags = flags;
     info_.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-    info_.usageCountsCount = static_cast<std::uint32_t>(usage_.size());
+    info_.usageCountsCount = static_cast<uint32_t>(usage_.size());
     info_.pUsageCounts = usage_.data();
     info_.triangleArrayStride = input_.stride;
     const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
     create(sizes.micromapSize);
 
-    std::vector<std::uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
-    for (std::size_t i = 0; i < input_.triangles.size(); ++i)
+    std::vector<uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
+    for (size_t i = 0; i < input_.triangles.size(); ++i)
         std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
     const VkBufferUsageFlags usage = micromapInputUsage(gpu_);
     const VkDeviceSize alignment = micromapInputAlignment(gpu_);
@@ -152,7 +152,7 @@ VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
 void Micromap::scribble()
 {
     for (const Guarded *buffer : {&data_, &triangles_, scratch_.get()})
-        std::memset(buffer->bytes(), 0x99, static_cast<std::size_t>(buffer->size()));
+        std::memset(buffer->bytes(), 0x99, static_cast<size_t>(buffer->size()));
 }
 
 void Micromap::forgetInput()
@@ -162,11 +162,11 @@ void Micromap::forgetInput()
     scratch_.reset();
 }
 
-std::uint32_t Geometry::primitives() const
+uint32_t Geometry::primitives() const
 {
     if (!boxes.empty())
-        return static_cast<std::uint32_t>(boxes.size());
-    return static_cast<std::uint32_t>((indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() : indices.size()) / 3) -
+        return static_cast<uint32_t>(boxes.size());
+    return static_cast<uint32_t>((indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() : indices.size()) / 3) -
            skippedTriangles;
 }
 
@@ -217,14 +217,14 @@ void Structure::create(VkDeviceSize size)
 }
 
 void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
-                             std::span<const std::uint32_t> maxPrimitives)
+                             std::span<const uint32_t> maxPrimitives)
 {
     info_ = {};
     info_.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
     info_.type = type_;
     info_.flags = flags;
     info_.mode = mode;
-    info_.geometryCount = static_cast<std::uint32_t>(geometries_.size());
+    info_.geometryCount = static_cast<uint32_t>(geometries_.size());
     info_.pGeometries = geometries_.data();
     VkAccelerationStructureBuildSizesInfoKHR sizes{};
     sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
@@ -256,12 +256,12 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
     attachmentsKhr_.assign(inputs_.size(), {});
     geometries_.clear();
     ranges_.clear();
-    std::vector<std::uint32_t> counts;
-    const auto upload = [this](const void *content, std::size_t size, std::size_t alignment) {
+    std::vector<uint32_t> counts;
+    const auto upload = [this](const void *content, size_t size, size_t alignment) {
         buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
         return buffers_.back().address();
     };
-    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    for (size_t i = 0; i < inputs_.size(); ++i) {
         const Geometry &input = inputs_[i];
         VkAccelerationStructureGeometryKHR geometry{};
         geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
@@ -280,18 +280,18 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
             triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
             triangles.vertexStride = sizeof(Vec3);
-            triangles.maxVertex = static_cast<std::uint32_t>(input.vertices.size()) - 1;
+            triangles.maxVertex = static_cast<uint32_t>(input.vertices.size()) - 1;
             triangles.vertexData.deviceAddress = upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3), 4);
             triangles.indexType = input.indexType;
             if (input.indexType == VK_INDEX_TYPE_UINT32) {
                 triangles.indexData.deviceAddress = upload(input.indices.data(), input.indices.size() * 4, 4);
             } else if (input.indexType == VK_INDEX_TYPE_UINT16) {
-                const std::vector<std::uint16_t> narrow(input.indices.begin(), input.indices.end());
+                const std::vector<uint16_t> narrow(input.indices.begin(), input.indices.end());
                 triangles.indexData.deviceAddress = upload(narrow.data(), narrow.size() * 2, 2);
             }
-            const std::uint32_t triangleBytes = input.indexType == VK_INDEX_TYPE_UINT32   ? 12
-                                                : input.indexType == VK_INDEX_TYPE_UINT16 ? 6
-                                                                                          : 3 * sizeof(Vec3);
+            const uint32_t triangleBytes = input.indexType == VK_INDEX_TYPE_UINT32   ? 12
+                                           : input.indexType == VK_INDEX_TYPE_UINT16 ? 6
+                                                                                     : 3 * sizeof(Vec3);
             range.primitiveOffset = input.skippedTriangles * triangleBytes;
             range.firstVertex = input.firstVertex;
         }
@@ -301,24 +301,24 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             out.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
             out.indexType = attachment.indexType;
             out.baseTriangle = attachment.base;
-            std::vector<std::int32_t> used = attachment.indices;
+            std::vector<int32_t> used = attachment.indices;
             if (attachment.indexType == VK_INDEX_TYPE_NONE_KHR) {
                 used.clear();
-                for (std::uint32_t p = 0; p < input.primitives(); ++p)
-                    used.push_back(static_cast<std::int32_t>(p));
+                for (uint32_t p = 0; p < input.primitives(); ++p)
+                    used.push_back(static_cast<int32_t>(p));
             } else {
-                const std::uint32_t size = bytesOf(attachment.indexType);
+                const uint32_t size = bytesOf(attachment.indexType);
                 out.indexStride = attachment.stride.value_or(size);
                 if (out.indexStride == 0)
                     used.assign(used.size(), used.at(0));
-                const std::vector<std::uint8_t> packed = packIndices(attachment, out.indexStride);
+                const std::vector<uint8_t> packed = packIndices(attachment, out.indexStride);
                 out.indexBuffer.deviceAddress = upload(packed.data(), packed.size(), size) + attachment.indexOffset;
             }
             if (attachment.micromap != nullptr) {
                 usages_[i] = attachment.micromap->input().usage(used, attachment.base);
                 out.micromap = attachment.micromap->handle().ext;
             }
-            out.usageCountsCount = static_cast<std::uint32_t>(usages_[i].size());
+            out.usageCountsCount = static_cast<uint32_t>(usages_[i].size());
             out.pUsageCounts = usages_[i].data();
             geometry.geometry.triangles.pNext = &out;
             const bool khr =
@@ -348,11 +348,11 @@ void Blas::build(std::vector<Geometry> geometries, VkBuildAccelerationStructureF
     gpu().submit([this](VkCommandBuffer commands) { record(commands); });
 }
 
-VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, std::uint32_t customIndex,
-                                            std::uint32_t flags, std::uint32_t mask)
+VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, uint32_t customIndex, uint32_t flags,
+                                            uint32_t mask)
 {
     VkAccelerationStructureInstanceKHR out{};
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (size_t i = 0; i < 3; ++i) {
         out.transform.matrix[i][i] = 1;
         out.transform.matrix[i][3] = place[i];
     }
@@ -365,7 +365,7 @@ VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, s
 
 void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances,
                    VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
-                   Arrangement arrangement, std::uint32_t skipped)
+                   Arrangement arrangement, uint32_t skipped)
 {
     // The skipped ones hold garbage: nobody may read them.
     std::vector<VkAccelerationStructureInstanceKHR> all(skipped);
@@ -380,20 +380,20 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
     data.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR;
     data.data.deviceAddress = instances_.address();
     VkAccelerationStructureBuildRangeInfoKHR range{};
-    range.primitiveCount = static_cast<std::uint32_t>(instances.size());
-    range.primitiveOffset = skipped * static_cast<std::uint32_t>(sizeof(VkAccelerationStructureInstanceKHR));
+    range.primitiveCount = static_cast<uint32_t>(instances.size());
+    range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkAccelerationStructureInstanceKHR));
     if (arrangement == Arrangement::Pointers) {
         // Backwards in memory, so that array and pointers cannot be mistaken for each other.
         std::vector<VkDeviceAddress> addresses(skipped, 0x5a5a5a5a5a5a5a50u);
         std::vector<VkAccelerationStructureInstanceKHR> reversed(instances.rbegin(), instances.rend());
         instances_ = uploadAligned(gpu(), reversed.data(), reversed.size() * sizeof(reversed[0]), kBuildInput, 16);
-        for (std::size_t i = 0; i < instances.size(); ++i)
+        for (size_t i = 0; i < instances.size(); ++i)
             addresses.push_back(instances_.address() +
                                 (instances.size() - 1 - i) * sizeof(VkAccelerationStructureInstanceKHR));
         pointers_ = uploadAligned(gpu(), addresses.data(), addresses.size() * sizeof(VkDeviceAddress), kBuildInput, 8);
         data.arrayOfPointers = VK_TRUE;
         data.data.deviceAddress = pointers_.address();
-        range.primitiveOffset = skipped * static_cast<std::uint32_t>(sizeof(VkDeviceAddress));
+        range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkDeviceAddress));
     }
     geometries_ = {geometry};
     ranges_ = {range};
@@ -402,7 +402,7 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
 
 void Tlas::build(std::span<const VkAccelerationStructureInstanceKHR> instances,
                  VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
-                 Arrangement arrangement, std::uint32_t skipped)
+                 Arrangement arrangement, uint32_t skipped)
 {
     prepare(instances, flags, mode, arrangement, skipped);
     gpu().submit([this](VkCommandBuffer commands) { record(commands); });
@@ -415,20 +415,20 @@ void appendTriangle(std::vector<Vec3> &vertices, Vec3 place)
     vertices.push_back({place[0], place[1] + 1, place[2]});
 }
 
-std::vector<Vec3> triangleRow(std::uint32_t n, Vec3 place)
+std::vector<Vec3> triangleRow(uint32_t n, Vec3 place)
 {
     std::vector<Vec3> vertices;
-    for (std::uint32_t i = 0; i < n; ++i)
+    for (uint32_t i = 0; i < n; ++i)
         appendTriangle(vertices, {place[0] + 1.5f * static_cast<float>(i), place[1], place[2]});
     return vertices;
 }
 
-std::array<double, 2> microTriangleCentre(std::uint32_t index, std::uint32_t level)
+std::array<double, 2> microTriangleCentre(uint32_t index, uint32_t level)
 {
     using Point = std::array<double, 2>;
     const auto middle = [](Point p, Point q) { return Point{(p[0] + q[0]) / 2, (p[1] + q[1]) / 2}; };
     Point a{0, 0}, b{1, 0}, c{0, 1}; // the curve enters at a, leaves at c
-    for (std::uint32_t l = level; l-- > 0;) {
+    for (uint32_t l = level; l-- > 0;) {
         const Point ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
         // Each child starts where its predecessor ended: a..ca, ca..ab (flipped), ab..bc, bc..c (flipped).
         switch (index >> (2 * l) & 3u) {

@@ -14,24 +14,23 @@ namespace vt
 
 using Vec3 = std::array<float, 3>;
 
-inline constexpr std::uint16_t kTwoState = VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT;
-inline constexpr std::uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
-inline constexpr std::uint32_t kFlagTwoState = 0x10; // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT
-inline constexpr std::uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT
+inline constexpr uint16_t kTwoState = VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT;
+inline constexpr uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
+inline constexpr uint32_t kFlagTwoState = 0x10; // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT
+inline constexpr uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT
 
 // What a micromap build reads.
 struct MicromapInput {
     std::vector<VkMicromapTriangleEXT> triangles;
-    std::vector<std::uint8_t> data;
+    std::vector<uint8_t> data;
     VkDeviceSize stride = sizeof(VkMicromapTriangleEXT);
     std::vector<VkMicromapUsageEXT> declared; // not empty: instead of the true usage
 
     // Appends a triangle and its data; states: 4^level values 0..3 (only 0 and 1 in the 2-state format).
-    std::uint32_t add(std::uint32_t level, std::uint16_t format, std::span<const std::uint8_t> states);
+    uint32_t add(uint32_t level, uint16_t format, std::span<const uint8_t> states);
     [[nodiscard]] std::vector<VkMicromapUsageEXT> usage() const;
     // The usage of a geometry with these indices; negative ones do not count.
-    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage(std::span<const std::int32_t> indices,
-                                                        std::uint32_t base) const;
+    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage(std::span<const int32_t> indices, uint32_t base) const;
 };
 
 class Micromap
@@ -49,9 +48,9 @@ public:
     // What a build of it reads; dstMicromap where the API is VK_EXT_opacity_micromap.
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
     // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
-    [[nodiscard]] const std::uint8_t *memory() const { return storage_.bytes(); }
+    [[nodiscard]] const uint8_t *memory() const { return storage_.bytes(); }
     // As if nothing had been built there.
-    void forget() const { std::memset(storage_.bytes(), 0, static_cast<std::size_t>(storage_.size())); }
+    void forget() const { std::memset(storage_.bytes(), 0, static_cast<size_t>(storage_.size())); }
     [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
@@ -83,23 +82,23 @@ private:
 struct Attachment {
     const Micromap *micromap = nullptr;
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
-    std::vector<std::int32_t> indices;   // the values the index buffer holds
-    std::optional<std::uint32_t> stride; // tightly packed unless given; 0: every triangle reads the first index
-    std::uint32_t base = 0;
-    std::uint32_t indexOffset = 0; // bytes before the first index
+    std::vector<int32_t> indices;   // the values the index buffer holds
+    std::optional<uint32_t> stride; // tightly packed unless given; 0: every triangle reads the first index
+    uint32_t base = 0;
+    uint32_t indexOffset = 0; // bytes before the first index
 };
 
 struct Geometry {
     std::vector<Vec3> vertices;
-    std::vector<std::uint32_t> indices;
+    std::vector<uint32_t> indices;
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
     std::vector<VkAabbPositionsKHR> boxes; // not empty: AABB geometry
     VkGeometryFlagsKHR flags = 0;
     std::optional<Attachment> micromap;
-    std::uint32_t skippedTriangles = 0; // primitiveOffset, in triangles
-    std::uint32_t firstVertex = 0;
+    uint32_t skippedTriangles = 0; // primitiveOffset, in triangles
+    uint32_t firstVertex = 0;
 
-    [[nodiscard]] std::uint32_t primitives() const;
+    [[nodiscard]] uint32_t primitives() const;
 };
 
 // An acceleration structure and what its last build read.
@@ -123,7 +122,8 @@ public:
     void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
     void create(VkDeviceSize size);
-    // Where it lies, if not placed, and what a build writes to beside that. The structure's own address may be elsewhere.
+    // Where it lies, if not placed, and what a build writes to beside that. The structure's own address may be
+    // elsewhere.
     [[nodiscard]] Arena::Range range() const { return {storage_->address(), size_}; }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
     // Frees what the last build has read or used.
@@ -135,7 +135,7 @@ public:
 protected:
     // Makes the structure where there is none or it is too small, the scratch memory, and the build info.
     void prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
-                      std::span<const std::uint32_t> maxPrimitives);
+                      std::span<const uint32_t> maxPrimitives);
     [[nodiscard]] Gpu &gpu() const { return gpu_; }
     void checkGuards() const;
 
@@ -183,8 +183,8 @@ private:
 };
 
 // An instance at a place, not turned.
-VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, std::uint32_t customIndex,
-                                            std::uint32_t flags = 0, std::uint32_t mask = 0xff);
+VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, uint32_t customIndex, uint32_t flags = 0,
+                                            uint32_t mask = 0xff);
 
 enum class Arrangement { Array, Pointers };
 
@@ -196,11 +196,11 @@ public:
     void prepare(std::span<const VkAccelerationStructureInstanceKHR> instances,
                  VkBuildAccelerationStructureFlagsKHR flags = 0,
                  VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
-                 Arrangement arrangement = Arrangement::Array, std::uint32_t skipped = 0);
+                 Arrangement arrangement = Arrangement::Array, uint32_t skipped = 0);
     void build(std::span<const VkAccelerationStructureInstanceKHR> instances,
                VkBuildAccelerationStructureFlagsKHR flags = 0,
                VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
-               Arrangement arrangement = Arrangement::Array, std::uint32_t skipped = 0);
+               Arrangement arrangement = Arrangement::Array, uint32_t skipped = 0);
     void forgetInput() override
     {
         Structure::forgetInput();
@@ -215,11 +215,11 @@ private:
 // The right-angled triangle (0,0) (1,0) (0,1) in the plane z = 0, at a place: barycentrics are x and y.
 void appendTriangle(std::vector<Vec3> &vertices, Vec3 place);
 // n of them, one unit and a half apart in x.
-std::vector<Vec3> triangleRow(std::uint32_t n, Vec3 place = {});
+std::vector<Vec3> triangleRow(uint32_t n, Vec3 place = {});
 
 // The centre of micro-triangle `index` (barycentrics of vertices 1 and 2), by descending the curve of the
 // specification: into the sub-triangle nearest vertex 0, the middle one with ordering flipped, the one nearest vertex
 // 1, then nearest vertex 2 with ordering flipped.
-std::array<double, 2> microTriangleCentre(std::uint32_t index, std::uint32_t level);
+std::array<double, 2> microTriangleCentre(uint32_t index, uint32_t level);
 
 } // namespace vt

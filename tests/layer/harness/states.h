@@ -13,8 +13,8 @@ namespace vt
 class Random
 {
 public:
-    explicit Random(std::uint32_t seed) : state_(seed * 2654435761u + 1u) {}
-    std::uint32_t operator()()
+    explicit Random(uint32_t seed) : state_(seed * 2654435761u + 1u) {}
+    uint32_t operator()()
     {
         state_ ^= state_ << 13;
         state_ ^= state_ >> 17;
@@ -23,17 +23,17 @@ public:
     }
 
 private:
-    std::uint32_t state_;
+    uint32_t state_;
 };
 
 // Whole runs of one state, so that sub-triangles of every kind come up.
-inline std::vector<std::uint8_t> randomStates(Random &random, std::uint32_t level, std::uint16_t format)
+inline std::vector<uint8_t> randomStates(Random &random, uint32_t level, uint16_t format)
 {
-    std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
-    const std::uint32_t limit = format == kTwoState ? 2 : 4;
-    for (std::size_t i = 0; i < states.size();) {
-        const auto state = static_cast<std::uint8_t>((random() >> 8) % limit);
-        std::size_t run = std::size_t{1} << (random() >> 8) % (2 * level + 1);
+    std::vector<uint8_t> states(size_t{1} << (2 * level));
+    const uint32_t limit = format == kTwoState ? 2 : 4;
+    for (size_t i = 0; i < states.size();) {
+        const auto state = static_cast<uint8_t>((random() >> 8) % limit);
+        size_t run = size_t{1} << (random() >> 8) % (2 * level + 1);
         for (; run > 0 && i < states.size(); --run)
             states[i++] = state;
     }

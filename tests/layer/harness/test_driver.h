@@ -30,8 +30,8 @@ template <class Function>
 Function testDriverFunction(const char *name)
 {
     const std::string folders = std::getenv("VK_ADD_LAYER_PATH");
-    for (std::size_t begin = 0; begin != std::string::npos;) {
-        const std::size_t end = folders.find(':', begin);
+    for (size_t begin = 0; begin != std::string::npos;) {
+        const size_t end = folders.find(':', begin);
         const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_driver.so";
         const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
         if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD)) {

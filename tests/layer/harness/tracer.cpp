@@ -16,20 +16,20 @@ constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
 
 } // namespace
 
-bool hashConfirms(std::uint32_t customIndex, std::uint32_t instance, std::uint32_t geometry, std::uint32_t primitive)
+bool hashConfirms(uint32_t customIndex, uint32_t instance, uint32_t geometry, uint32_t primitive)
 {
-    const std::uint32_t h =
+    const uint32_t h =
         (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^ (primitive * 0x27d4eb2fu);
     return ((h ^ (h >> 15)) & 0x40u) != 0;
 }
 
 Tracer::Tracer(Gpu &gpu) : Tracer(gpu, tracer_comp) {}
 
-Tracer::Tracer(Gpu &gpu, std::span<const std::uint32_t> words, const TracerSetup &setup) : gpu_(gpu)
+Tracer::Tracer(Gpu &gpu, std::span<const uint32_t> words, const TracerSetup &setup) : gpu_(gpu)
 {
     const VkDevice device = gpu.device();
     std::array<VkDescriptorSetLayoutBinding, 4> bindings{};
-    for (std::uint32_t i = 0; i < 4; ++i)
+    for (uint32_t i = 0; i < 4; ++i)
         bindings[i] = {i, i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
                        VK_SHADER_STAGE_ALL, nullptr};
     VkDescriptorSetLayoutCreateInfo setInfo{};
@@ -48,12 +48,12 @@ Tracer::Tracer(Gpu &gpu, std::span<const std::uint32_t> words, const TracerSetup
 
     VkShaderModuleCreateInfo inlined{};
     inlined.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    const std::vector<std::uint32_t> code = gpu.code(words);
-    inlined.codeSize = code.size() * sizeof(std::uint32_t);
+    const std::vector<uint32_t> code = gpu.code(words);
+    inlined.codeSize = code.size() * sizeof(uint32_t);
     inlined.pCode = code.data();
     const VkShaderModule module = setup.inlineModule ? VK_NULL_HANDLE : gpu.shader(words);
-    const VkSpecializationMapEntry entry{0, 0, sizeof(std::uint32_t)};
-    const std::uint32_t flags = setup.specializedFlags.value_or(0);
+    const VkSpecializationMapEntry entry{0, 0, sizeof(uint32_t)};
+    const uint32_t flags = setup.specializedFlags.value_or(0);
     const VkSpecializationInfo specialization{1, &entry, sizeof(flags), &flags};
     VkComputePipelineCreateInfo pipeline{};
     pipeline.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
@@ -72,7 +72,7 @@ Tracer::Tracer(Gpu &gpu, std::span<const std::uint32_t> words, const TracerSetup
     VkDescriptorPoolCreateInfo pool{};
     pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
     pool.maxSets = 1;
-    pool.poolSizeCount = static_cast<std::uint32_t>(sizes.size());
+    pool.poolSizeCount = static_cast<uint32_t>(sizes.size());
     pool.pPoolSizes = sizes.data();
     VT_CHECK(vkCreateDescriptorPool(device, &pool, nullptr, &pool_));
     VkDescriptorSetAllocateInfo allocation{};
@@ -91,12 +91,12 @@ Tracer::~Tracer()
     vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
 }
 
-void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity)
+void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
 {
     rays_ = gpu_.upload(rays, kStorage);
-    results_ = Buffer(gpu_, std::max<std::size_t>(rays.size(), 1) * sizeof(RawResult), kStorage);
-    candidates_ = Buffer(gpu_, std::max<std::size_t>(rays.size() * capacity, 1) * sizeof(Candidate), kStorage);
-    push_ = {static_cast<std::uint32_t>(rays.size()), capacity, scene.address()};
+    results_ = Buffer(gpu_, std::max<size_t>(rays.size(), 1) * sizeof(RawResult), kStorage);
+    candidates_ = Buffer(gpu_, std::max<size_t>(rays.size() * capacity, 1) * sizeof(Candidate), kStorage);
+    push_ = {static_cast<uint32_t>(rays.size()), capacity, scene.address()};
 
     const VkAccelerationStructureKHR handle = scene.handle();
     VkWriteDescriptorSetAccelerationStructureKHR structure{};
@@ -107,7 +107,7 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, std::uin
                                                          {results_.handle(), 0, VK_WHOLE_SIZE},
                                                          {candidates_.handle(), 0, VK_WHOLE_SIZE}}};
     std::array<VkWriteDescriptorSet, 4> writes{};
-    for (std::uint32_t i = 0; i < 4; ++i) {
+    for (uint32_t i = 0; i < 4; ++i) {
         writes[i].sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
         writes[i].dstSet = set_;
         writes[i].dstBinding = i;
@@ -136,7 +136,7 @@ void Tracer::dispatch(VkCommandBuffer commands) const
 
 void Tracer::clearResults()
 {
-    std::memset(results_.bytes(), 0xff, static_cast<std::size_t>(results_.size()));
+    std::memset(results_.bytes(), 0xff, static_cast<size_t>(results_.size()));
 }
 
 std::vector<Result> Tracer::results() const
@@ -144,16 +144,16 @@ std::vector<Result> Tracer::results() const
     const std::span<RawResult> raw = results_.as<RawResult>();
     const std::span<Candidate> list = candidates_.as<Candidate>();
     std::vector<Result> results(push_.rayCount);
-    for (std::size_t i = 0; i < results.size(); ++i) {
+    for (size_t i = 0; i < results.size(); ++i) {
         static_cast<RawResult &>(results[i]) = raw[i];
-        const std::size_t kept = std::min(raw[i].candidateCount, push_.capacity);
-        const auto first = list.begin() + static_cast<std::ptrdiff_t>(i * push_.capacity);
-        results[i].candidates.assign(first, first + static_cast<std::ptrdiff_t>(kept));
+        const size_t kept = std::min(raw[i].candidateCount, push_.capacity);
+        const auto first = list.begin() + static_cast<ptrdiff_t>(i * push_.capacity);
+        results[i].candidates.assign(first, first + static_cast<ptrdiff_t>(kept));
     }
     return results;
 }
 
-std::vector<Result> Tracer::trace(const Structure &scene, std::span<const Ray> rays, std::uint32_t capacity)
+std::vector<Result> Tracer::trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
 {
     prepare(scene, rays, capacity);
     gpu_.submit([this](VkCommandBuffer commands) {

@@ -17,11 +17,11 @@ using namespace driver;
 constexpr Level kLevel = Level::Addresses;
 
 struct Places {
-    std::uint8_t *first = nullptr, *second = nullptr;
-    std::size_t bytes = 0;
+    uint8_t *first = nullptr, *second = nullptr;
+    size_t bytes = 0;
     int file = -1;
-    std::uint8_t *third = nullptr;
-    std::uint32_t structures = 0; // at the third place
+    uint8_t *third = nullptr;
+    uint32_t structures = 0; // at the third place
 };
 struct Structure {
     VkBuffer buffer = VK_NULL_HANDLE;
@@ -33,7 +33,7 @@ std::mutex mutex;
 std::map<VkDeviceMemory, Places> memories;
 std::map<VkBuffer, VkDeviceMemory> bindings;
 std::map<VkAccelerationStructureKHR, Structure> structures;
-std::multimap<std::size_t, std::uint8_t *> freeThirdPlaces; // by their bytes; the next one that is needed is the last
+std::multimap<size_t, uint8_t *> freeThirdPlaces; // by their bytes; the next one that is needed is the last
 
 void unmap(const Places &places)
 {
@@ -45,14 +45,14 @@ void unmap(const Places &places)
         close(places.file);
 }
 
-std::uint8_t *mapAt(std::uint8_t *at, const Places &places)
+uint8_t *mapAt(uint8_t *at, const Places &places)
 {
     void *mapped =
         mmap(at, places.bytes, PROT_READ | PROT_WRITE, MAP_SHARED | (at != nullptr ? MAP_FIXED : 0), places.file, 0);
-    return mapped == MAP_FAILED ? nullptr : static_cast<std::uint8_t *>(mapped);
+    return mapped == MAP_FAILED ? nullptr : static_cast<uint8_t *>(mapped);
 }
 
-Places mapTwice(std::size_t bytes)
+Places mapTwice(size_t bytes)
 {
     Places places{.bytes = bytes, .file = memfd_create("vellum test driver", MFD_CLOEXEC)};
     if (places.file >= 0 && ftruncate(places.file, static_cast<off_t>(bytes)) == 0) {
@@ -66,11 +66,11 @@ Places mapTwice(std::size_t bytes)
 }
 
 // With the mutex held. Null: there is no room for it.
-std::uint8_t *thirdPlace(Places &places)
+uint8_t *thirdPlace(Places &places)
 {
     if (places.third != nullptr)
         return places.third;
-    std::uint8_t *free = nullptr;
+    uint8_t *free = nullptr;
     if (auto last = freeThirdPlaces.upper_bound(places.bytes); last != freeThirdPlaces.begin()) {
         --last;
         if (last->first == places.bytes) {
@@ -135,8 +135,7 @@ VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice handle, VkBuffer buffer
     return DRIVER_NEXT(vkBindBufferMemory)(handle, buffer, memory, offset);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, std::uint32_t count,
-                                                 const VkBindBufferMemoryInfo *infos)
+VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
 {
     for (const VkBindBufferMemoryInfo &info : std::span(infos, count))
         bind(info.buffer, info.memory);
@@ -183,8 +182,8 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
     if (known.thirdPlaceOf == VK_NULL_HANDLE)
         ++places->second.structures;
     known.thirdPlaceOf = memory;
-    return address + reinterpret_cast<std::uint64_t>(places->second.third) -
-           reinterpret_cast<std::uint64_t>(places->second.first);
+    return address + reinterpret_cast<uint64_t>(places->second.third) -
+           reinterpret_cast<uint64_t>(places->second.first);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,

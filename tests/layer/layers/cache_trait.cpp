@@ -18,8 +18,8 @@ using namespace driver;
 namespace newer = vellum::newer;
 constexpr Level kLevel = Level::Caches;
 
-using Words = std::vector<std::uint32_t>;
-using Identifier = std::array<std::uint8_t, 32>;
+using Words = std::vector<uint32_t>;
+using Identifier = std::array<uint8_t, 32>;
 
 constexpr const char *kExtensions[]{"VK_EXT_shader_module_identifier", "VK_KHR_pipeline_binary"};
 constexpr auto kBinaryFeatures = static_cast<VkStructureType>(1000483000);
@@ -35,8 +35,8 @@ struct OneFeature {
 // What the driver can tell of a pipeline without its code. Stages count with their entry points.
 struct Shape {
     std::vector<std::string> stages;
-    std::vector<std::array<std::uint32_t, 5>> groups;
-    std::uint32_t payloadSize = 0;
+    std::vector<std::array<uint32_t, 5>> groups;
+    uint32_t payloadSize = 0;
     bool operator==(const Shape &) const = default;
 };
 struct Captured {
@@ -49,24 +49,24 @@ std::map<VkShaderModule, Words> modules;
 std::map<Identifier, Words> compiled;
 std::map<Identifier, Captured> captured; // by the key of its binary; the internal cache, too
 std::map<VkPipeline, Identifier> captures;
-std::map<std::uint64_t, Identifier> binaries;
-std::uint64_t lastBinary = 0;
+std::map<uint64_t, Identifier> binaries;
+uint64_t lastBinary = 0;
 
 class Hash
 {
 public:
-    void add(const void *bytes, std::size_t size)
+    void add(const void *bytes, size_t size)
     {
-        for (std::size_t i = 0; i < size; ++i) {
-            state_ = (state_ ^ static_cast<const std::uint8_t *>(bytes)[i]) * 0x100000001b3u;
+        for (size_t i = 0; i < size; ++i) {
+            state_ = (state_ ^ static_cast<const uint8_t *>(bytes)[i]) * 0x100000001b3u;
             state_ ^= state_ >> 29;
         }
     }
     [[nodiscard]] Identifier get() const
     {
         Identifier identifier;
-        std::uint64_t word = state_;
-        for (std::size_t at = 0; at < identifier.size(); at += 8) {
+        uint64_t word = state_;
+        for (size_t at = 0; at < identifier.size(); at += 8) {
             word = (word ^ word >> 31) * 0x9e3779b97f4a7c15u;
             std::memcpy(&identifier[at], &word, 8);
         }
@@ -74,7 +74,7 @@ public:
     }
 
 private:
-    std::uint64_t state_ = 0xcbf29ce484222325u;
+    uint64_t state_ = 0xcbf29ce484222325u;
 };
 
 Identifier identifierOf(const Words &words)
@@ -127,10 +127,10 @@ Shape shapeOf(const Info &info)
     for (const VkPipelineShaderStageCreateInfo &stage : stagesOf(info))
         shape.stages.push_back(std::to_string(stage.stage) + stage.pName);
     if constexpr (std::is_same_v<Info, VkRayTracingPipelineCreateInfoKHR>) {
-        for (std::uint32_t i = 0; i < info.groupCount; ++i) {
+        for (uint32_t i = 0; i < info.groupCount; ++i) {
             const VkRayTracingShaderGroupCreateInfoKHR &g = info.pGroups[i];
-            shape.groups.push_back({static_cast<std::uint32_t>(g.type), g.generalShader, g.closestHitShader,
-                                    g.anyHitShader, g.intersectionShader});
+            shape.groups.push_back({static_cast<uint32_t>(g.type), g.generalShader, g.closestHitShader, g.anyHitShader,
+                                    g.intersectionShader});
         }
         if (info.pLibraryInterface != nullptr)
             shape.payloadSize = info.pLibraryInterface->maxPipelineRayPayloadSize;
@@ -162,7 +162,7 @@ Identifier keyOfPipeline(const Shape &shape, const std::vector<Words> &code)
 
 // --- devices ---
 
-VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
     return listExtensions(kLevel, handle, layer, count, properties, [](std::vector<VkExtensionProperties> &all) {
@@ -207,7 +207,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
     for (const char *own : kExtensions)
         std::erase_if(names, [own](const char *name) { return std::strcmp(name, own) == 0; });
     VkDeviceCreateInfo below = *info;
-    below.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
+    below.enabledExtensionCount = static_cast<uint32_t>(names.size());
     below.ppEnabledExtensionNames = names.data();
     return DRIVER_NEXT(vkCreateDevice)(handle, &below, allocator, device);
 }
@@ -236,7 +236,7 @@ VKAPI_ATTR void VKAPI_CALL destroyModule(VkDevice handle, VkShaderModule module,
 void give(VkShaderModuleIdentifierEXT *out, const Words &words)
 {
     const Identifier identifier = identifierOf(words);
-    out->identifierSize = static_cast<std::uint32_t>(identifier.size());
+    out->identifierSize = static_cast<uint32_t>(identifier.size());
     std::copy(identifier.begin(), identifier.end(), out->identifier);
 }
 
@@ -265,7 +265,7 @@ public:
         info_.flags &= ~static_cast<VkPipelineCreateFlags>(VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT);
         const auto from = stagesOf(info);
         stages_.assign(from.begin(), from.end());
-        for (std::size_t i = 0; i < stages_.size(); ++i) {
+        for (size_t i = 0; i < stages_.size(); ++i) {
             const VkShaderModuleCreateInfo module{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0,
                                                   code[i].size() * 4, code[i].data()};
             driver::next<PFN_vkCreateShaderModule>(kLevel, keyOf(device), "vkCreateShaderModule")(
@@ -309,7 +309,7 @@ VkResult make(VkDevice device, const Info &info, VkPipeline *pipeline, Create cr
         Captured binary;
         {
             std::lock_guard lock(mutex);
-            binary = captured.at(binaries.at(reinterpret_cast<std::uint64_t>(from->pPipelineBinaries[0])));
+            binary = captured.at(binaries.at(reinterpret_cast<uint64_t>(from->pPipelineBinaries[0])));
         }
         if (!(binary.shape == shape))
             tell("a pipeline is not the one that its binary was captured from");
@@ -348,10 +348,10 @@ VkResult make(VkDevice device, const Info &info, VkPipeline *pipeline, Create cr
 }
 
 template <class Info, class Create>
-VkResult makeAll(VkDevice device, std::uint32_t count, const Info *infos, VkPipeline *pipelines, Create create)
+VkResult makeAll(VkDevice device, uint32_t count, const Info *infos, VkPipeline *pipelines, Create create)
 {
     VkResult worst = VK_SUCCESS;
-    for (std::uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; i < count; ++i) {
         const VkResult result = make(device, infos[i], &pipelines[i], create);
         if (result < 0 || worst == VK_SUCCESS)
             worst = result;
@@ -359,7 +359,7 @@ VkResult makeAll(VkDevice device, std::uint32_t count, const Info *infos, VkPipe
     return worst;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createCompute(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+VKAPI_ATTR VkResult VKAPI_CALL createCompute(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                              const VkComputePipelineCreateInfo *infos,
                                              const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
@@ -368,7 +368,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createCompute(VkDevice handle, VkPipelineCache ca
     });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createGraphics(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+VKAPI_ATTR VkResult VKAPI_CALL createGraphics(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                               const VkGraphicsPipelineCreateInfo *infos,
                                               const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
@@ -378,7 +378,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphics(VkDevice handle, VkPipelineCache c
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRays(VkDevice handle, VkDeferredOperationKHR operation, VkPipelineCache cache,
-                                          std::uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
+                                          uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
                                           const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     const VkResult result = makeAll(handle, count, infos, pipelines, [&](const auto &info, VkPipeline *pipeline) {
@@ -392,7 +392,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createRays(VkDevice handle, VkDeferredOperationKH
 
 void giveKey(newer::PipelineBinaryKey *out, const Identifier &key)
 {
-    out->keySize = static_cast<std::uint32_t>(key.size());
+    out->keySize = static_cast<uint32_t>(key.size());
     std::copy(key.begin(), key.end(), out->key);
 }
 
@@ -424,7 +424,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBin
 {
     std::vector<Identifier> keys;
     if (info->pKeysAndDataInfo != nullptr) {
-        for (std::uint32_t i = 0; i < info->pKeysAndDataInfo->binaryCount; ++i) {
+        for (uint32_t i = 0; i < info->pKeysAndDataInfo->binaryCount; ++i) {
             const newer::PipelineBinaryData &data = info->pKeysAndDataInfo->pPipelineBinaryData[i];
             Identifier key{};
             if (data.dataSize == key.size())
@@ -448,13 +448,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBin
         keys.push_back(captures.at(info->pipeline));
     }
     if (out->pPipelineBinaries == nullptr) {
-        out->pipelineBinaryCount = static_cast<std::uint32_t>(keys.size());
+        out->pipelineBinaryCount = static_cast<uint32_t>(keys.size());
         return VK_SUCCESS;
     }
     std::lock_guard lock(mutex);
-    const auto all = static_cast<std::uint32_t>(keys.size());
+    const auto all = static_cast<uint32_t>(keys.size());
     out->pipelineBinaryCount = std::min(out->pipelineBinaryCount, all);
-    for (std::uint32_t i = 0; i < out->pipelineBinaryCount; ++i) {
+    for (uint32_t i = 0; i < out->pipelineBinaryCount; ++i) {
         binaries[++lastBinary] = keys[i];
         out->pPipelineBinaries[i] = reinterpret_cast<newer::PipelineBinary>(lastBinary);
     }
@@ -464,14 +464,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBin
 VKAPI_ATTR void VKAPI_CALL destroyBinary(VkDevice, newer::PipelineBinary binary, const VkAllocationCallbacks *)
 {
     std::lock_guard lock(mutex);
-    binaries.erase(reinterpret_cast<std::uint64_t>(binary));
+    binaries.erase(reinterpret_cast<uint64_t>(binary));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL getData(VkDevice, const newer::PipelineBinaryDataInfo *info,
-                                       newer::PipelineBinaryKey *key, std::size_t *size, void *data)
+                                       newer::PipelineBinaryKey *key, size_t *size, void *data)
 {
     std::lock_guard lock(mutex);
-    const Identifier &own = binaries.at(reinterpret_cast<std::uint64_t>(info->pipelineBinary));
+    const Identifier &own = binaries.at(reinterpret_cast<uint64_t>(info->pipelineBinary));
     giveKey(key, own);
     const bool fits = data == nullptr || *size >= own.size();
     *size = own.size();

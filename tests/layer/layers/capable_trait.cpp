@@ -52,18 +52,17 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     return DRIVER_NEXT(vkCreateBuffer)(handle, &plain, allocator, buffer);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t count,
                                             const VkAccelerationStructureBuildGeometryInfoKHR *infos,
-                                            const VkDeviceAddress *addresses, const std::uint32_t *strides,
-                                            const std::uint32_t *const *most)
+                                            const VkDeviceAddress *addresses, const uint32_t *strides,
+                                            const uint32_t *const *most)
 {
     std::vector<std::vector<VkAccelerationStructureBuildRangeInfoKHR>> ranges(count);
     std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> pointers;
-    for (std::uint32_t i = 0; i < count; ++i) {
-        for (std::uint32_t g = 0; g < infos[i].geometryCount; ++g) {
+    for (uint32_t i = 0; i < count; ++i) {
+        for (uint32_t g = 0; g < infos[i].geometryCount; ++g) {
             VkAccelerationStructureBuildRangeInfoKHR range;
-            std::memcpy(&range, reinterpret_cast<const void *>(addresses[i] + std::uint64_t{g} * strides[i]),
-                        sizeof range);
+            std::memcpy(&range, reinterpret_cast<const void *>(addresses[i] + uint64_t{g} * strides[i]), sizeof range);
             range.primitiveCount = std::min(range.primitiveCount, most[i][g]);
             ranges[i].push_back(range);
         }

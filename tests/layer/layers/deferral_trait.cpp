@@ -15,11 +15,11 @@ constexpr Level kLevel = Level::Deferral;
 
 struct Work {
     VkPipelineCache cache = VK_NULL_HANDLE;
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     const VkRayTracingPipelineCreateInfoKHR *infos = nullptr; // the caller's, and so the next two
     const VkAllocationCallbacks *allocator = nullptr;
     VkPipeline *pipelines = nullptr;
-    std::uint32_t begun = 0, ended = 0;
+    uint32_t begun = 0, ended = 0;
     VkResult result = VK_SUCCESS;
 };
 
@@ -34,7 +34,7 @@ std::shared_ptr<Work> workOf(VkDeferredOperationKHR operation)
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createPipelines(VkDevice handle, VkDeferredOperationKHR operation, VkPipelineCache cache,
-                                               std::uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
+                                               uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
                                                const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     if (operation == VK_NULL_HANDLE)
@@ -57,7 +57,7 @@ VKAPI_ATTR VkResult VKAPI_CALL join(VkDevice handle, VkDeferredOperationKHR oper
     if (work == nullptr)
         return DRIVER_NEXT(vkDeferredOperationJoinKHR)(handle, operation);
     for (;;) {
-        std::uint32_t piece = 0;
+        uint32_t piece = 0;
         {
             std::lock_guard lock(mutex);
             if (work->ended == work->count)
@@ -78,7 +78,7 @@ VKAPI_ATTR VkResult VKAPI_CALL join(VkDevice handle, VkDeferredOperationKHR oper
     }
 }
 
-VKAPI_ATTR std::uint32_t VKAPI_CALL concurrency(VkDevice handle, VkDeferredOperationKHR operation)
+VKAPI_ATTR uint32_t VKAPI_CALL concurrency(VkDevice handle, VkDeferredOperationKHR operation)
 {
     const auto work = workOf(operation);
     if (work == nullptr)

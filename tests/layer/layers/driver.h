@@ -115,9 +115,9 @@ T *inChainOut(const void *chain, VkStructureType type)
 
 // What vkEnumerate* answers.
 template <class T>
-VkResult list(std::span<const T> all, std::uint32_t *count, T *out)
+VkResult list(std::span<const T> all, uint32_t *count, T *out)
 {
-    const auto size = static_cast<std::uint32_t>(all.size());
+    const auto size = static_cast<uint32_t>(all.size());
     if (out == nullptr) {
         *count = size;
         return VK_SUCCESS;
@@ -129,14 +129,14 @@ VkResult list(std::span<const T> all, std::uint32_t *count, T *out)
 
 // Answers vkEnumerateDeviceExtensionProperties for the level by the next level's list, changed by `change`.
 template <class Change>
-VkResult listExtensions(Level level, VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+VkResult listExtensions(Level level, VkPhysicalDevice handle, const char *layer, uint32_t *count,
                         VkExtensionProperties *properties, Change change)
 {
     const auto next = driver::next<PFN_vkEnumerateDeviceExtensionProperties>(level, keyOf(handle),
                                                                              "vkEnumerateDeviceExtensionProperties");
     if (layer != nullptr)
         return next(handle, layer, count, properties);
-    std::uint32_t below = 0;
+    uint32_t below = 0;
     next(handle, nullptr, &below, nullptr);
     std::vector<VkExtensionProperties> all(below);
     next(handle, nullptr, &below, all.data());

@@ -31,7 +31,7 @@ bool hides(void *key, const char *extension)
            std::strcmp(extension, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
     return listExtensions(kLevel, handle, layer, count, properties, [handle](std::vector<VkExtensionProperties> &all) {
@@ -105,7 +105,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
     });
     if (driver::has(keyOf(handle), "emulating") && !has) {
         extensions.push_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-        below.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+        below.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         below.ppEnabledExtensionNames = extensions.data();
         features.pNext = const_cast<void *>(info->pNext);
         below.pNext = &features;
@@ -117,7 +117,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
 
 std::mutex mutex;
 std::set<VkMicromapEXT> micromaps;
-std::atomic<std::uint64_t> builds = 0;
+std::atomic<uint64_t> builds = 0;
 
 void expectMicromap(const char *where, VkMicromapEXT micromap)
 {
@@ -153,7 +153,7 @@ VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice handle, VkMicromapEXT microm
     DRIVER_NEXT(vkDestroyMicromapEXT)(handle, micromap, allocator);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer handle, uint32_t count,
                                              const VkMicromapBuildInfoEXT *infos)
 {
     for (const VkMicromapBuildInfoEXT &info : std::span(infos, count)) {
@@ -175,8 +175,8 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer handle, const VkCopyM
     DRIVER_NEXT(vkCmdCopyMicromapEXT)(handle, info);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, std::uint32_t count, const VkMicromapEXT *all,
-                                              VkQueryType type, VkQueryPool pool, std::uint32_t first)
+VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, uint32_t count, const VkMicromapEXT *all,
+                                              VkQueryType type, VkQueryPool pool, uint32_t first)
 {
     for (const VkMicromapEXT micromap : std::span(all, count))
         expectMicromap("vkCmdWriteMicromapsPropertiesEXT", micromap);
@@ -191,7 +191,7 @@ void takeUsages(const VkAccelerationStructureBuildGeometryInfoKHR &info, std::ve
 {
     std::lock_guard lock(mutex);
     usages.clear();
-    for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
+    for (uint32_t i = 0; i < info.geometryCount; ++i) {
         const auto &geometry = info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
         const auto *triangles = geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR
                                     ? inChain<VkAccelerationStructureTrianglesOpacityMicromapEXT>(
@@ -207,20 +207,20 @@ void takeUsages(const VkAccelerationStructureBuildGeometryInfoKHR &info, std::ve
 }
 
 VKAPI_ATTR void VKAPI_CALL getSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
-                                    const VkAccelerationStructureBuildGeometryInfoKHR *info,
-                                    const std::uint32_t *primitives, VkAccelerationStructureBuildSizesInfoKHR *sizes)
+                                    const VkAccelerationStructureBuildGeometryInfoKHR *info, const uint32_t *primitives,
+                                    VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
     takeUsages(*info, measuredUsages, "vkGetAccelerationStructureBuildSizesKHR");
     DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, primitives, sizes);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     for (const auto &info : std::span(infos, count)) {
         takeUsages(info, builtUsages, "vkCmdBuildAccelerationStructuresKHR");
-        for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
+        for (uint32_t i = 0; i < info.geometryCount; ++i) {
             const auto &geometry = info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
             if (geometry.geometryType != VK_GEOMETRY_TYPE_TRIANGLES_KHR)
                 continue;
@@ -258,8 +258,8 @@ LevelRows extRows()
 } // namespace driver
 
 // For tests, which find it in this library: how many builds of micromaps drivers of the trait "ext" were given.
-extern "C" __attribute__((visibility("default"))) std::uint64_t vellumExtBuilds();
-extern "C" std::uint64_t vellumExtBuilds()
+extern "C" __attribute__((visibility("default"))) uint64_t vellumExtBuilds();
+extern "C" uint64_t vellumExtBuilds()
 {
     return driver::builds;
 }

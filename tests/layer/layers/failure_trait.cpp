@@ -21,7 +21,7 @@ using namespace driver;
 namespace newer = vellum::newer;
 constexpr Level kLevel = Level::Failures;
 
-std::atomic<std::uint64_t> calls = 0, failsAt = 0;
+std::atomic<uint64_t> calls = 0, failsAt = 0;
 std::atomic<bool> counting = false, lost = false;
 std::atomic<const char *> failed = "nothing";
 
@@ -34,7 +34,7 @@ bool fails(const char *command)
     return true;
 }
 
-template <std::size_t n>
+template <size_t n>
 struct Name {
     constexpr Name(const char (&text)[n]) { std::copy_n(text, n, characters); } // NOLINT
     char characters[n];
@@ -121,8 +121,7 @@ struct Losing<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
     }
 
 // All bindings are attempted, and VkBindMemoryStatus holds the result of each (VK_KHR_maintenance6).
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, std::uint32_t count,
-                                                 const VkBindBufferMemoryInfo *infos)
+VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
 {
     struct Status {
         VkStructureType sType;
@@ -159,7 +158,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
 // --- pipelines and shaders, of which a command makes several ---
 
 template <class Handle>
-void countMade(const Handle *handles, std::uint32_t count)
+void countMade(const Handle *handles, uint32_t count)
 {
     objects += count - std::count(handles, handles + count, Handle{});
 }
@@ -175,7 +174,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createPipelineBinaries(VkDevice handle, const new
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t count, const newer::ShaderCreateInfo *infos,
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
                                              const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
 {
     const VkResult result = next<newer::PFN_CreateShaders>(kLevel, keyOf(handle), "vkCreateShadersEXT")(
@@ -201,12 +200,12 @@ VkFlags64 flagsOf(const void *chain, VkPipelineCreateFlags flags)
 
 // One after the other ("Multiple Pipeline Creation"); those that are not made are null.
 template <class Info, class Create>
-VkResult createEach(const char *command, void *key, std::uint32_t count, const Info *infos, VkPipeline *pipelines,
+VkResult createEach(const char *command, void *key, uint32_t count, const Info *infos, VkPipeline *pipelines,
                     Create create)
 {
     VkResult worst = VK_SUCCESS;
     std::fill_n(pipelines, count, VK_NULL_HANDLE);
-    for (std::uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; i < count; ++i) {
         const VkFlags64 flags = flagsOf(infos[i].pNext, infos[i].flags);
         VkResult result = VK_SUCCESS;
         if (fails(command))
@@ -224,7 +223,7 @@ VkResult createEach(const char *command, void *key, std::uint32_t count, const I
     return worst;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                                       const VkComputePipelineCreateInfo *infos,
                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
@@ -235,7 +234,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
-                                                         VkPipelineCache cache, std::uint32_t count,
+                                                         VkPipelineCache cache, uint32_t count,
                                                          const VkRayTracingPipelineCreateInfoKHR *infos,
                                                          const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
@@ -303,8 +302,8 @@ driver::LevelRows driver::failureRows()
 }
 
 // For tests. The n-th command from now on fails; 0: none. Returns how many there were since the last time.
-extern "C" __attribute__((visibility("default"))) std::uint64_t vellumDriverFailAt(std::uint64_t n);
-extern "C" std::uint64_t vellumDriverFailAt(std::uint64_t n)
+extern "C" __attribute__((visibility("default"))) uint64_t vellumDriverFailAt(uint64_t n);
+extern "C" uint64_t vellumDriverFailAt(uint64_t n)
 {
     counting = n != 0;
     failsAt = n;

@@ -14,7 +14,7 @@ constexpr Level kLevel = Level::Garbage;
 
 // --- "dirty": memory that was somebody else's ---
 
-constexpr std::uint8_t kOthers = 0xd7;
+constexpr uint8_t kOthers = 0xd7;
 constexpr VkDeviceSize kMostDirt = VkDeviceSize{64} << 20; // of one allocation
 
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
@@ -36,7 +36,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
 
 // --- "scratch": builds that need more of it, and write to all of it ---
 
-constexpr std::uint32_t kScratch = 0xabababab;
+constexpr uint32_t kScratch = 0xabababab;
 
 struct Bound {
     VkBuffer buffer = VK_NULL_HANDLE;
@@ -117,8 +117,7 @@ VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice handle, VkBuffer buffer
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, std::uint32_t count,
-                                                 const VkBindBufferMemoryInfo *infos)
+VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
 {
     const VkResult result = DRIVER_NEXT(vkBindBufferMemory2)(handle, count, infos);
     for (const VkBindBufferMemoryInfo &info : std::span(infos, count))
@@ -128,7 +127,7 @@ VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, std::uint32_t 
 
 VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                          const VkAccelerationStructureBuildGeometryInfoKHR *info,
-                                         const std::uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *needed)
+                                         const uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *needed)
 {
     DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, needed);
     if (takesMore(keyOf(handle)))
@@ -137,7 +136,7 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
 
 // Over all of the scratch memory of a build, before it begins.
 void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                  const std::vector<std::uint32_t> &counts)
+                  const std::vector<uint32_t> &counts)
 {
     VkDevice device = VK_NULL_HANDLE;
     {
@@ -169,12 +168,12 @@ void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeom
     DRIVER_NEXT(vkCmdFillBuffer)(handle, found.buffer, offset, bytes & ~VkDeviceSize{3}, kScratch);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
-    for (std::uint32_t i = 0; takesMore(keyOf(handle)) && i < count; ++i) {
-        std::vector<std::uint32_t> counts;
+    for (uint32_t i = 0; takesMore(keyOf(handle)) && i < count; ++i) {
+        std::vector<uint32_t> counts;
         for (const auto &range : std::span(ranges[i], infos[i].geometryCount))
             counts.push_back(range.primitiveCount);
         writeGarbage(handle, infos[i], counts);
@@ -182,12 +181,12 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
     DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t count,
                                             const VkAccelerationStructureBuildGeometryInfoKHR *infos,
-                                            const VkDeviceAddress *addresses, const std::uint32_t *strides,
-                                            const std::uint32_t *const *most)
+                                            const VkDeviceAddress *addresses, const uint32_t *strides,
+                                            const uint32_t *const *most)
 {
-    for (std::uint32_t i = 0; takesMore(keyOf(handle)) && i < count; ++i)
+    for (uint32_t i = 0; takesMore(keyOf(handle)) && i < count; ++i)
         writeGarbage(handle, infos[i], {most[i], most[i] + infos[i].geometryCount});
     DRIVER_NEXT(vkCmdBuildAccelerationStructuresIndirectKHR)(handle, count, infos, addresses, strides, most);
 }

@@ -42,7 +42,7 @@ inline VkResult createDeviceWithImport(Level level, VkPhysicalDevice physical, c
     const auto isImport = [](const char *name) { return std::strcmp(name, kImportExtension) == 0; };
     if (std::none_of(names.begin(), names.end(), isImport))
         names.push_back(kImportExtension);
-    below.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
+    below.enabledExtensionCount = static_cast<uint32_t>(names.size());
     below.ppEnabledExtensionNames = names.data();
     return next<PFN_vkCreateDevice>(level, keyOf(physical), "vkCreateDevice")(physical, &below, allocator, device);
 }

@@ -11,10 +11,10 @@ using namespace driver;
 constexpr Level kLevel = Level::Limits;
 
 // Required Limits: at most, of these alignments; at least, of maxShaderGroupStride and maxPushConstantsSize.
-constexpr std::uint32_t kScratchAlignment = 256, kHandleAlignment = 32, kTableAlignment = 64, kMostStride = 4096;
+constexpr uint32_t kScratchAlignment = 256, kHandleAlignment = 32, kTableAlignment = 64, kMostStride = 4096;
 constexpr VkDeviceSize kMostAtom = 256, kMostOffset = 256;
-constexpr std::uint32_t kPushBytes = 128;
-constexpr std::uint32_t kInvocations = 128, kGroups = 65535, kSharedBytes = 16384;
+constexpr uint32_t kPushBytes = 128;
+constexpr uint32_t kInvocations = 128, kGroups = 65535, kSharedBytes = 16384;
 
 bool aligns(void *key)
 {
@@ -35,7 +35,7 @@ void setLimits(void *key, VkPhysicalDeviceLimits &limits)
     if (computesLittle(key)) {
         limits.maxComputeWorkGroupInvocations = kInvocations;
         limits.maxComputeSharedMemorySize = kSharedBytes;
-        for (std::size_t i = 0; i < 3; ++i) {
+        for (size_t i = 0; i < 3; ++i) {
             limits.maxComputeWorkGroupSize[i] = i < 2 ? 128 : 64;
             limits.maxComputeWorkGroupCount[i] = kGroups;
         }
@@ -75,7 +75,7 @@ VKAPI_ATTR void VKAPI_CALL getProperties2(VkPhysicalDevice handle, VkPhysicalDev
 
 // --- scratch memory ---
 
-void expectScratch(const char *command, std::uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos)
+void expectScratch(const char *command, uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos)
 {
     for (const auto &info : std::span(infos, count)) {
         if (info.scratchData.deviceAddress % kScratchAlignment != 0)
@@ -92,7 +92,7 @@ void expectScratch(const char *command, std::uint32_t count, const VkAcceleratio
     }
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
@@ -101,10 +101,10 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
     DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t count,
                                             const VkAccelerationStructureBuildGeometryInfoKHR *infos,
-                                            const VkDeviceAddress *addresses, const std::uint32_t *strides,
-                                            const std::uint32_t *const *most)
+                                            const VkDeviceAddress *addresses, const uint32_t *strides,
+                                            const uint32_t *const *most)
 {
     if (aligns(keyOf(handle)))
         expectScratch("vkCmdBuildAccelerationStructuresIndirectKHR", count, infos);
@@ -139,8 +139,8 @@ void expectTables(void *key, const char *command, const VkStridedDeviceAddressRe
 VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer handle, const VkStridedDeviceAddressRegionKHR *raygen,
                                         const VkStridedDeviceAddressRegionKHR *miss,
                                         const VkStridedDeviceAddressRegionKHR *hit,
-                                        const VkStridedDeviceAddressRegionKHR *callable, std::uint32_t width,
-                                        std::uint32_t height, std::uint32_t depth)
+                                        const VkStridedDeviceAddressRegionKHR *callable, uint32_t width,
+                                        uint32_t height, uint32_t depth)
 {
     expectTables(keyOf(handle), "vkCmdTraceRaysKHR", raygen, miss, hit, callable);
     DRIVER_NEXT(vkCmdTraceRaysKHR)(handle, raygen, miss, hit, callable, width, height, depth);
@@ -159,15 +159,15 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect(VkCommandBuffer handle, const Vk
 // --- compute shaders ---
 
 std::mutex modulesMutex;
-std::map<VkShaderModule, std::uint32_t> invocationsOf; // of a workgroup, where a module's code says it
+std::map<VkShaderModule, uint32_t> invocationsOf; // of a workgroup, where a module's code says it
 
 // The most of all entry points.
-std::uint32_t invocationsIn(const std::uint32_t *code, std::size_t bytes)
+uint32_t invocationsIn(const uint32_t *code, size_t bytes)
 {
-    constexpr std::uint32_t kExecutionMode = 16, kLocalSize = 17;
-    const std::span words(code, bytes / sizeof(std::uint32_t));
-    std::uint32_t most = 0;
-    for (std::size_t at = 5; at < words.size() && words[at] >> 16 != 0; at += words[at] >> 16) {
+    constexpr uint32_t kExecutionMode = 16, kLocalSize = 17;
+    const std::span words(code, bytes / sizeof(uint32_t));
+    uint32_t most = 0;
+    for (size_t at = 5; at < words.size() && words[at] >> 16 != 0; at += words[at] >> 16) {
         if ((words[at] & 0xffff) == kExecutionMode && words[at + 2] == kLocalSize)
             most = std::max(most, words[at + 3] * words[at + 4] * words[at + 5]);
     }
@@ -184,7 +184,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                                       const VkComputePipelineCreateInfo *infos,
                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
@@ -192,7 +192,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
         const auto *code =
             inChain<VkShaderModuleCreateInfo>(info.stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
         std::lock_guard lock(modulesMutex);
-        const std::uint32_t invocations =
+        const uint32_t invocations =
             code != nullptr ? invocationsIn(code->pCode, code->codeSize) : invocationsOf[info.stage.module];
         if (computesLittle(keyOf(handle)) && invocations > kInvocations)
             tell("vkCreateComputePipelines: VUID-RuntimeSpirv-x-06432: a workgroup of " + std::to_string(invocations));
@@ -200,7 +200,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
     return DRIVER_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdDispatch(VkCommandBuffer handle, std::uint32_t x, std::uint32_t y, std::uint32_t z)
+VKAPI_ATTR void VKAPI_CALL cmdDispatch(VkCommandBuffer handle, uint32_t x, uint32_t y, uint32_t z)
 {
     if (computesLittle(keyOf(handle)) && std::max({x, y, z}) > kGroups)
         tell("VUID-vkCmdDispatch-groupCountX-00386 or its like: " + std::to_string(std::max({x, y, z})));
@@ -221,7 +221,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createPipelineLayout(VkDevice handle, const VkPip
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdPushConstants(VkCommandBuffer handle, VkPipelineLayout layout, VkShaderStageFlags stages,
-                                            std::uint32_t offset, std::uint32_t size, const void *data)
+                                            uint32_t offset, uint32_t size, const void *data)
 {
     if (pushesLittle(keyOf(handle)) && offset + size > kPushBytes)
         tell("VUID-vkCmdPushConstants-size-00371: up to byte " + std::to_string(offset + size));

@@ -53,8 +53,8 @@ VKAPI_ATTR void VKAPI_CALL getMemoryProperties(VkPhysicalDevice handle, VkPhysic
 {
     const Memories &own = memoriesOf(keyOf(handle));
     *memory = {};
-    memory->memoryTypeCount = static_cast<std::uint32_t>(own.types.size());
-    memory->memoryHeapCount = static_cast<std::uint32_t>(own.heaps.size());
+    memory->memoryTypeCount = static_cast<uint32_t>(own.types.size());
+    memory->memoryHeapCount = static_cast<uint32_t>(own.heaps.size());
     std::copy(own.types.begin(), own.types.end(), memory->memoryTypes);
     std::copy(own.heaps.begin(), own.heaps.end(), memory->memoryHeaps);
 }
@@ -117,7 +117,7 @@ VKAPI_ATTR VkResult VKAPI_CALL getHostPointerProperties(VkDevice handle, VkExter
     const VkResult result = DRIVER_NEXT(vkGetMemoryHostPointerPropertiesEXT)(handle, type, pointer, properties);
     const Memories &own = memoriesOf(keyOf(handle));
     properties->memoryTypeBits = 0;
-    for (std::uint32_t i = 0; i < own.types.size(); ++i) {
+    for (uint32_t i = 0; i < own.types.size(); ++i) {
         if ((own.types[i].propertyFlags & (kLocal | kVisible)) == kVisible)
             properties->memoryTypeBits |= 1u << i;
     }
@@ -128,19 +128,19 @@ VKAPI_ATTR VkResult VKAPI_CALL getHostPointerProperties(VkDevice handle, VkExter
 
 struct Allocation {
     void *device = nullptr; // key
-    std::uint32_t type = 0, heap = 0;
+    uint32_t type = 0, heap = 0;
     VkDeviceSize bytes = 0;
     VkMemoryPropertyFlags flags = 0;
-    std::uint8_t *real = nullptr; // where it is mapped
+    uint8_t *real = nullptr; // where it is mapped
     // Of memory that is not coherent, what the host sees: neither side's writes are the other's without a flush or an
     // invalidation. Whoever reads without one reads this pattern.
-    std::unique_ptr<std::vector<std::uint8_t>> host;
+    std::unique_ptr<std::vector<uint8_t>> host;
 };
-constexpr std::uint8_t kNeverInvalidated = 0xcd;
+constexpr uint8_t kNeverInvalidated = 0xcd;
 
 std::mutex mutex;
 std::map<VkDeviceMemory, Allocation> allocations;
-std::map<std::pair<void *, std::uint32_t>, VkDeviceSize> used; // by device and heap
+std::map<std::pair<void *, uint32_t>, VkDeviceSize> used; // by device and heap
 
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
@@ -180,7 +180,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     made = {
         keyOf(handle), info->memoryTypeIndex, type.heapIndex, info->allocationSize, type.propertyFlags, nullptr, {}};
     if ((type.propertyFlags & (kVisible | kCoherent)) == kVisible)
-        made.host = std::make_unique<std::vector<std::uint8_t>>(info->allocationSize, kNeverInvalidated);
+        made.host = std::make_unique<std::vector<uint8_t>>(info->allocationSize, kNeverInvalidated);
     return result;
 }
 
@@ -207,7 +207,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory,
         return DRIVER_NEXT(vkMapMemory)(handle, memory, offset, size, flags, data);
     void *real = nullptr;
     const VkResult result = DRIVER_NEXT(vkMapMemory)(handle, memory, 0, VK_WHOLE_SIZE, flags, &real);
-    known.real = static_cast<std::uint8_t *>(real);
+    known.real = static_cast<uint8_t *>(real);
     if (result == VK_SUCCESS)
         *data = known.host->data() + offset;
     return result;
@@ -227,8 +227,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const MapInfo *info, 
 }
 
 // Between the host's view of memory that is not coherent, and the device's.
-VkResult move(VkDevice handle, const char *command, std::uint32_t count, const VkMappedMemoryRange *ranges,
-              bool toDevice)
+VkResult move(VkDevice handle, const char *command, uint32_t count, const VkMappedMemoryRange *ranges, bool toDevice)
 {
     const VkDeviceSize atom = has(keyOf(handle), "alignments") ? 256 : 64; // limits_trait.cpp, or lavapipe's own
     std::lock_guard lock(mutex);
@@ -240,20 +239,20 @@ VkResult move(VkDevice handle, const char *command, std::uint32_t count, const V
         else if (known.real == nullptr)
             tell(std::string(command) + ": VUID-VkMappedMemoryRange-memory-00684: memory that is not mapped");
         else if (known.host) {
-            std::uint8_t *host = known.host->data() + range.offset;
-            std::uint8_t *device = known.real + range.offset;
+            uint8_t *host = known.host->data() + range.offset;
+            uint8_t *device = known.real + range.offset;
             std::memcpy(toDevice ? device : host, toDevice ? host : device, end - range.offset);
         }
     }
     return VK_SUCCESS;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL flush(VkDevice handle, std::uint32_t count, const VkMappedMemoryRange *ranges)
+VKAPI_ATTR VkResult VKAPI_CALL flush(VkDevice handle, uint32_t count, const VkMappedMemoryRange *ranges)
 {
     return move(handle, "vkFlushMappedMemoryRanges", count, ranges, true);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL invalidate(VkDevice handle, std::uint32_t count, const VkMappedMemoryRange *ranges)
+VKAPI_ATTR VkResult VKAPI_CALL invalidate(VkDevice handle, uint32_t count, const VkMappedMemoryRange *ranges)
 {
     return move(handle, "vkInvalidateMappedMemoryRanges", count, ranges, false);
 }

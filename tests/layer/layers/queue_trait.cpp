@@ -20,37 +20,36 @@ constexpr VkQueueFlags kGraphics = VK_QUEUE_GRAPHICS_BIT, kCompute = VK_QUEUE_CO
 // The first one cannot run compute shaders; one of them can do that and draw, as there must be (Physical Devices).
 constexpr VkQueueFlags kFamilies[]{kGraphics | kTransfer, kGraphics | kCompute | kTransfer, kCompute | kTransfer,
                                    kTransfer};
-constexpr auto kFamilyCount = static_cast<std::uint32_t>(std::size(kFamilies));
+constexpr auto kFamilyCount = static_cast<uint32_t>(std::size(kFamilies));
 
-VkQueueFamilyProperties familyOf(VkPhysicalDevice handle, std::uint32_t family)
+VkQueueFamilyProperties familyOf(VkPhysicalDevice handle, uint32_t family)
 {
     VkQueueFamilyProperties properties{};
-    std::uint32_t one = 1;
+    uint32_t one = 1;
     DRIVER_NEXT(vkGetPhysicalDeviceQueueFamilyProperties)(handle, &one, &properties);
     properties.queueFlags = kFamilies[family];
     return properties;
 }
 
-VKAPI_ATTR void VKAPI_CALL getFamilies(VkPhysicalDevice handle, std::uint32_t *count, VkQueueFamilyProperties *families)
+VKAPI_ATTR void VKAPI_CALL getFamilies(VkPhysicalDevice handle, uint32_t *count, VkQueueFamilyProperties *families)
 {
     if (families == nullptr) {
         *count = kFamilyCount;
         return;
     }
     *count = std::min(*count, kFamilyCount);
-    for (std::uint32_t i = 0; i < *count; ++i)
+    for (uint32_t i = 0; i < *count; ++i)
         families[i] = familyOf(handle, i);
 }
 
-VKAPI_ATTR void VKAPI_CALL getFamilies2(VkPhysicalDevice handle, std::uint32_t *count,
-                                        VkQueueFamilyProperties2 *families)
+VKAPI_ATTR void VKAPI_CALL getFamilies2(VkPhysicalDevice handle, uint32_t *count, VkQueueFamilyProperties2 *families)
 {
     if (families == nullptr) {
         *count = kFamilyCount;
         return;
     }
     *count = std::min(*count, kFamilyCount);
-    for (std::uint32_t i = 0; i < *count; ++i)
+    for (uint32_t i = 0; i < *count; ++i)
         families[i].queueFamilyProperties = familyOf(handle, i);
 }
 
@@ -59,14 +58,14 @@ VKAPI_ATTR void VKAPI_CALL getFamilies2(VkPhysicalDevice handle, std::uint32_t *
 // A dispatchable object: it begins with what the loader writes there.
 struct Queue {
     void *loader = nullptr;
-    std::uint32_t family = 0;
+    uint32_t family = 0;
     VkQueue real = VK_NULL_HANDLE;
 };
 
 std::mutex mutex;
-std::map<std::pair<VkDevice, std::uint32_t>, std::unique_ptr<Queue>> queues; // by family
-std::map<VkCommandPool, std::uint32_t> poolFamilies;
-std::map<VkCommandBuffer, std::uint32_t> commandFamilies;
+std::map<std::pair<VkDevice, uint32_t>, std::unique_ptr<Queue>> queues; // by family
+std::map<VkCommandPool, uint32_t> poolFamilies;
+std::map<VkCommandBuffer, uint32_t> commandFamilies;
 std::mutex submissions; // the queues are one
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
@@ -83,7 +82,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
     if (result != VK_SUCCESS)
         return result;
     std::lock_guard lock(mutex);
-    for (std::uint32_t i = 0; i < kFamilyCount; ++i)
+    for (uint32_t i = 0; i < kFamilyCount; ++i)
         queues.erase({*device, i}); // of a device that is gone
     for (const auto &asked : std::span(info->pQueueCreateInfos, info->queueCreateInfoCount)) {
         if (asked.queueFamilyIndex >= kFamilyCount || asked.queueCount != 1)
@@ -101,12 +100,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
 {
     VkBufferCreateInfo below = *info;
     if (info->sharingMode == VK_SHARING_MODE_CONCURRENT) {
-        const std::set<std::uint32_t> families(info->pQueueFamilyIndices,
-                                               info->pQueueFamilyIndices + info->queueFamilyIndexCount);
+        const std::set<uint32_t> families(info->pQueueFamilyIndices,
+                                          info->pQueueFamilyIndices + info->queueFamilyIndexCount);
         if (families.size() < 2 || families.size() != info->queueFamilyIndexCount)
             tell("vkCreateBuffer: VUID-VkBufferCreateInfo-sharingMode-00914 or -01419");
         std::lock_guard lock(mutex);
-        for (const std::uint32_t family : families) {
+        for (const uint32_t family : families) {
             if (!queues.contains({handle, family}))
                 tell("vkCreateBuffer: the device has no queue of family " + std::to_string(family));
         }
@@ -115,7 +114,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     return DRIVER_NEXT(vkCreateBuffer)(handle, &below, allocator, buffer);
 }
 
-VkQueue queueOf(VkDevice handle, std::uint32_t family)
+VkQueue queueOf(VkDevice handle, uint32_t family)
 {
     std::lock_guard lock(mutex);
     const auto found = queues.find({handle, family});
@@ -131,7 +130,7 @@ VkQueue queueOf(VkDevice handle, std::uint32_t family)
     return reinterpret_cast<VkQueue>(&queue);
 }
 
-VKAPI_ATTR void VKAPI_CALL getQueue(VkDevice handle, std::uint32_t family, std::uint32_t, VkQueue *queue)
+VKAPI_ATTR void VKAPI_CALL getQueue(VkDevice handle, uint32_t family, uint32_t, VkQueue *queue)
 {
     *queue = queueOf(handle, family);
 }
@@ -155,7 +154,7 @@ void expectFamily(const char *where, VkQueue queue, VkCommandBuffer commands)
              std::to_string(family->second) + " on a queue of family " + std::to_string(own(queue).family));
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL submit(VkQueue handle, std::uint32_t count, const VkSubmitInfo *infos, VkFence fence)
+VKAPI_ATTR VkResult VKAPI_CALL submit(VkQueue handle, uint32_t count, const VkSubmitInfo *infos, VkFence fence)
 {
     for (const VkSubmitInfo &info : std::span(infos, count)) {
         for (VkCommandBuffer commands : std::span(info.pCommandBuffers, info.commandBufferCount))
@@ -165,7 +164,7 @@ VKAPI_ATTR VkResult VKAPI_CALL submit(VkQueue handle, std::uint32_t count, const
     return DRIVER_NEXT(vkQueueSubmit)(own(handle).real, count, infos, fence);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL submit2(VkQueue handle, std::uint32_t count, const VkSubmitInfo2 *infos, VkFence fence)
+VKAPI_ATTR VkResult VKAPI_CALL submit2(VkQueue handle, uint32_t count, const VkSubmitInfo2 *infos, VkFence fence)
 {
     for (const VkSubmitInfo2 &info : std::span(infos, count)) {
         for (const auto &commands : std::span(info.pCommandBufferInfos, info.commandBufferInfoCount))
@@ -208,7 +207,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateCommands(VkDevice handle, const VkCommand
 {
     const VkResult result = DRIVER_NEXT(vkAllocateCommandBuffers)(handle, info, commands);
     std::lock_guard lock(mutex);
-    for (std::uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i)
+    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i)
         commandFamilies[commands[i]] = poolFamilies[info->commandPool];
     return result;
 }
@@ -245,8 +244,8 @@ void expectStages(const char *command, VkCommandBuffer commands, VkPipelineStage
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBarrier(VkCommandBuffer handle, VkPipelineStageFlags from, VkPipelineStageFlags to,
-                                      VkDependencyFlags flags, std::uint32_t memories, const VkMemoryBarrier *memory,
-                                      std::uint32_t buffers, const VkBufferMemoryBarrier *buffer, std::uint32_t images,
+                                      VkDependencyFlags flags, uint32_t memories, const VkMemoryBarrier *memory,
+                                      uint32_t buffers, const VkBufferMemoryBarrier *buffer, uint32_t images,
                                       const VkImageMemoryBarrier *image)
 {
     expectStages("vkCmdPipelineBarrier", handle, from | to);
@@ -255,7 +254,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBarrier(VkCommandBuffer handle, VkPipelineStageFla
 
 VKAPI_ATTR void VKAPI_CALL cmdBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
 {
-    const auto expect = [&](const auto *barriers, std::uint32_t count) {
+    const auto expect = [&](const auto *barriers, uint32_t count) {
         for (const auto &barrier : std::span(barriers, count))
             expectStages("vkCmdPipelineBarrier2", handle, barrier.srcStageMask | barrier.dstStageMask);
     };
@@ -271,7 +270,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBindPipeline(VkCommandBuffer handle, VkPipelineBin
     DRIVER_NEXT(vkCmdBindPipeline)(handle, point, pipeline);
 }
 
-template <std::size_t n>
+template <size_t n>
 struct Name {
     constexpr Name(const char (&text)[n]) { std::copy_n(text, n, characters); } // NOLINT
     char characters[n];

@@ -14,7 +14,7 @@ namespace
 using namespace driver;
 constexpr Level kLevel = Level::Replay;
 
-VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
     return listExtensions(kLevel, handle, layer, count, properties, [](std::vector<VkExtensionProperties> &all) {
@@ -25,12 +25,12 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, cons
 
 struct Mapping {
     void *data = nullptr;
-    std::size_t bytes = 0;
+    size_t bytes = 0;
 };
 std::mutex mutex;
 std::map<VkDeviceMemory, Mapping> mappings;
 
-void *mapAt(std::uint64_t address, std::size_t bytes)
+void *mapAt(uint64_t address, size_t bytes)
 {
     void *wanted = reinterpret_cast<void *>(address);
     void *got = mmap(wanted, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED_NOREPLACE, -1, 0);
@@ -55,7 +55,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
     }
     std::random_device random;
     while (mapping.data == nullptr)
-        mapping.data = mapAt(0x300000000000u + (std::uint64_t{random()} << 12), mapping.bytes);
+        mapping.data = mapAt(0x300000000000u + (uint64_t{random()} << 12), mapping.bytes);
     const VkResult result = importMemory(kLevel, handle, *info, mapping.data, allocator, memory);
     if (result != VK_SUCCESS) {
         munmap(mapping.data, mapping.bytes);
@@ -74,15 +74,15 @@ VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice handle, VkDeviceMemory memory, co
         munmap(found.mapped().data, found.mapped().bytes);
 }
 
-VKAPI_ATTR std::uint64_t VKAPI_CALL opaqueOfBuffer(VkDevice handle, const VkBufferDeviceAddressInfo *info)
+VKAPI_ATTR uint64_t VKAPI_CALL opaqueOfBuffer(VkDevice handle, const VkBufferDeviceAddressInfo *info)
 {
     return DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, info);
 }
 
-VKAPI_ATTR std::uint64_t VKAPI_CALL opaqueOfMemory(VkDevice, const VkDeviceMemoryOpaqueCaptureAddressInfo *info)
+VKAPI_ATTR uint64_t VKAPI_CALL opaqueOfMemory(VkDevice, const VkDeviceMemoryOpaqueCaptureAddressInfo *info)
 {
     std::lock_guard lock(mutex);
-    return reinterpret_cast<std::uint64_t>(mappings[info->memory].data);
+    return reinterpret_cast<uint64_t>(mappings[info->memory].data);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,

@@ -25,23 +25,23 @@ constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
 struct OneMember { // VkPhysicalDeviceDisplacementMicromapFeaturesNV and ...PropertiesNV
     VkStructureType sType;
     void *pNext;
-    std::uint32_t value;
+    uint32_t value;
 };
 
-void answer(void *key, void *chain, VkStructureType type, std::uint32_t value)
+void answer(void *key, void *chain, VkStructureType type, uint32_t value)
 {
     auto *structure = driver::inChainOut<OneMember>(chain, type);
     if (structure != nullptr && driver::has(key, "displacement"))
         structure->value = value;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, std::uint32_t *count,
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
     const auto next = SPY_NEXT(vkEnumerateDeviceExtensionProperties);
     if (layer != nullptr || !driver::has(keyOf(handle), "displacement"))
         return next(handle, layer, count, properties);
-    std::uint32_t below = 0;
+    uint32_t below = 0;
     next(handle, nullptr, &below, nullptr);
     std::vector<VkExtensionProperties> all(below);
     next(handle, nullptr, &below, all.data());

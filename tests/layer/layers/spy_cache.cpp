@@ -15,7 +15,7 @@ namespace spy
 namespace
 {
 
-using Key = std::uint64_t;
+using Key = uint64_t;
 
 bool caching()
 {
@@ -25,9 +25,9 @@ bool caching()
 class Hash
 {
 public:
-    void add(const void *data, std::size_t bytes)
+    void add(const void *data, size_t bytes)
     {
-        for (const auto *byte = static_cast<const std::uint8_t *>(data); bytes > 0; ++byte, --bytes)
+        for (const auto *byte = static_cast<const uint8_t *>(data); bytes > 0; ++byte, --bytes)
             key_ = (key_ ^ *byte) * 0x100000001b3u; // FNV-1a
     }
     template <class Number>
@@ -83,11 +83,11 @@ Key cacheKeyOf(const VkRayTracingPipelineCreateInfoKHR &info)
         addStage(hash, stage);
     for (const VkRayTracingShaderGroupCreateInfoKHR &group : std::span(info.pGroups, info.groupCount)) {
         hash.add(group.type);
-        for (const std::uint32_t shader :
+        for (const uint32_t shader :
              {group.generalShader, group.closestHitShader, group.anyHitShader, group.intersectionShader})
             hash.add(shader);
     }
-    for (std::uint32_t i = 0; info.pLibraryInfo != nullptr && i < info.pLibraryInfo->libraryCount; ++i)
+    for (uint32_t i = 0; info.pLibraryInfo != nullptr && i < info.pLibraryInfo->libraryCount; ++i)
         hash.add(keys.at(info.pLibraryInfo->pLibraries[i]));
     return hash.key();
 }
@@ -126,13 +126,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createCache(VkDevice handle, const VkPipelineCach
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL getCacheData(VkDevice handle, VkPipelineCache cache, std::size_t *size, void *data)
+VKAPI_ATTR VkResult VKAPI_CALL getCacheData(VkDevice handle, VkPipelineCache cache, size_t *size, void *data)
 {
     if (!caching())
         return SPY_NEXT(vkGetPipelineCacheData)(handle, cache, size, data);
     std::lock_guard lock(mutex);
     const std::set<Key> &known = caches[cache];
-    const std::size_t room = *size / sizeof(Key);
+    const size_t room = *size / sizeof(Key);
     *size = known.size() * sizeof(Key);
     if (data == nullptr)
         return VK_SUCCESS;

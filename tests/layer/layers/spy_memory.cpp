@@ -64,10 +64,10 @@ VKAPI_ATTR void VKAPI_CALL getDeviceBufferRequirements(VkDevice handle, const Vk
     SPY_NEXT(vkGetDeviceBufferMemoryRequirements)(handle, info, requirements);
 }
 
-VKAPI_ATTR void VKAPI_CALL bindDescriptorBuffers(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL bindDescriptorBuffers(VkCommandBuffer handle, uint32_t count,
                                                  const VkDescriptorBufferBindingInfoEXT *infos)
 {
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         expectNoMicromapUsage(knowsMicromaps(keyOf(handle)), "vkCmdBindDescriptorBuffersEXT", infos[i].usage,
                               infos[i].pNext);
     SPY_NEXT(vkCmdBindDescriptorBuffersEXT)(handle, count, infos);
@@ -79,7 +79,7 @@ bool moreMemory(void *key)
 {
     return driver::has(key, "hostmemory");
 }
-std::uint32_t memoryTypesBelow = 0;
+uint32_t memoryTypesBelow = 0;
 
 VKAPI_ATTR void VKAPI_CALL getBufferRequirements(VkDevice handle, VkBuffer buffer, VkMemoryRequirements *requirements)
 {
@@ -88,7 +88,7 @@ VKAPI_ATTR void VKAPI_CALL getBufferRequirements(VkDevice handle, VkBuffer buffe
         requirements->memoryTypeBits |= 1u << memoryTypesBelow;
 }
 
-std::atomic<std::uint64_t> allocations = 0;
+std::atomic<uint64_t> allocations = 0;
 
 VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
@@ -197,8 +197,8 @@ std::span<const Row> memory()
 
 // For tests, which find it in this library: how many allocations of device memory there are, the layer's and the
 // tests'.
-extern "C" __attribute__((visibility("default"))) std::uint64_t vellumSpyAllocations();
-extern "C" std::uint64_t vellumSpyAllocations()
+extern "C" __attribute__((visibility("default"))) uint64_t vellumSpyAllocations();
+extern "C" uint64_t vellumSpyAllocations()
 {
     return spy::allocations;
 }

@@ -2,8 +2,8 @@
 #include "layers/spy.h"
 
 #include "spirv/module/opcodes.h"
-#include "spirv/payload_types.h"
 #include "spirv/module/scan.h"
+#include "spirv/payload_types.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -40,19 +40,19 @@ void expectPromises(const char *where, VkFlags64 flags)
 
 // --- modules ---
 
-void expectModule(void *key, const char *where, const void *code, std::size_t size)
+void expectModule(void *key, const char *where, const void *code, size_t size)
 {
-    constexpr std::uint32_t kExtension = 10, kExecutionModeId = 331, kCapability = 17; // Op...
-    const std::span words(static_cast<const std::uint32_t *>(code), size / sizeof(std::uint32_t));
-    for (std::size_t at = 5; at < words.size() && words[at] >> 16 != 0; at += words[at] >> 16) {
-        const std::uint32_t opcode = words[at] & 0xffff, length = words[at] >> 16;
+    constexpr uint32_t kExtension = 10, kExecutionModeId = 331, kCapability = 17; // Op...
+    const std::span words(static_cast<const uint32_t *>(code), size / sizeof(uint32_t));
+    for (size_t at = 5; at < words.size() && words[at] >> 16 != 0; at += words[at] >> 16) {
+        const uint32_t opcode = words[at] & 0xffff, length = words[at] >> 16;
         if (opcode == kExtension) {
             const std::string_view name(reinterpret_cast<const char *>(&words[at + 1]));
             if (name == "SPV_KHR_opacity_micromap" || (name == "SPV_EXT_opacity_micromap" && !knowsMicromaps(key)))
                 tell(std::string(where) + ": a module with " + std::string(name));
         }
         if (opcode == kCapability && length == 2) {
-            constexpr std::uint32_t kMicromap = 5381, kExecutionMode = 6032; // RayTracingOpacityMicromap...
+            constexpr uint32_t kMicromap = 5381, kExecutionMode = 6032; // RayTracingOpacityMicromap...
             if (words[at + 1] == kExecutionMode || (words[at + 1] == kMicromap && !knowsMicromaps(key)))
                 tell(std::string(where) + ": a module with the capability " + std::to_string(words[at + 1]));
         }
@@ -70,14 +70,14 @@ void expectStageModules(void *key, const char *where, std::span<const VkPipeline
     }
 }
 
-std::map<VkShaderModule, std::vector<std::uint32_t>> rayModules; // words of modules with ray tracing stages
+std::map<VkShaderModule, std::vector<uint32_t>> rayModules; // words of modules with ray tracing stages
 
 // The shaders of a hit group are called with the payload of the same ray, whose type is one
 // (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
 void expectPayloads(const char *where, const VkRayTracingPipelineCreateInfoKHR &info)
 {
-    constexpr std::uint32_t kAnyHit = 5315, kClosestHit = 5316; // ExecutionModel...
-    const auto payloadOf = [&](std::uint32_t stage, std::uint32_t model) {
+    constexpr uint32_t kAnyHit = 5315, kClosestHit = 5316; // ExecutionModel...
+    const auto payloadOf = [&](uint32_t stage, uint32_t model) {
         std::lock_guard lock(mutex);
         const auto found = stage < info.stageCount ? rayModules.find(info.pStages[stage].module) : rayModules.end();
         vellum::spirv::PayloadTypes types;
@@ -101,7 +101,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
     if (result != VK_SUCCESS)
         return result;
     keepWords(*module, *info);
-    const std::span words(info->pCode, info->codeSize / sizeof(std::uint32_t));
+    const std::span words(info->pCode, info->codeSize / sizeof(uint32_t));
     // The validation layer of Debian 12 does not look at it.
     if (std::getenv("VELLUM_TEST_VULKAN") != nullptr && words[1] > vellum::spirv::kVersion14)
         tell("vkCreateShaderModule: SPIR-V that is newer than the program's Vulkan 1.1 with VK_KHR_spirv_1_4 "
@@ -113,7 +113,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                                       const VkComputePipelineCreateInfo *infos,
                                                       const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
@@ -122,12 +122,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
         expectStageModules(keyOf(handle), "vkCreateComputePipelines", {&info.stage, 1});
     }
     const VkResult result = SPY_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         lookInCache(cache, infos[i], pipelines[i]);
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, std::uint32_t count,
+VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                                        const VkGraphicsPipelineCreateInfo *infos,
                                                        const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
@@ -144,25 +144,25 @@ struct ShaderCreateInfo { // VkShaderCreateInfoEXT, which older headers lack
     VkFlags flags;
     VkShaderStageFlagBits stage;
     VkShaderStageFlags nextStage;
-    std::uint32_t codeType;
-    std::size_t codeSize;
+    uint32_t codeType;
+    size_t codeSize;
     const void *pCode;
     const char *pName;
-    std::uint32_t setLayoutCount;
+    uint32_t setLayoutCount;
     const VkDescriptorSetLayout *pSetLayouts;
-    std::uint32_t pushConstantRangeCount;
+    uint32_t pushConstantRangeCount;
     const VkPushConstantRange *pPushConstantRanges;
     const VkSpecializationInfo *pSpecializationInfo;
 };
 
-VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t count, const ShaderCreateInfo *infos,
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const ShaderCreateInfo *infos,
                                              const VkAllocationCallbacks *allocator, void *shaders)
 {
     constexpr VkFlags disallowMixed = 1u << 12; // ..._OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT
     for (const ShaderCreateInfo &info : std::span(infos, count)) {
         if ((info.flags & disallowMixed) != 0)
             tell("vkCreateShadersEXT: OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT");
-        constexpr std::uint32_t spirv = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
+        constexpr uint32_t spirv = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
         if (info.codeType == spirv)
             expectModule(keyOf(handle), "vkCreateShadersEXT", info.pCode, info.codeSize);
     }
@@ -175,7 +175,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, std::uint32_t coun
 // What the specification's formula for the default stack size needs (raytracing.adoc, "Ray Tracing Pipeline Stack").
 struct StackNeed {
     VkDeviceSize raygen = 0, miss = 0, closestHit = 0, anyHit = 0, intersection = 0, callable = 0;
-    std::uint32_t depth = 0;
+    uint32_t depth = 0;
 
     void add(const StackNeed &other)
     {
@@ -201,7 +201,7 @@ StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &in
     const auto sizeOf = SPY_NEXT(vkGetRayTracingShaderGroupStackSizeKHR);
     StackNeed need;
     need.depth = info.maxPipelineRayRecursionDepth;
-    for (std::uint32_t i = 0; i < info.groupCount; ++i) {
+    for (uint32_t i = 0; i < info.groupCount; ++i) {
         const VkRayTracingShaderGroupCreateInfoKHR &group = info.pGroups[i];
         if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
             const VkDeviceSize size = sizeOf(handle, pipeline, i, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
@@ -212,7 +212,7 @@ StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &in
             part = std::max(part, size);
             continue;
         }
-        const auto add = [&](std::uint32_t shader, VkShaderGroupShaderKHR which, VkDeviceSize &part) {
+        const auto add = [&](uint32_t shader, VkShaderGroupShaderKHR which, VkDeviceSize &part) {
             if (shader != VK_SHADER_UNUSED_KHR)
                 part = std::max(part, sizeOf(handle, pipeline, i, which));
         };
@@ -222,7 +222,7 @@ StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &in
             add(group.intersectionShader, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR, need.intersection);
     }
     std::lock_guard lock(mutex);
-    for (std::uint32_t i = 0; info.pLibraryInfo != nullptr && i < info.pLibraryInfo->libraryCount; ++i)
+    for (uint32_t i = 0; info.pLibraryInfo != nullptr && i < info.pLibraryInfo->libraryCount; ++i)
         need.add(stackNeeds[info.pLibraryInfo->pLibraries[i]]);
     return need;
 }
@@ -238,17 +238,17 @@ void expectPipeline(void *key, const VkRayTracingPipelineCreateInfoKHR &info)
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
-                                                         VkPipelineCache cache, std::uint32_t count,
+                                                         VkPipelineCache cache, uint32_t count,
                                                          const VkRayTracingPipelineCreateInfoKHR *infos,
                                                          const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         expectPipeline(keyOf(handle), infos[i]);
     const VkResult result =
         SPY_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, count, infos, allocator, pipelines);
     if (result != VK_SUCCESS && result != VK_OPERATION_NOT_DEFERRED_KHR)
         return result;
-    for (std::uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; i < count; ++i) {
         lookInCache(cache, infos[i], pipelines[i]);
         const StackNeed need = stackNeed(handle, infos[i], pipelines[i]);
         std::lock_guard lock(mutex);
@@ -267,7 +267,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBindPipeline(VkCommandBuffer handle, VkPipelineBin
 }
 
 // The tests set it after they have bound the pipeline that it is for.
-VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, std::uint32_t size)
+VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, uint32_t size)
 {
     VkDeviceSize need = 0;
     {

@@ -20,7 +20,7 @@ void expectBuild(void *key, const char *where, const VkAccelerationStructureBuil
         tell(std::string(where) + ": VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR");
     if (!knowsMicromaps(key) && (info.flags & ext) != 0)
         tell(std::string(where) + ": micromap build flags");
-    for (std::uint32_t i = 0; i < info.geometryCount; ++i) {
+    for (uint32_t i = 0; i < info.geometryCount; ++i) {
         const VkAccelerationStructureGeometryKHR &geometry =
             info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
         if (geometry.geometryType > VK_GEOMETRY_TYPE_INSTANCES_KHR)
@@ -38,8 +38,8 @@ void expectBuild(void *key, const char *where, const VkAccelerationStructureBuil
 
 // Acceleration structures that are the driver's: others, which the layer has by itself, must not come here. With their
 // buffer, and how many buffers of that handle had been destroyed before.
-std::map<VkAccelerationStructureKHR, std::pair<VkBuffer, std::uint64_t>> known;
-std::map<VkBuffer, std::uint64_t> destroyedBuffers;
+std::map<VkAccelerationStructureKHR, std::pair<VkBuffer, uint64_t>> known;
+std::map<VkBuffer, uint64_t> destroyedBuffers;
 std::mutex knownMutex;
 
 // Whether it is the driver's; the spy tells of the others.
@@ -55,7 +55,7 @@ bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
     return theDrivers;
 }
 
-bool expectObject(void *key, const char *where, VkObjectType type, std::uint64_t object)
+bool expectObject(void *key, const char *where, VkObjectType type, uint64_t object)
 {
     if (type == VK_OBJECT_TYPE_MICROMAP_EXT && knowsMicromaps(key))
         return true;
@@ -106,9 +106,9 @@ VKAPI_ATTR void VKAPI_CALL copyStructure(VkCommandBuffer handle, const VkCopyAcc
     SPY_NEXT(vkCmdCopyAccelerationStructureKHR)(handle, info);
 }
 
-VKAPI_ATTR void VKAPI_CALL writeProperties(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL writeProperties(VkCommandBuffer handle, uint32_t count,
                                            const VkAccelerationStructureKHR *list, VkQueryType type, VkQueryPool pool,
-                                           std::uint32_t first)
+                                           uint32_t first)
 {
     for (const VkAccelerationStructureKHR structure : std::span(list, count))
         expectStructure("vkCmdWriteAccelerationStructuresPropertiesKHR", structure);
@@ -127,16 +127,16 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
     return SPY_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, info);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
-                                              VkPrivateDataSlot slot, std::uint64_t data)
+VKAPI_ATTR VkResult VKAPI_CALL setPrivateData(VkDevice handle, VkObjectType type, uint64_t object,
+                                              VkPrivateDataSlot slot, uint64_t data)
 {
     return expectObject(keyOf(handle), "vkSetPrivateData", type, object)
                ? SPY_NEXT(vkSetPrivateData)(handle, type, object, slot, data)
                : VK_SUCCESS;
 }
 
-VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, std::uint64_t object,
-                                          VkPrivateDataSlot slot, std::uint64_t *data)
+VKAPI_ATTR void VKAPI_CALL getPrivateData(VkDevice handle, VkObjectType type, uint64_t object, VkPrivateDataSlot slot,
+                                          uint64_t *data)
 {
     if (expectObject(keyOf(handle), "vkGetPrivateData", type, object))
         SPY_NEXT(vkGetPrivateData)(handle, type, object, slot, data);
@@ -177,28 +177,28 @@ VKAPI_ATTR VkResult VKAPI_CALL setMarkerTag(VkDevice handle, const VkDebugMarker
 
 VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                          const VkAccelerationStructureBuildGeometryInfoKHR *info,
-                                         const std::uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
+                                         const uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
     expectBuild(keyOf(handle), "vkGetAccelerationStructureBuildSizesKHR", *info);
     SPY_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, sizes);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         expectBuild(keyOf(handle), "vkCmdBuildAccelerationStructuresKHR", infos[i]);
     noteBuild(handle);
     SPY_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t count,
                                             const VkAccelerationStructureBuildGeometryInfoKHR *infos,
-                                            const VkDeviceAddress *addresses, const std::uint32_t *strides,
-                                            const std::uint32_t *const *most)
+                                            const VkDeviceAddress *addresses, const uint32_t *strides,
+                                            const uint32_t *const *most)
 {
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         expectBuild(keyOf(handle), "vkCmdBuildAccelerationStructuresIndirectKHR", infos[i]);
     noteBuild(handle);
     SPY_NEXT(vkCmdBuildAccelerationStructuresIndirectKHR)(handle, count, infos, addresses, strides, most);

@@ -45,7 +45,7 @@ void tellBarrier(const Barrier &b)
          << b.dstAccessMask;
     if constexpr (std::is_same_v<Barrier, VkBufferMemoryBarrier2>)
         text << ' ' << b.srcQueueFamilyIndex << ' ' << b.dstQueueFamilyIndex << ' ' << b.offset << ' ' << b.size << ' '
-             << reinterpret_cast<std::uint64_t>(b.buffer);
+             << reinterpret_cast<uint64_t>(b.buffer);
     tell(text.str());
 }
 
@@ -83,16 +83,16 @@ VKAPI_ATTR void VKAPI_CALL cmdResetEvent2(VkCommandBuffer handle, VkEvent event,
     SPY_NEXT(vkCmdResetEvent2)(handle, event, stages);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer handle, std::uint32_t count, const VkEvent *events,
+VKAPI_ATTR void VKAPI_CALL cmdWaitEvents2(VkCommandBuffer handle, uint32_t count, const VkEvent *events,
                                           const VkDependencyInfo *infos)
 {
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         expectDependency(keyOf(handle), "vkCmdWaitEvents2", infos[i]);
     SPY_NEXT(vkCmdWaitEvents2)(handle, count, events, infos);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdWriteTimestamp2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkQueryPool pool,
-                                              std::uint32_t query)
+                                              uint32_t query)
 {
     expectStages(keyOf(handle), "vkCmdWriteTimestamp2", stage);
     SPY_NEXT(vkCmdWriteTimestamp2)(handle, stage, pool, query);
@@ -105,15 +105,14 @@ bool hasMarkers()
 
 // Whether the driver has it or not: lavapipe has not.
 VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkBuffer buffer,
-                                                 VkDeviceSize offset, std::uint32_t marker)
+                                                 VkDeviceSize offset, uint32_t marker)
 {
     expectStages(keyOf(handle), "vkCmdWriteBufferMarker2AMD", stage);
     if (hasMarkers())
         SPY_NEXT(vkCmdFillBuffer)(handle, buffer, offset, 4, marker);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, std::uint32_t count, const VkSubmitInfo2 *submits,
-                                            VkFence fence)
+VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)
 {
     for (const VkSubmitInfo2 &s : std::span(submits, count)) {
         for (const VkSemaphoreSubmitInfo &w : std::span(s.pWaitSemaphoreInfos, s.waitSemaphoreInfoCount))
@@ -169,9 +168,9 @@ VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buff
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipelineStageFlags from,
-                                              VkPipelineStageFlags to, VkDependencyFlags flags, std::uint32_t count,
-                                              const VkMemoryBarrier *memory, std::uint32_t buffers,
-                                              const VkBufferMemoryBarrier *buffer, std::uint32_t images,
+                                              VkPipelineStageFlags to, VkDependencyFlags flags, uint32_t count,
+                                              const VkMemoryBarrier *memory, uint32_t buffers,
+                                              const VkBufferMemoryBarrier *buffer, uint32_t images,
                                               const VkImageMemoryBarrier *image)
 {
     constexpr VkPipelineStageFlags transfer = VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;

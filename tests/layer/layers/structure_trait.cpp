@@ -121,8 +121,8 @@ Content writtenBy(VkAccelerationStructureKHR structure)
     VkAccelerationStructureDeviceAddressInfoKHR query{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR};
     query.accelerationStructure = structure;
     const VkDevice handle = own.device;
-    const auto *words = reinterpret_cast<const std::uint32_t *>(
-        DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, &query));
+    const auto *words =
+        reinterpret_cast<const uint32_t *>(DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, &query));
     const VkDeviceSize serialized = words[6], besides = 56 + VkDeviceSize{8} * words[7];
     if (serialized <= besides || serialized - besides > own.size || words[8] >= serialized || words[9] != 0)
         return {};
@@ -189,14 +189,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
 
 VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                          const VkAccelerationStructureBuildGeometryInfoKHR *info,
-                                         const std::uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
+                                         const uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
     DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, sizes);
     sizes->accelerationStructureSize = claimedBytes(sizes->accelerationStructureSize);
 }
 
 VkDeviceSize neededBytes(VkCommandBuffer handle, const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                         const std::vector<std::uint32_t> &counts)
+                         const std::vector<uint32_t> &counts)
 {
     VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
     VkDevice device = VK_NULL_HANDLE;
@@ -212,7 +212,7 @@ VkDeviceSize neededBytes(VkCommandBuffer handle, const VkAccelerationStructureBu
 // A build as lavapipe gets it. `counts`: of each geometry.
 VkAccelerationStructureBuildGeometryInfoKHR fittedBuild(VkCommandBuffer handle,
                                                         const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                                                        const std::vector<std::uint32_t> &counts)
+                                                        const std::vector<uint32_t> &counts)
 {
     VkAccelerationStructureBuildGeometryInfoKHR below = info;
     const Handle target = handleOf(info.dstAccelerationStructure);
@@ -236,13 +236,13 @@ VkAccelerationStructureBuildGeometryInfoKHR fittedBuild(VkCommandBuffer handle,
     return below;
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     std::vector<VkAccelerationStructureBuildGeometryInfoKHR> below;
-    for (std::uint32_t i = 0; i < count; ++i) {
-        std::vector<std::uint32_t> counts;
+    for (uint32_t i = 0; i < count; ++i) {
+        std::vector<uint32_t> counts;
         for (const auto &range : std::span(ranges[i], infos[i].geometryCount))
             counts.push_back(range.primitiveCount);
         below.push_back(fittedBuild(handle, infos[i], counts));
@@ -250,13 +250,13 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, std::uint32_t count,
     DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, below.data(), ranges);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t count,
                                             const VkAccelerationStructureBuildGeometryInfoKHR *infos,
-                                            const VkDeviceAddress *addresses, const std::uint32_t *strides,
-                                            const std::uint32_t *const *most)
+                                            const VkDeviceAddress *addresses, const uint32_t *strides,
+                                            const uint32_t *const *most)
 {
     std::vector<VkAccelerationStructureBuildGeometryInfoKHR> below;
-    for (std::uint32_t i = 0; i < count; ++i)
+    for (uint32_t i = 0; i < count; ++i)
         below.push_back(fittedBuild(handle, infos[i], {most[i], most[i] + infos[i].geometryCount}));
     DRIVER_NEXT(vkCmdBuildAccelerationStructuresIndirectKHR)(handle, count, below.data(), addresses, strides, most);
 }
@@ -297,9 +297,9 @@ VKAPI_ATTR void VKAPI_CALL cmdDeserialize(VkCommandBuffer handle,
     DRIVER_NEXT(vkCmdCopyMemoryToAccelerationStructureKHR)(handle, info);
 }
 
-VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, std::uint32_t count,
+VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, uint32_t count,
                                               const VkAccelerationStructureKHR *list, VkQueryType type,
-                                              VkQueryPool pool, std::uint32_t first)
+                                              VkQueryPool pool, uint32_t first)
 {
     std::vector<VkAccelerationStructureKHR> below(list, list + count);
     for (VkAccelerationStructureKHR &structure : below) {

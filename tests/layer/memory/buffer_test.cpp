@@ -54,7 +54,7 @@ protected:
         requirements.sType = VK_STRUCTURE_TYPE_MEMORY_REQUIREMENTS_2;
         vkGetDeviceBufferMemoryRequirements(gpu().device(), &query, &requirements);
     }
-    void expectMessages(const char *id, std::size_t count)
+    void expectMessages(const char *id, size_t count)
     {
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         EXPECT_EQ(messages.size(), count);
@@ -141,16 +141,16 @@ protected:
 TEST_F(BindingsExt, ThatFailInPart)
 {
     MicromapInput input;
-    input.add(4, kFourState, std::vector<std::uint8_t>(256, 1));
+    input.add(4, kFourState, std::vector<uint8_t>(256, 1));
     const Micromap like(gpu(), input);
-    constexpr std::uint32_t kCount = 3, kFailing = 1;
+    constexpr uint32_t kCount = 3, kFailing = 1;
     std::array<VkBuffer, kCount> buffers{};
     std::array<VkResult, kCount> results{VK_NOT_READY, VK_NOT_READY, VK_NOT_READY};
     std::array<Status, kCount> statuses;
     std::array<VkBindBufferMemoryInfo, kCount> infos{};
     const VkBufferCreateInfo info = bufferInfo(VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
     VkDeviceMemory memory = VK_NULL_HANDLE;
-    for (std::uint32_t i = 0; i < kCount; ++i) {
+    for (uint32_t i = 0; i < kCount; ++i) {
         VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffers[i]));
         VkMemoryRequirements needs{};
         vkGetBufferMemoryRequirements(gpu().device(), buffers[i], &needs);
@@ -167,11 +167,11 @@ TEST_F(BindingsExt, ThatFailInPart)
         infos[i].memory = memory;
         infos[i].memoryOffset = i * needs.size;
     }
-    const auto failAt = testDriverFunction<std::uint64_t (*)(std::uint64_t)>("vellumDriverFailAt");
+    const auto failAt = testDriverFunction<uint64_t (*)(uint64_t)>("vellumDriverFailAt");
     failAt(kFailing + 1);
     EXPECT_EQ(vkBindBufferMemory2(gpu().device(), kCount, infos.data()), VK_ERROR_OUT_OF_DEVICE_MEMORY);
     failAt(0);
-    for (std::uint32_t i = 0; i < kCount; ++i) {
+    for (uint32_t i = 0; i < kCount; ++i) {
         const bool bound = i != kFailing;
         EXPECT_EQ(results[i] == VK_SUCCESS, bound);
         VkMicromapCreateInfoEXT create{};

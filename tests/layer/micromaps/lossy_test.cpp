@@ -31,21 +31,21 @@ vellum::Micromap modelOf(const MicromapInput &input)
 }
 
 // A lossy micromap's memory, as the host writes the coarsened one: never where it lies, hence the odd offsets.
-std::vector<std::uint8_t> memoryOf(const MicromapInput &input, VkBuildMicromapFlagsEXT flags)
+std::vector<uint8_t> memoryOf(const MicromapInput &input, VkBuildMicromapFlagsEXT flags)
 {
     const vellum::Micromap lossy = modelOf(input);
     std::vector<vellum::MicromapTriangle> triangles = lossy.triangles;
-    std::vector<std::uint8_t> data;
+    std::vector<uint8_t> data;
     for (vellum::MicromapTriangle &t : triangles) {
         data.resize((data.size() + 15) / 16 * 16 + 1);
-        const auto offset = static_cast<std::uint32_t>(data.size());
+        const auto offset = static_cast<uint32_t>(data.size());
         const auto from = lossy.data.begin() + t.dataOffset;
         data.insert(data.end(), from, from + vellum::packedBytes(t.subdivisionLevel, t.format));
         t.dataOffset = offset;
     }
     vellum::MicromapBuildInput build;
-    build.triangles = reinterpret_cast<const std::uint8_t *>(triangles.data());
-    build.triangleCount = static_cast<std::uint32_t>(triangles.size());
+    build.triangles = reinterpret_cast<const uint8_t *>(triangles.data());
+    build.triangleCount = static_cast<uint32_t>(triangles.size());
     build.data = data.data();
     build.dataBytes = data.size();
     build.buildFlags = flags;
@@ -55,14 +55,14 @@ std::vector<std::uint8_t> memoryOf(const MicromapInput &input, VkBuildMicromapFl
         if (t.subdivisionLevel > 2)
             build.capacityUnits +=
                 (vellum::packedBytes(t.subdivisionLevel, static_cast<vellum::Format>(t.format)) + 15) / 16;
-    std::vector<std::uint8_t> memory(vellum::micromapMemoryBytes(build.triangleCount, build.capacityUnits), 0xa5);
+    std::vector<uint8_t> memory(vellum::micromapMemoryBytes(build.triangleCount, build.capacityUnits), 0xa5);
     vellum::writeMicromapMemory(build, memory.data());
     memory.resize(vellum::micromapMemoryInUse(memory.data()));
     return memory;
 }
 
 // Leaves: ellipses at random, unknown where their edges are.
-std::vector<std::uint8_t> foliage(Random &random, std::uint32_t level)
+std::vector<uint8_t> foliage(Random &random, uint32_t level)
 {
     struct Leaf {
         double u, v, length, width, angle;
@@ -71,9 +71,9 @@ std::vector<std::uint8_t> foliage(Random &random, std::uint32_t level)
     const auto uniform = [&] { return static_cast<double>(random() >> 8) / (1 << 24); };
     for (Leaf &leaf : leaves)
         leaf = {0.8 * uniform(), 0.8 * uniform(), 0.2 + 0.2 * uniform(), 0.08 + 0.08 * uniform(), 6.3 * uniform()};
-    std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
+    std::vector<uint8_t> states(size_t{1} << (2 * level));
     const double reach = 1.0 / (1u << level);
-    for (std::uint32_t i = 0; i < states.size(); ++i) {
+    for (uint32_t i = 0; i < states.size(); ++i) {
         const auto [u, v] = microTriangleCentre(i, level);
         double least = 1e9;
         for (const Leaf &leaf : leaves) {
@@ -82,7 +82,7 @@ std::vector<std::uint8_t> foliage(Random &random, std::uint32_t level)
             least = std::min(least, (std::hypot(x / leaf.length, y / leaf.width) - 1) * leaf.width);
         }
         const bool unknown = std::abs(least) < reach;
-        states[i] = static_cast<std::uint8_t>((unknown ? 2 : 0) | (least < 0 ? 1 : 0));
+        states[i] = static_cast<uint8_t>((unknown ? 2 : 0) | (least < 0 ? 1 : 0));
     }
     return states;
 }
@@ -94,7 +94,7 @@ protected:
     {
     }
 
-    static std::vector<std::uint8_t> inUse(const Micromap &micromap)
+    static std::vector<uint8_t> inUse(const Micromap &micromap)
     {
         return {micromap.memory(), micromap.memory() + vellum::micromapMemoryInUse(micromap.memory())};
     }
@@ -104,11 +104,11 @@ protected:
             SCOPED_TRACE(testing::Message() << "flags " << flags);
             Micromap micromap(gpu(), input, flags | kLossy);
             micromap.build();
-            const std::vector<std::uint8_t> expected = memoryOf(input, flags | kLossy);
-            const std::vector<std::uint8_t> actual = inUse(micromap);
+            const std::vector<uint8_t> expected = memoryOf(input, flags | kLossy);
+            const std::vector<uint8_t> actual = inUse(micromap);
             ASSERT_EQ(actual.size(), expected.size());
             const auto at = std::mismatch(actual.begin(), actual.end(), expected.begin()).first - actual.begin();
-            EXPECT_EQ(static_cast<std::size_t>(at), actual.size()) << "differs from byte " << at;
+            EXPECT_EQ(static_cast<size_t>(at), actual.size()) << "differs from byte " << at;
         }
     }
     VkDeviceSize compactedSize(const Micromap &micromap)
@@ -133,7 +133,7 @@ TEST_F(Lossy, EveryLevel)
 {
     Random random(23);
     MicromapInput input;
-    for (std::uint32_t level = 0; level <= 12; ++level)
+    for (uint32_t level = 0; level <= 12; ++level)
         input.add(level, kFourState, randomStates(random, level, kFourState));
     expectModel(input);
 }
@@ -143,25 +143,25 @@ TEST_F(Lossy, EveryLevelToEveryLower)
 {
     Random random(29);
     MicromapInput input;
-    for (std::uint32_t level = 3; level <= 10; ++level) {
-        for (std::uint32_t to = 2; to <= level; ++to) {
-            const std::vector<std::uint8_t> coarse = randomStates(random, to, kFourState);
-            std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
-            for (std::size_t i = 0; i < states.size(); ++i)
+    for (uint32_t level = 3; level <= 10; ++level) {
+        for (uint32_t to = 2; to <= level; ++to) {
+            const std::vector<uint8_t> coarse = randomStates(random, to, kFourState);
+            std::vector<uint8_t> states(size_t{1} << (2 * level));
+            for (size_t i = 0; i < states.size(); ++i)
                 states[i] = coarse[i >> (2 * (level - to))];
-            for (std::uint32_t speck = 0; speck < (to + 1) % 3; ++speck) // lost, or in the way
+            for (uint32_t speck = 0; speck < (to + 1) % 3; ++speck) // lost, or in the way
                 states[random() % states.size()] ^= 1;
             input.add(level, kFourState, states);
         }
     }
     // And level 12 to 2, by the most levels that there are.
-    std::vector<std::uint8_t> largest(std::size_t{1} << 24);
-    for (std::size_t i = 0; i < largest.size(); ++i)
+    std::vector<uint8_t> largest(size_t{1} << 24);
+    for (size_t i = 0; i < largest.size(); ++i)
         largest[i] = (i >> 20) % 3 == 0;
     input.add(12, kFourState, largest);
-    std::uint32_t levels = 0;
+    uint32_t levels = 0;
     const vellum::Micromap model = modelOf(input);
-    for (std::size_t i = 0; i < model.triangles.size(); ++i)
+    for (size_t i = 0; i < model.triangles.size(); ++i)
         levels |= 1u << (input.triangles[i].subdivisionLevel - model.triangles[i].subdivisionLevel);
     EXPECT_EQ(levels, 0x5ffu);
     expectModel(input);
@@ -172,16 +172,16 @@ TEST_F(Lossy, UnknownStatesOfBothKinds)
 {
     Random random(61);
     MicromapInput input;
-    for (std::uint32_t level = 3; level <= 10; ++level) {
-        std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
-        for (std::size_t i = 0; i < states.size(); ++i) {
-            const std::size_t node = i >> (2 * (level - 2));
-            states[i] = static_cast<std::uint8_t>(2 + (random() % 16 < node ? 1 : 0));
+    for (uint32_t level = 3; level <= 10; ++level) {
+        std::vector<uint8_t> states(size_t{1} << (2 * level));
+        for (size_t i = 0; i < states.size(); ++i) {
+            const size_t node = i >> (2 * (level - 2));
+            states[i] = static_cast<uint8_t>(2 + (random() % 16 < node ? 1 : 0));
         }
         input.add(level, kFourState, states);
-        const std::size_t half = states.size() / 32; // of each node of level 2: even, and one more or less
-        for (std::size_t i = 0; i < states.size(); ++i)
-            states[i] = static_cast<std::uint8_t>(2 + (i % (2 * half) < half + i / (2 * half) % 3 - 1 ? 1 : 0));
+        const size_t half = states.size() / 32; // of each node of level 2: even, and one more or less
+        for (size_t i = 0; i < states.size(); ++i)
+            states[i] = static_cast<uint8_t>(2 + (i % (2 * half) < half + i / (2 * half) % 3 - 1 ? 1 : 0));
         input.add(level, kFourState, states);
     }
     for (const vellum::MicromapTriangle &t : modelOf(input).triangles)
@@ -191,13 +191,13 @@ TEST_F(Lossy, UnknownStatesOfBothKinds)
 
 TEST_F(Lossy, ManyTriangles)
 {
-    for (const std::size_t count : {1u, 2u, 257u, 3001u}) {
+    for (const size_t count : {1u, 2u, 257u, 3001u}) {
         SCOPED_TRACE(testing::Message() << count << " triangles");
-        Random random(static_cast<std::uint32_t>(count));
+        Random random(static_cast<uint32_t>(count));
         MicromapInput input;
         input.stride = 12;
         while (input.triangles.size() < count) {
-            const std::uint32_t level = random() % 7;
+            const uint32_t level = random() % 7;
             if (!input.triangles.empty() && random() % 4 == 0)
                 input.triangles.push_back(input.triangles[random() % input.triangles.size()]);
             else if (random() % 3 == 0)
@@ -217,8 +217,8 @@ TEST_F(Lossy, UnalignedInput)
     Random random(31);
     MicromapInput input;
     input.stride = 9;
-    for (std::uint32_t i = 0; i < 40; ++i) {
-        const std::uint32_t level = i % 10;
+    for (uint32_t i = 0; i < 40; ++i) {
+        const uint32_t level = i % 10;
         input.data.push_back(0x77);
         input.add(level, kFourState, i % 2 == 0 ? foliage(random, level) : randomStates(random, level, kFourState));
     }
@@ -230,7 +230,7 @@ TEST_F(Lossy, Invariance)
 {
     Random random(37);
     MicromapInput input;
-    for (std::uint32_t i = 0; i < 200; ++i)
+    for (uint32_t i = 0; i < 200; ++i)
         input.add(3 + i % 6, kFourState, foliage(random, 3 + i % 6));
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
         Micromap first(gpu(), input, flags | kLossy);
@@ -250,7 +250,7 @@ TEST_F(Lossy, CompactionSaves)
 {
     Random random(41);
     MicromapInput input;
-    for (std::uint32_t i = 0; i < 64; ++i)
+    for (uint32_t i = 0; i < 64; ++i)
         input.add(8, kFourState, foliage(random, 8));
     Micromap lossless(gpu(), input, kAllow);
     lossless.build();
@@ -275,25 +275,25 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
 {
     Random random(43);
     MicromapInput input;
-    std::vector<std::vector<std::uint8_t>> states;
-    for (const std::uint32_t level : {2u, 4u, 5u, 6u, 7u, 8u}) {
+    std::vector<std::vector<uint8_t>> states;
+    for (const uint32_t level : {2u, 4u, 5u, 6u, 7u, 8u}) {
         states.push_back(foliage(random, level));
         input.add(level, kFourState, states.back());
     }
     Micromap micromap(gpu(), input, kAllow | kLossy);
     micromap.build();
     micromap.scribble();
-    Geometry geometry{.vertices = triangleRow(static_cast<std::uint32_t>(states.size()))};
+    Geometry geometry{.vertices = triangleRow(static_cast<uint32_t>(states.size()))};
     geometry.micromap = Attachment{&micromap};
     const Blas blas(gpu(), {geometry});
     Tlas tlas(gpu(), std::vector{instance(blas, {}, 0)});
     std::vector<Ray> rays;
-    std::vector<std::pair<std::size_t, std::uint32_t>> places;
-    for (std::size_t t = 0; t < states.size(); ++t) {
-        const std::uint32_t level = input.triangles[t].subdivisionLevel;
-        for (std::uint32_t i = 0; i<states[t].size(); i += level> 6 ? 7 : 1) {
+    std::vector<std::pair<size_t, uint32_t>> places;
+    for (size_t t = 0; t < states.size(); ++t) {
+        const uint32_t level = input.triangles[t].subdivisionLevel;
+        for (uint32_t i = 0; i<states[t].size(); i += level> 6 ? 7 : 1) {
             const auto [u, v] = microTriangleCentre(i, level);
-            for (const std::uint32_t flags : {0u, kRayForceTwoState}) {
+            for (const uint32_t flags : {0u, kRayForceTwoState}) {
                 rays.push_back(
                     {.origin = {1.5f * static_cast<float>(t) + static_cast<float>(u), static_cast<float>(v), 1},
                      .flags = flags});
@@ -303,16 +303,16 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
     }
     const std::vector<Result> results = Tracer(gpu()).trace(tlas, rays);
     const vellum::Micromap model = modelOf(input);
-    std::vector<std::size_t> asked(states.size());
-    std::vector<std::size_t> needed(states.size());
-    std::vector<std::size_t> tried(states.size());
-    for (std::size_t r = 0; r < rays.size(); ++r) {
+    std::vector<size_t> asked(states.size());
+    std::vector<size_t> needed(states.size());
+    std::vector<size_t> tried(states.size());
+    for (size_t r = 0; r < rays.size(); ++r) {
         const auto [t, i] = places[r];
-        const std::uint8_t state = states[t][i];
+        const uint8_t state = states[t][i];
         const Result &seen = results[r];
         if (rays[r].flags != 0) {
             // The model says how the even or larger part of an unknown micro-triangle is taken.
-            const std::uint32_t rise = input.triangles[t].subdivisionLevel - model.triangles[t].subdivisionLevel;
+            const uint32_t rise = input.triangles[t].subdivisionLevel - model.triangles[t].subdivisionLevel;
             const auto lossy = vellum::readState(model.data.data() + model.triangles[t].dataOffset, i >> (2 * rise),
                                                  vellum::Format::FourState);
             EXPECT_EQ(seen.candidateCount, 0u);
@@ -328,7 +328,7 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
             EXPECT_EQ(seen.committed, state == 1 ? kTriangle : kNone) << "triangle " << t << ", " << i;
         }
     }
-    for (std::size_t t = 0; t < states.size(); ++t)
+    for (size_t t = 0; t < states.size(); ++t)
         EXPECT_LE(static_cast<double>(asked[t] - needed[t]), static_cast<double>(tried[t]) / 16 * 1.1)
             << "triangle " << t;
     EXPECT_GT(asked.back(), needed.back());
@@ -338,7 +338,7 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
 TEST_F(Lossy, SmallTrianglesTakeNoMoreMemory)
 {
     MicromapInput input;
-    input.add(2, kFourState, std::vector<std::uint8_t>(16, 3));
+    input.add(2, kFourState, std::vector<uint8_t>(16, 3));
     Micromap lossless(gpu(), input, kAllow);
     Micromap lossy(gpu(), input, kAllow | kLossy);
     lossy.build();
@@ -352,7 +352,7 @@ TEST_F(LossyValidated, WrongInput)
 {
     Random random(47);
     MicromapInput good;
-    for (std::uint32_t i = 0; i < 300; ++i)
+    for (uint32_t i = 0; i < 300; ++i)
         good.add(3 + i % 6, kFourState, foliage(random, 3 + i % 6));
     MicromapInput wrong = good;
     wrong.declared = good.usage();
@@ -362,8 +362,8 @@ TEST_F(LossyValidated, WrongInput)
     wrong.triangles[4].format = 3;
     wrong.triangles[5].dataOffset = 0xfffffff0;
     wrong.triangles[6].subdivisionLevel = 9;
-    wrong.triangles[257].dataOffset = static_cast<std::uint32_t>(good.data.size() - 1);
-    const std::vector<std::size_t> bad{1, 2, 3, 4, 5, 6, 257};
+    wrong.triangles[257].dataOffset = static_cast<uint32_t>(good.data.size() - 1);
+    const std::vector<size_t> bad{1, 2, 3, 4, 5, 6, 257};
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
         SCOPED_TRACE(testing::Message() << "flags " << flags);
         const auto told = [&](const MicromapInput &input, VkBuildMicromapFlagsEXT all) {
@@ -388,8 +388,8 @@ TEST_F(LossyValidated, WrongInput)
         Micromap micromap(gpu(), wrong, flags | kLossy);
         micromap.build();
         gpu().takeUnexpectedMessages();
-        for (const std::size_t t : bad) {
-            std::uint32_t record[2];
+        for (const size_t t : bad) {
+            uint32_t record[2];
             std::memcpy(record, micromap.memory() + 64 + 8 * t, 8);
             EXPECT_EQ(record[0] & 31, 0u) << "triangle " << t;
             EXPECT_EQ(record[1], ~0u) << "triangle " << t;
@@ -403,7 +403,7 @@ TEST_F(LossyValidated, MoreDataThanDeclared)
 {
     Random random(53);
     MicromapInput input;
-    for (std::uint32_t i = 0; i < 100; ++i)
+    for (uint32_t i = 0; i < 100; ++i)
         input.add(i % 2 == 0 ? 5 : 8, kFourState, foliage(random, i % 2 == 0 ? 5 : 8));
     input.declared = {{99, 3, kFourState}, {1, 8, kFourState}};
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
@@ -419,12 +419,12 @@ TEST_F(Lossy, TwoStateTrianglesStay)
 {
     Random random(59);
     MicromapInput input;
-    for (std::uint32_t level = 0; level <= 9; ++level) {
+    for (uint32_t level = 0; level <= 9; ++level) {
         input.add(level, kTwoState, randomStates(random, level, kTwoState));
         input.add(level, kFourState, randomStates(random, level, kFourState));
     }
     MicromapInput declared = input;
-    for (std::uint32_t level = 0; level <= 9; ++level)
+    for (uint32_t level = 0; level <= 9; ++level)
         declared.declared.push_back({2, level, kFourState});
     Micromap micromap(gpu(), declared, kAllow | kLossy);
     micromap.build();

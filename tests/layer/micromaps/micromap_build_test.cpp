@@ -14,11 +14,11 @@ const vt::Labels kLabels{{"MicromapBuild.*", "stacked"}};
 using namespace vt;
 
 // A micromap's memory as the host model writes it; bytes that the device leaves alone are the guard byte.
-std::vector<std::uint8_t> modelOf(const Micromap &micromap, VkBuildMicromapFlagsEXT flags)
+std::vector<uint8_t> modelOf(const Micromap &micromap, VkBuildMicromapFlagsEXT flags)
 {
     const MicromapInput &in = micromap.input();
-    std::vector<std::uint8_t> triangles(in.stride * in.triangles.size() + 8);
-    for (std::size_t i = 0; i < in.triangles.size(); ++i)
+    std::vector<uint8_t> triangles(in.stride * in.triangles.size() + 8);
+    for (size_t i = 0; i < in.triangles.size(); ++i)
         std::memcpy(triangles.data() + i * in.stride, &in.triangles[i], 8);
     vellum::MicromapBuildInput input;
     input.triangles = triangles.data();
@@ -31,13 +31,13 @@ std::vector<std::uint8_t> modelOf(const Micromap &micromap, VkBuildMicromapFlags
     if (!input.share)
         input.copiedAhead = in.data.size();
     for (const VkMicromapUsageEXT &u : in.usage()) {
-        const std::uint32_t bytes = std::max(1u, (u.format == kTwoState ? 1u : 2u) << (2 * u.subdivisionLevel) >> 3);
+        const uint32_t bytes = std::max(1u, (u.format == kTwoState ? 1u : 2u) << (2 * u.subdivisionLevel) >> 3);
         input.triangleCount += u.count;
         input.capacityUnits += u.subdivisionLevel > 2 ? u.count * ((bytes + 15) / 16) : 0;
         input.maxLevel = std::max(input.maxLevel, u.subdivisionLevel);
     }
-    input.readable = static_cast<std::uint32_t>(in.triangles.size());
-    std::vector<std::uint8_t> memory(vellum::micromapMemoryBytes(input.triangleCount, input.capacityUnits), 0xa5);
+    input.readable = static_cast<uint32_t>(in.triangles.size());
+    std::vector<uint8_t> memory(vellum::micromapMemoryBytes(input.triangleCount, input.capacityUnits), 0xa5);
     vellum::writeMicromapMemory(input, memory.data());
     return memory;
 }
@@ -50,14 +50,14 @@ protected:
     void expectModel(Micromap &micromap, VkBuildMicromapFlagsEXT flags)
     {
         micromap.build();
-        const std::vector<std::uint8_t> expected = modelOf(micromap, flags);
-        const std::vector<std::uint8_t> actual(micromap.memory(), micromap.memory() + expected.size());
+        const std::vector<uint8_t> expected = modelOf(micromap, flags);
+        const std::vector<uint8_t> actual(micromap.memory(), micromap.memory() + expected.size());
         ASSERT_GE(micromap.size(), expected.size());
         if (actual == expected)
             return;
-        const auto at = static_cast<std::size_t>(std::mismatch(actual.begin(), actual.end(), expected.begin()).first -
-                                                 actual.begin());
-        std::uint32_t words[2][2];
+        const auto at =
+            static_cast<size_t>(std::mismatch(actual.begin(), actual.end(), expected.begin()).first - actual.begin());
+        uint32_t words[2][2];
         std::memcpy(words[0], actual.data() + at / 8 * 8, 8);
         std::memcpy(words[1], expected.data() + at / 8 * 8, 8);
         ADD_FAILURE() << "byte " << at << " of " << expected.size() << ": " << std::hex << words[0][0] << ' '
@@ -75,8 +75,8 @@ TEST_F(MicromapBuild, EveryLevelAndFormat)
         SCOPED_TRACE(testing::Message() << "flags " << flags);
         Random random(7);
         MicromapInput input;
-        for (std::uint32_t level = 0; level <= 12; ++level) {
-            for (const std::uint16_t format : {kTwoState, kFourState})
+        for (uint32_t level = 0; level <= 12; ++level) {
+            for (const uint16_t format : {kTwoState, kFourState})
                 input.add(level, format, randomStates(random, level, format));
         }
         Micromap micromap(gpu(), std::move(input), flags);
@@ -88,19 +88,18 @@ TEST_F(MicromapBuild, EveryLevelAndFormat)
 TEST_F(MicromapBuild, ManyTriangles)
 {
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
-        for (const std::size_t count : {1u, 2u, 255u, 256u, 257u, 3001u}) {
+        for (const size_t count : {1u, 2u, 255u, 256u, 257u, 3001u}) {
             SCOPED_TRACE(testing::Message() << "flags " << flags << ", " << count << " triangles");
-            Random random(static_cast<std::uint32_t>(count));
-            std::vector<std::vector<std::uint8_t>> patterns;
+            Random random(static_cast<uint32_t>(count));
+            std::vector<std::vector<uint8_t>> patterns;
             MicromapInput input;
-            for (std::size_t i = 0; i < count; ++i) {
-                const std::uint32_t level = random() % 6;
-                const std::uint16_t format = random() % 2 == 0 ? kTwoState : kFourState;
+            for (size_t i = 0; i < count; ++i) {
+                const uint32_t level = random() % 6;
+                const uint16_t format = random() % 2 == 0 ? kTwoState : kFourState;
                 if (!input.triangles.empty() && random() % 4 == 0)
                     input.triangles.push_back(input.triangles[random() % input.triangles.size()]);
                 else if (random() % 3 == 0)
-                    input.add(level, format,
-                              std::vector<std::uint8_t>(std::size_t{1} << (2 * level), random() % 2 == 0 ? 0 : 1));
+                    input.add(level, format, std::vector<uint8_t>(size_t{1} << (2 * level), random() % 2 == 0 ? 0 : 1));
                 else
                     input.add(level, format, randomStates(random, level, format));
             }
@@ -114,11 +113,11 @@ TEST_F(MicromapBuild, LargeTrianglesRepeated)
 {
     Random random(3);
     MicromapInput input;
-    for (const std::uint32_t level : {7u, 8u, 9u, 8u, 7u}) {
-        const std::vector<std::uint8_t> states = randomStates(random, level, kFourState);
+    for (const uint32_t level : {7u, 8u, 9u, 8u, 7u}) {
+        const std::vector<uint8_t> states = randomStates(random, level, kFourState);
         for (int copy = 0; copy < 3; ++copy) {
             input.add(level, kFourState, states);
-            input.add(level, kTwoState, std::vector<std::uint8_t>(std::size_t{1} << (2 * level), 1));
+            input.add(level, kTwoState, std::vector<uint8_t>(size_t{1} << (2 * level), 1));
         }
     }
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
@@ -134,13 +133,13 @@ TEST_F(MicromapBuild, UnalignedInput)
     // A rule of VK_KHR_opacity_micromap's; the layer takes any stride.
     gpu().breaks("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11647");
     for (const VkDeviceSize stride : {8u, 9u, 12u, 24u, 31u}) {
-        Random random(static_cast<std::uint32_t>(stride));
+        Random random(static_cast<uint32_t>(stride));
         MicromapInput input;
         input.stride = stride;
         for (int i = 0; i < 100; ++i) {
             input.data.push_back(0x77);
-            const std::uint32_t level = random() % 8;
-            const std::uint16_t format = random() % 2 == 0 ? kTwoState : kFourState;
+            const uint32_t level = random() % 8;
+            const uint16_t format = random() % 2 == 0 ? kTwoState : kFourState;
             input.add(level, format, randomStates(random, level, format));
         }
         for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kAllow}) {
@@ -158,7 +157,7 @@ TEST_F(MicromapBuild, SharedOffsets)
     MicromapInput input;
     input.add(6, kFourState, randomStates(random, 6, kFourState));
     const VkMicromapTriangleEXT whole = input.triangles[0];
-    for (std::uint32_t offset = 0; offset < 1024 - 64; offset += 5) {
+    for (uint32_t offset = 0; offset < 1024 - 64; offset += 5) {
         VkMicromapTriangleEXT part = whole;
         part.dataOffset = offset;
         part.subdivisionLevel = 4;
@@ -176,14 +175,14 @@ TEST_F(MicromapBuild, SharedOffsets)
 TEST_F(MicromapBuild, DataThatStays)
 {
     for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kFast, kTrace}) {
-        for (const std::uint32_t level : {3u, 4u, 7u, 99u}) { // 99: of all kinds
-            for (const std::uint16_t format : {kTwoState, kFourState}) {
+        for (const uint32_t level : {3u, 4u, 7u, 99u}) { // 99: of all kinds
+            for (const uint16_t format : {kTwoState, kFourState}) {
                 SCOPED_TRACE(testing::Message() << "flags " << flags << ", level " << level << ", format " << format);
                 Random random(level * 2 + format);
                 MicromapInput input;
                 const int count = level == 7 ? 40 : 1501;
                 for (int i = 0; i < count; ++i) {
-                    const std::uint32_t own = level == 99 ? random() % 6 : level;
+                    const uint32_t own = level == 99 ? random() % 6 : level;
                     if (level == 99 && own != 3)
                         input.data.resize((input.data.size() + 15) / 16 * 16);
                     if (i % 5 == 4)
@@ -196,7 +195,7 @@ TEST_F(MicromapBuild, DataThatStays)
                 input.declared = input.usage();
                 Micromap micromap(gpu(), input, flags);
                 expectModel(micromap, flags);
-                const std::size_t which = input.triangles.size() / 2;
+                const size_t which = input.triangles.size() / 2;
                 const VkMicromapTriangleEXT good = input.triangles[which];
                 VkMicromapTriangleEXT bad[4] = {good, good, good, good};
                 bad[0].dataOffset += 4;
@@ -233,9 +232,9 @@ TEST_F(MicromapBuild, ManyTrianglesThatStay)
 // Sizes as the project promises them: packed data plus 16 bytes a triangle plus 1 KiB.
 TEST_F(MicromapBuild, SizesAreTight)
 {
-    for (std::uint32_t level = 0; level <= 12; ++level) {
-        for (const std::uint32_t format : {kTwoState, kFourState}) {
-            for (const std::uint32_t count : {1u, 7u, 1000u}) {
+    for (uint32_t level = 0; level <= 12; ++level) {
+        for (const uint32_t format : {kTwoState, kFourState}) {
+            for (const uint32_t count : {1u, 7u, 1000u}) {
                 const VkMicromapUsageEXT usage{count, level, format};
                 VkMicromapBuildInfoEXT info{};
                 info.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
@@ -270,7 +269,7 @@ TEST_F(MicromapBuild, WrongInput)
         input.triangles[9].format = 0xffff;
         input.triangles[11].dataOffset = 0xffffffff;
         input.triangles[13].dataOffset = 0x7fffffff;
-        for (std::size_t i = 20; i < 30; ++i)
+        for (size_t i = 20; i < 30; ++i)
             input.triangles[i].subdivisionLevel = 6; // more data than declared
         Micromap micromap(gpu(), input, flags);
         expectModel(micromap, flags);
@@ -283,19 +282,19 @@ TEST_F(MicromapBuild, MoreLargeTrianglesThanDeclared)
 {
     Random random(11);
     MicromapInput input;
-    const std::vector<std::uint8_t> states = randomStates(random, 8, kFourState);
+    const std::vector<uint8_t> states = randomStates(random, 8, kFourState);
     input.add(8, kFourState, states);
     for (int i = 0; i < 3; ++i)
         input.triangles.push_back(input.triangles[0]);
     for (int i = 0; i < 4; ++i)
         input.add(8, kFourState, randomStates(random, 8, kFourState));
-    const std::uint32_t small = input.add(2, kFourState, std::vector<std::uint8_t>(16, 1));
+    const uint32_t small = input.add(2, kFourState, std::vector<uint8_t>(16, 1));
     input.declared = {{1, 8, kFourState}, {8, 2, kFourState}};
     for (const VkBuildMicromapFlagsEXT flags : {kAllow, kTrace | kAllow}) {
         Micromap micromap(gpu(), input, flags);
         micromap.build();
-        for (std::uint32_t i = 0; i <= small; ++i) {
-            std::uint32_t record[2];
+        for (uint32_t i = 0; i <= small; ++i) {
+            uint32_t record[2];
             std::memcpy(record, micromap.memory() + 64 + 8 * i, 8);
             EXPECT_EQ(record[0] & 31u, 0u) << "triangle " << i;
             EXPECT_EQ(record[1], i == small ? 0x55555555u : ~0u) << "triangle " << i;

@@ -22,7 +22,7 @@ const vt::Labels kLabels{{"MicromapCopy.*", "stacked forced"},
 using namespace vt;
 
 constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
-constexpr std::size_t kSerializedHeader = 64;
+constexpr size_t kSerializedHeader = 64;
 
 class MicromapCopy : public GpuTest
 {
@@ -34,14 +34,14 @@ protected:
     {
         Random random(17);
         MicromapInput input;
-        std::vector<std::vector<std::uint8_t>> patterns;
+        std::vector<std::vector<uint8_t>> patterns;
         for (int i = 0; i < 8; ++i)
             patterns.push_back(randomStates(random, 5, kFourState));
         for (int round = 0; round < 3; ++round) {
             for (const auto &pattern : patterns)
                 input.add(5, kFourState, pattern);
-            for (const std::uint8_t state : {std::uint8_t{0}, std::uint8_t{1}})
-                input.add(5, kFourState, std::vector<std::uint8_t>(1024, state));
+            for (const uint8_t state : {uint8_t{0}, uint8_t{1}})
+                input.add(5, kFourState, std::vector<uint8_t>(1024, state));
         }
         return input;
     }
@@ -75,14 +75,14 @@ protected:
         EXPECT_TRUE(out.intact());
         return out;
     }
-    void deserialize(std::span<const std::uint8_t> bytes, const Micromap &to)
+    void deserialize(std::span<const uint8_t> bytes, const Micromap &to)
     {
         const Buffer source = exact(bytes);
         gpu().submit(
             [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, source.address(), to.handle()); });
     }
     // A buffer that ends where the bytes do.
-    Buffer exact(std::span<const std::uint8_t> bytes)
+    Buffer exact(std::span<const uint8_t> bytes)
     {
         Buffer buffer(gpu(), bytes.size(), VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
         EXPECT_EQ(buffer.address() % 256, 0u);
@@ -91,17 +91,17 @@ protected:
     }
 
     // Traces the centres of micro-triangles of every triangle: what each state makes of a hit on non-opaque geometry.
-    std::vector<std::uint8_t> traced(const Micromap &micromap)
+    std::vector<uint8_t> traced(const Micromap &micromap)
     {
         const MicromapInput &input = micromap.input();
-        const auto count = static_cast<std::uint32_t>(input.triangles.size());
+        const auto count = static_cast<uint32_t>(input.triangles.size());
         Geometry geometry{.vertices = triangleRow(count)};
         geometry.micromap = Attachment{&micromap};
         const Blas blas(gpu(), {geometry});
         const Tlas tlas(gpu(), {instance(blas, {}, 1)});
         std::vector<Ray> rays;
-        for (std::uint32_t t = 0; t < count; ++t) {
-            for (const std::uint32_t i : samples(input.triangles[t])) {
+        for (uint32_t t = 0; t < count; ++t) {
+            for (const uint32_t i : samples(input.triangles[t])) {
                 const auto centre = microTriangleCentre(i, input.triangles[t].subdivisionLevel);
                 Ray ray;
                 ray.origin = {1.5f * static_cast<float>(t) + static_cast<float>(centre[0]),
@@ -109,36 +109,33 @@ protected:
                 rays.push_back(ray);
             }
         }
-        std::vector<std::uint8_t> seen;
+        std::vector<uint8_t> seen;
         for (const Result &r : Tracer(gpu()).trace(tlas, rays))
             seen.push_back(r.candidateCount > 0 ? 2 : r.committed == kTriangle ? 1 : 0);
         return seen;
     }
     // The same, as the input says.
-    static std::vector<std::uint8_t> expected(const MicromapInput &input)
+    static std::vector<uint8_t> expected(const MicromapInput &input)
     {
-        std::vector<std::uint8_t> out;
+        std::vector<uint8_t> out;
         for (const VkMicromapTriangleEXT &t : input.triangles) {
-            for (const std::uint32_t i : samples(t)) {
-                const auto state = static_cast<std::uint8_t>(
+            for (const uint32_t i : samples(t)) {
+                const auto state = static_cast<uint8_t>(
                     vellum::readState(input.data.data() + t.dataOffset, i, static_cast<vellum::Format>(t.format)));
-                out.push_back(std::min<std::uint8_t>(state, 2));
+                out.push_back(std::min<uint8_t>(state, 2));
             }
         }
         return out;
     }
-    static std::vector<std::uint32_t> samples(const VkMicromapTriangleEXT &t)
+    static std::vector<uint32_t> samples(const VkMicromapTriangleEXT &t)
     {
-        std::vector<std::uint32_t> out;
-        const std::uint32_t count = 1u << (2 * t.subdivisionLevel);
-        for (std::uint32_t i = 0; i < count; i += std::max(1u, count / 61))
+        std::vector<uint32_t> out;
+        const uint32_t count = 1u << (2 * t.subdivisionLevel);
+        for (uint32_t i = 0; i < count; i += std::max(1u, count / 61))
             out.push_back(i);
         return out;
     }
-    std::vector<std::uint8_t> unknown(const MicromapInput &input)
-    {
-        return std::vector<std::uint8_t>(expected(input).size(), 2);
-    }
+    std::vector<uint8_t> unknown(const MicromapInput &input) { return std::vector<uint8_t>(expected(input).size(), 2); }
 
     void expectMessage(const char *part)
     {
@@ -151,7 +148,7 @@ protected:
     }
     // What the rule is called in VK_EXT_opacity_micromap and in VK_KHR_opacity_micromap.
     const char *id(const char *ext, const char *khr) { return gpu().khr() ? khr : ext; }
-    static std::vector<std::uint8_t> bytesOf(const Guarded &guarded)
+    static std::vector<uint8_t> bytesOf(const Guarded &guarded)
     {
         return {guarded.bytes(), guarded.bytes() + guarded.size()};
     }
@@ -198,7 +195,7 @@ TEST_F(MicromapCopy, CompactedSizeDoesNotDependOnTheRun)
 {
     // Many equal triangles, so that invocations compete for the slots; scratch memory holds what the run before left.
     Random random(23);
-    std::vector<std::vector<std::uint8_t>> patterns;
+    std::vector<std::vector<uint8_t>> patterns;
     for (int i = 0; i < 40; ++i)
         patterns.push_back(randomStates(random, 3, kFourState));
     MicromapInput input;
@@ -207,7 +204,7 @@ TEST_F(MicromapCopy, CompactedSizeDoesNotDependOnTheRun)
     Micromap micromap(gpu(), input, kAllow);
     micromap.build();
     const VkDeviceSize size = compactedSize(micromap);
-    const std::vector<std::uint8_t> first(micromap.memory(), micromap.memory() + std::min(size, micromap.size()));
+    const std::vector<uint8_t> first(micromap.memory(), micromap.memory() + std::min(size, micromap.size()));
     for (int run = 0; run < 10; ++run) {
         micromap.build();
         ASSERT_EQ(compactedSize(micromap), size);
@@ -228,7 +225,7 @@ TEST_F(MicromapCopy, SerializedHeader)
     properties.pNext = &id;
     vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
     EXPECT_EQ(std::memcmp(bytes.bytes(), id.driverUUID, VK_UUID_SIZE), 0);
-    std::uint64_t sizes[2];
+    uint64_t sizes[2];
     std::memcpy(sizes, bytes.bytes() + 32, 16);
     EXPECT_EQ(sizes[0], bytes.size());
     EXPECT_EQ(sizes[1], told(kRepetitiveCompacted));
@@ -242,7 +239,7 @@ TEST_F(MicromapCopy, CompatibilityOfEveryByte)
     const Guarded bytes = serialize(source);
     const auto compatible = [&] { return micromapIsCompatible(gpu(), bytes.bytes()); };
     EXPECT_TRUE(compatible());
-    for (std::size_t i = 0; i < 2 * VK_UUID_SIZE; ++i) {
+    for (size_t i = 0; i < 2 * VK_UUID_SIZE; ++i) {
         bytes.bytes()[i] ^= 1;
         EXPECT_FALSE(compatible()) << i;
         bytes.bytes()[i] ^= 1;
@@ -255,7 +252,7 @@ TEST_F(MicromapCopy, SerializedMicromapsCanBeReloaded)
     for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kAllow}) {
         Micromap source(gpu(), repetitive(), flags);
         source.build();
-        const std::vector<std::uint8_t> bytes = bytesOf(serialize(source));
+        const std::vector<uint8_t> bytes = bytesOf(serialize(source));
         // Into one of the source's size, one that it just fits in, and a larger one.
         for (const VkDeviceSize size :
              {source.size(), VkDeviceSize{bytes.size() - kSerializedHeader}, source.size() + 4096}) {
@@ -271,8 +268,8 @@ TEST_F(MicromapCopy, WhatIsNoMicromapBecomesUnknown)
 {
     Micromap source(gpu(), repetitive());
     source.build();
-    const std::vector<std::uint8_t> good = bytesOf(serialize(source));
-    const auto expectUnknown = [&](std::vector<std::uint8_t> bytes, VkDeviceSize size, const char *what,
+    const std::vector<uint8_t> good = bytesOf(serialize(source));
+    const auto expectUnknown = [&](std::vector<uint8_t> bytes, VkDeviceSize size, const char *what,
                                    bool tooLarge = false) {
         SCOPED_TRACE(what);
         const Micromap target(gpu(), source, size);
@@ -283,10 +280,10 @@ TEST_F(MicromapCopy, WhatIsNoMicromapBecomesUnknown)
     expectUnknown({good.begin(), good.end() - 16}, source.size(), "cut off");
     expectUnknown({good.begin(), good.begin() + 64}, source.size(), "only a header");
     expectUnknown({good.begin(), good.begin() + 16}, source.size(), "less than a header");
-    expectUnknown(std::vector<std::uint8_t>(good.size(), 0), source.size(), "zeros");
-    expectUnknown(std::vector<std::uint8_t>(good.size(), 0xff), source.size(), "ones");
+    expectUnknown(std::vector<uint8_t>(good.size(), 0), source.size(), "zeros");
+    expectUnknown(std::vector<uint8_t>(good.size(), 0xff), source.size(), "ones");
     expectUnknown(good, good.size() - kSerializedHeader - 16, "too large for the target", true);
-    std::vector<std::uint8_t> other = good;
+    std::vector<uint8_t> other = good;
     other[28] ^= 0x40;
     expectUnknown(other, source.size(), "another layout");
     other = good;
@@ -299,14 +296,14 @@ TEST_F(MicromapCopy, RecordsOfAFileAreNotTrusted)
     MicromapInput input;
     Random random(9);
     for (int i = 0; i < 32; ++i)
-        input.add(5, kFourState, std::vector<std::uint8_t>(1024, static_cast<std::uint8_t>(i % 2)));
+        input.add(5, kFourState, std::vector<uint8_t>(1024, static_cast<uint8_t>(i % 2)));
     for (int i = 0; i < 32; ++i)
         input.add(5, kFourState, randomStates(random, 5, kFourState));
     Micromap source(gpu(), std::move(input));
     source.build();
-    std::vector<std::uint8_t> bytes = bytesOf(serialize(source));
-    const auto record = [&](std::size_t i, std::uint32_t word0, std::uint32_t word1) {
-        const std::uint32_t words[2] = {word0, word1};
+    std::vector<uint8_t> bytes = bytesOf(serialize(source));
+    const auto record = [&](size_t i, uint32_t word0, uint32_t word1) {
+        const uint32_t words[2] = {word0, word1};
         std::memcpy(bytes.data() + kSerializedHeader + 64 + i * 8, words, 8);
     };
     record(40, 6 | 0x7ffffffu << 5, 0xaaaaaaaa); // far outside
@@ -316,11 +313,11 @@ TEST_F(MicromapCopy, RecordsOfAFileAreNotTrusted)
     record(44, 31 | 0xffffffe0, 0);              // far kind of no level
     const Micromap target(gpu(), source, source.size());
     deserialize(bytes, target);
-    const std::vector<std::uint8_t> seen = traced(target);
-    std::vector<std::uint8_t> want = expected(source.input());
-    const std::size_t each = want.size() / 64;
-    std::fill(want.begin() + static_cast<std::ptrdiff_t>(40 * each),
-              want.begin() + static_cast<std::ptrdiff_t>(45 * each), std::uint8_t{2});
+    const std::vector<uint8_t> seen = traced(target);
+    std::vector<uint8_t> want = expected(source.input());
+    const size_t each = want.size() / 64;
+    std::fill(want.begin() + static_cast<ptrdiff_t>(40 * each), want.begin() + static_cast<ptrdiff_t>(45 * each),
+              uint8_t{2});
     EXPECT_EQ(seen, want);
 }
 
@@ -381,7 +378,7 @@ TEST_F(MicromapCopy, RefusedCopies)
     gpu().submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, memory.address(), {}); });
     expectMessage(
         id("VkCopyMemoryToMicromapInfoEXT-dst-parameter", "VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter"));
-    for (const std::uint8_t byte : memory.as<std::uint8_t>())
+    for (const uint8_t byte : memory.as<uint8_t>())
         ASSERT_EQ(byte, 0);
     refused(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
     expectDone();
@@ -408,21 +405,21 @@ TEST_F(MicromapCopy, ALargeMicromap)
 // 2^22 triangles that share 64 patterns, compacted; some of them, picked out by index, are traced.
 TEST_F(MicromapCopy, FourMillionTriangles)
 {
-    constexpr std::uint32_t kCount = 1u << 22;
+    constexpr uint32_t kCount = 1u << 22;
     MicromapInput input;
     input.declared = {{kCount, 3, kFourState}};
     Random random(41);
-    std::vector<std::vector<std::uint8_t>> patterns;
+    std::vector<std::vector<uint8_t>> patterns;
     for (int i = 0; i < 64; ++i) {
-        std::vector<std::uint8_t> states(64);
-        for (std::uint8_t &state : states)
-            state = static_cast<std::uint8_t>(random() >> 8 & 3u);
+        std::vector<uint8_t> states(64);
+        for (uint8_t &state : states)
+            state = static_cast<uint8_t>(random() >> 8 & 3u);
         patterns.push_back(states);
         input.add(3, kFourState, states);
     }
     input.triangles.resize(kCount);
-    const auto patternOf = [](std::uint32_t i) { return i * 2654435761u >> 26; };
-    for (std::uint32_t i = 0; i < kCount; ++i)
+    const auto patternOf = [](uint32_t i) { return i * 2654435761u >> 26; };
+    for (uint32_t i = 0; i < kCount; ++i)
         input.triangles[i] = {patternOf(i) * 16, 3, kFourState};
     Micromap source(gpu(), std::move(input), kAllow);
     source.build();
@@ -432,22 +429,22 @@ TEST_F(MicromapCopy, FourMillionTriangles)
     copy(source, compact, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
 
     Attachment attachment{&compact, VK_INDEX_TYPE_UINT32};
-    for (std::uint32_t i = 0; i < 64; ++i)
-        attachment.indices.push_back(static_cast<std::int32_t>(i * 65537 + 64511));
+    for (uint32_t i = 0; i < 64; ++i)
+        attachment.indices.push_back(static_cast<int32_t>(i * 65537 + 64511));
     Geometry geometry{.vertices = triangleRow(64)};
     geometry.micromap = attachment;
     const Blas blas(gpu(), {geometry});
     const Tlas tlas(gpu(), {instance(blas, {}, 1)});
     std::vector<Ray> rays;
     std::vector<int> expectedCandidates;
-    for (std::uint32_t t = 0; t < 64; ++t) {
-        for (std::uint32_t i = 0; i < 64; ++i) {
+    for (uint32_t t = 0; t < 64; ++t) {
+        for (uint32_t i = 0; i < 64; ++i) {
             const auto centre = microTriangleCentre(i, 3);
             Ray ray;
             ray.origin = {1.5f * static_cast<float>(t) + static_cast<float>(centre[0]), static_cast<float>(centre[1]),
                           1};
             rays.push_back(ray);
-            const auto micromapTriangle = static_cast<std::uint32_t>(attachment.indices[t]);
+            const auto micromapTriangle = static_cast<uint32_t>(attachment.indices[t]);
             expectedCandidates.push_back(patterns[patternOf(micromapTriangle)][i] >= 2 ? 1 : 0);
         }
     }
@@ -461,9 +458,9 @@ TEST_F(MicromapCopy, OneTriangleOfLevelTwelve)
 {
     Random random(43);
     MicromapInput input;
-    std::vector<std::uint8_t> states(std::size_t{1} << 24);
-    for (std::uint8_t &state : states)
-        state = static_cast<std::uint8_t>(random() >> 8 & 3u);
+    std::vector<uint8_t> states(size_t{1} << 24);
+    for (uint8_t &state : states)
+        state = static_cast<uint8_t>(random() >> 8 & 3u);
     input.add(12, kFourState, states);
     for (const VkBuildMicromapFlagsEXT flags : {VkBuildMicromapFlagsEXT{0}, kAllow}) {
         Micromap source(gpu(), input, flags);
@@ -489,14 +486,14 @@ TEST_F(MicromapCopyValidated, WrongCopiesAreToldOf)
     copy(source, small, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
     expectMessage("VELLUM-micromap-copy-size");
     const Micromap target(gpu(), source, source.size());
-    deserialize(std::vector<std::uint8_t>(1000, 7), target);
+    deserialize(std::vector<uint8_t>(1000, 7), target);
     expectMessage(
         id("VkCopyMemoryToMicromapInfoEXT-src-07549", "VkCopyMemoryToAccelerationStructureInfoKHR-src-04960"));
     const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     gpu().submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, target.handle(), memory.address()); });
     expectMessage("VELLUM-micromap-not-constructed");
-    for (const std::uint8_t byte : memory.as<std::uint8_t>())
+    for (const uint8_t byte : memory.as<uint8_t>())
         ASSERT_EQ(byte, 0);
 }
 

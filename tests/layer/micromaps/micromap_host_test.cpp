@@ -18,7 +18,7 @@ using namespace vt;
 
 constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
 constexpr VkBuildMicromapFlagsEXT kFast = VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT;
-constexpr std::size_t kHeader = 64;
+constexpr size_t kHeader = 64;
 
 class MicromapHost : public GpuTest
 {
@@ -31,8 +31,8 @@ protected:
         Random random(51);
         MicromapInput input;
         for (int i = 0; i < 300; ++i) {
-            const std::uint32_t level = (random() >> 8) % 9;
-            const std::uint16_t format = random() >> 31 != 0 ? kTwoState : kFourState;
+            const uint32_t level = (random() >> 8) % 9;
+            const uint16_t format = random() >> 31 != 0 ? kTwoState : kFourState;
             if (i % 3 == 0 && !input.triangles.empty())
                 input.triangles.push_back(input.triangles[(random() >> 8) % input.triangles.size()]);
             else
@@ -41,7 +41,7 @@ protected:
         return input;
     }
     // Data that can stay as it lies, without bytes that no triangle has.
-    static MicromapInput dense(std::uint32_t level, std::uint16_t format)
+    static MicromapInput dense(uint32_t level, uint16_t format)
     {
         Random random(level + format);
         MicromapInput input;
@@ -50,7 +50,7 @@ protected:
         return input;
     }
     // The bytes in use.
-    static std::vector<std::uint8_t> used(const Micromap &micromap)
+    static std::vector<uint8_t> used(const Micromap &micromap)
     {
         return {micromap.memory(), micromap.memory() + vellum::micromapMemoryInUse(micromap.memory())};
     }
@@ -76,9 +76,9 @@ protected:
         VT_CHECK(gpu().vk().WriteMicromapsPropertiesEXT(gpu().device(), 1, &handle, type, 8, &size, 8));
         return size;
     }
-    std::vector<std::uint8_t> hostSerialize(const Micromap &micromap)
+    std::vector<uint8_t> hostSerialize(const Micromap &micromap)
     {
-        std::vector<std::uint8_t> bytes(hostSize(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT));
+        std::vector<uint8_t> bytes(hostSize(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT));
         VkCopyMicromapToMemoryInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
         info.src = micromap.handle().ext;
@@ -87,7 +87,7 @@ protected:
         VT_CHECK(gpu().vk().CopyMicromapToMemoryEXT(gpu().device(), VK_NULL_HANDLE, &info));
         return bytes;
     }
-    void hostDeserialize(const std::vector<std::uint8_t> &bytes, const Micromap &to)
+    void hostDeserialize(const std::vector<uint8_t> &bytes, const Micromap &to)
     {
         VkCopyMemoryToMicromapInfoEXT info{};
         info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
@@ -96,7 +96,7 @@ protected:
         info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
         VT_CHECK(gpu().vk().CopyMemoryToMicromapEXT(gpu().device(), VK_NULL_HANDLE, &info));
     }
-    Buffer deviceSerialize(const Micromap &micromap, std::size_t size)
+    Buffer deviceSerialize(const Micromap &micromap, size_t size)
     {
         Buffer out(gpu(), size, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
         VkCopyMicromapToMemoryInfoEXT info{};
@@ -138,8 +138,8 @@ TEST_F(MicromapHost, BuildsAreThoseOfTheDevice)
 TEST_F(MicromapHost, MoreLargeTrianglesThanDeclared)
 {
     MicromapInput input;
-    std::vector<std::uint8_t> states(1u << 16);
-    for (std::size_t i = 0; i < states.size(); ++i)
+    std::vector<uint8_t> states(1u << 16);
+    for (size_t i = 0; i < states.size(); ++i)
         states[i] = i % 4;
     input.add(8, kFourState, states);
     for (int i = 0; i < 7; ++i)
@@ -149,10 +149,10 @@ TEST_F(MicromapHost, MoreLargeTrianglesThanDeclared)
         SCOPED_TRACE(testing::Message() << "flags " << flags);
         Micromap device(gpu(), input, flags);
         device.build();
-        for (std::size_t i = 0; i < input.triangles.size(); ++i) {
-            std::uint32_t coarse = 0;
+        for (size_t i = 0; i < input.triangles.size(); ++i) {
+            uint32_t coarse = 0;
             std::memcpy(&coarse, device.memory() + 64 + 8 * i + 4, 4);
-            for (std::uint32_t sub = 0; sub < 16; ++sub)
+            for (uint32_t sub = 0; sub < 16; ++sub)
                 EXPECT_GE(coarse >> (2 * sub) & 3u, 2u) << "triangle " << i;
         }
         const Micromap host(gpu(), input, flags);
@@ -185,7 +185,7 @@ TEST_F(MicromapHost, SerializedByOneReadByTheOther)
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
         Micromap source(gpu(), mixed(), flags);
         source.build();
-        const std::vector<std::uint8_t> bytes = hostSerialize(source);
+        const std::vector<uint8_t> bytes = hostSerialize(source);
         const Buffer device = deviceSerialize(source, bytes.size());
         EXPECT_EQ(std::memcmp(bytes.data(), device.bytes(), bytes.size()), 0);
         const Micromap target(gpu(), source, bytes.size() - kHeader);
@@ -200,7 +200,7 @@ TEST_F(MicromapHost, SerializedByOneReadByTheOther)
         gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMemoryToMicromapEXT(commands, &info); });
         EXPECT_EQ(used(onDevice), used(source));
         // What is no micromap is not believed.
-        std::vector<std::uint8_t> bad = bytes;
+        std::vector<uint8_t> bad = bytes;
         bad[20] ^= 1;
         hostDeserialize(bad, target);
         EXPECT_TRUE(used(target).empty());
@@ -218,8 +218,8 @@ TEST_F(MicromapHost, MappedOrNot)
     Micromap reference(gpu(), mixed(), kAllow);
     reference.build();
     const Micromap micromap(gpu(), mixed(), kAllow);
-    const std::vector<std::uint8_t> expected = used(reference);
-    std::uint8_t *const before = const_cast<std::uint8_t *>(micromap.memory());
+    const std::vector<uint8_t> expected = used(reference);
+    uint8_t *const before = const_cast<uint8_t *>(micromap.memory());
     vkUnmapMemory(gpu().device(), micromap.storageMemory());
     hostBuild(micromap);
     void *part = nullptr;
@@ -228,7 +228,7 @@ TEST_F(MicromapHost, MappedOrNot)
     vkUnmapMemory(gpu().device(), micromap.storageMemory());
     void *whole = nullptr;
     VT_CHECK(vkMapMemory(gpu().device(), micromap.storageMemory(), 0, VK_WHOLE_SIZE, 0, &whole));
-    EXPECT_EQ(static_cast<std::uint8_t *>(part), static_cast<std::uint8_t *>(whole) + 64);
+    EXPECT_EQ(static_cast<uint8_t *>(part), static_cast<uint8_t *>(whole) + 64);
     ASSERT_EQ(micromap.memory(), before) << "lavapipe's memory has one address";
     EXPECT_EQ(used(micromap), expected);
 }
@@ -290,7 +290,7 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
     refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07558");
     std::swap(copy.src, copy.dst);
     refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07559");
-    std::vector<std::uint8_t> bytes(4096);
+    std::vector<uint8_t> bytes(4096);
     VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
     save.src = unbound;
     save.dst.hostAddress = bytes.data();
@@ -303,7 +303,7 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
     load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
     refused(gpu().vk().CopyMemoryToMicromapEXT(gpu().device(), VK_NULL_HANDLE, &load),
             "vkCopyMemoryToMicromapEXT-buffer-07565");
-    EXPECT_EQ(bytes, std::vector<std::uint8_t>(4096));
+    EXPECT_EQ(bytes, std::vector<uint8_t>(4096));
     gpu().vk().DestroyMicromapEXT(gpu().device(), unbound, nullptr);
     vkDestroyBuffer(gpu().device(), buffer, nullptr);
 }
@@ -313,7 +313,7 @@ TEST_F(MicromapHost, RefusedModesPointersAndSizes)
     const Micromap source(gpu(), mixed()), target(gpu(), mixed());
     hostBuild(source);
     hostBuild(target);
-    const std::vector<std::uint8_t> before = used(target);
+    const std::vector<uint8_t> before = used(target);
     const auto refused = [&](VkResult result, const char *rule) {
         EXPECT_LT(result, VK_SUCCESS);
         expectMessage(rule);
@@ -325,7 +325,7 @@ TEST_F(MicromapHost, RefusedModesPointersAndSizes)
         (data ? build.data : build.triangleArray).hostAddress = nullptr;
         refused(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &build), "vkBuildMicromapsEXT-pInfos-07553");
     }
-    std::vector<std::uint8_t> bytes(1 << 20);
+    std::vector<uint8_t> bytes(1 << 20);
     VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
     save.src = source.handle().ext;
     save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
@@ -336,7 +336,7 @@ TEST_F(MicromapHost, RefusedModesPointersAndSizes)
     refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load), "vkCopyMemoryToMicromapEXT-pInfo-07563");
     const std::array<VkMicromapEXT, 2> both{source.handle().ext, target.handle().ext};
     std::array<VkDeviceSize, 2> sizes{1, 1};
-    const auto write = [&](VkQueryType type, std::size_t size, std::size_t stride) {
+    const auto write = [&](VkQueryType type, size_t size, size_t stride) {
         return gpu().vk().WriteMicromapsPropertiesEXT(device, 2, both.data(), type, size, sizes.data(), stride);
     };
     refused(write(VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 12, 8), "vkWriteMicromapsPropertiesEXT-dataSize-07576");
@@ -359,13 +359,13 @@ TEST_F(MicromapHost, OtherModes)
         EXPECT_EQ(used(target), used(source));
     }
     target.forget();
-    std::vector<std::uint8_t> bytes(1 << 20);
+    std::vector<uint8_t> bytes(1 << 20);
     VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
     save.src = source.handle().ext;
     save.dst.hostAddress = bytes.data();
     save.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
     done(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save), "VkCopyMicromapToMemoryInfoEXT-mode-07542");
-    EXPECT_EQ(bytes == std::vector<std::uint8_t>(bytes.size()), strictTests());
+    EXPECT_EQ(bytes == std::vector<uint8_t>(bytes.size()), strictTests());
     VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     load.src.hostAddress = bytes.data();
     load.dst = target.handle().ext;
@@ -440,7 +440,7 @@ TEST_F(MicromapHostDisabled, IsRefused)
     const Micromap other(gpu(), mixed());
     refused(hostCopy(micromap, other, VK_COPY_MICROMAP_MODE_CLONE_EXT),
             "VUID-vkCopyMicromapEXT-micromapHostCommands-07560");
-    std::vector<std::uint8_t> bytes(4096);
+    std::vector<uint8_t> bytes(4096);
     VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     load.src.hostAddress = bytes.data();
     load.dst = micromap.handle().ext;

@@ -33,14 +33,14 @@ protected:
     {
         MicromapInput input;
         for (int i = 0; i < 4; ++i)
-            input.add(4, kFourState, std::vector<std::uint8_t>(256, 0));
+            input.add(4, kFourState, std::vector<uint8_t>(256, 0));
         return input;
     }
     // Makes its memory say that it is that micromap, as far as it goes.
     static void alias(const Micromap &target, const Micromap &built)
     {
-        std::memcpy(const_cast<std::uint8_t *>(target.memory()), built.memory(),
-                    static_cast<std::size_t>(std::min(target.size(), built.size())));
+        std::memcpy(const_cast<uint8_t *>(target.memory()), built.memory(),
+                    static_cast<size_t>(std::min(target.size(), built.size())));
     }
     void copy(const Micromap &from, const Micromap &to)
     {
@@ -115,21 +115,21 @@ protected:
         return pool.value();
     }
     // Candidates at the centres of four triangles with the micromap.
-    std::vector<std::uint32_t> candidates(const Micromap &micromap)
+    std::vector<uint32_t> candidates(const Micromap &micromap)
     {
         Geometry geometry{.vertices = triangleRow(4)};
         geometry.micromap = Attachment{&micromap};
         const Blas blas(gpu_, {geometry});
         const Tlas tlas(gpu_, {instance(blas, {}, 1)});
         std::vector<Ray> rays(4);
-        for (std::size_t i = 0; i < rays.size(); ++i)
+        for (size_t i = 0; i < rays.size(); ++i)
             rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
-        std::vector<std::uint32_t> out;
+        std::vector<uint32_t> out;
         for (const Result &r : Tracer(gpu_).trace(tlas, rays))
             out.push_back(r.candidateCount);
         return out;
     }
-    static inline const std::vector<std::uint32_t> kUnknown{1, 1, 1, 1};
+    static inline const std::vector<uint32_t> kUnknown{1, 1, 1, 1};
 
 private:
     Gpu gpu_;
@@ -175,7 +175,7 @@ TEST_P(MicromapSize, MemoryOfALargerMicromap)
     input.add(4, kFourState, randomStates(random, 4, kFourState));
     Micromap large(gpu(), input);
     large.build();
-    EXPECT_EQ(candidates(large), std::vector<std::uint32_t>(4, 0));
+    EXPECT_EQ(candidates(large), std::vector<uint32_t>(4, 0));
     for (const VkDeviceSize size : {64u, 80u, 96u, 112u, 368u}) {
         SCOPED_TRACE(testing::Message() << size << " bytes");
         const Micromap small(gpu(), large, size);
@@ -185,7 +185,7 @@ TEST_P(MicromapSize, MemoryOfALargerMicromap)
     // Of all bytes that are in use, it is a copy.
     const Micromap same(gpu(), large, large.size());
     alias(same, large);
-    EXPECT_EQ(candidates(same), std::vector<std::uint32_t>(4, 0));
+    EXPECT_EQ(candidates(same), std::vector<uint32_t>(4, 0));
 }
 
 // What only the GPU finds out about a copy, the next command buffer tells of, once, without the setting `validate`.
@@ -227,7 +227,7 @@ TEST(MicromapSizeOnTheHost, SmallerThanAnyMicromap)
 {
     Gpu gpu(Options{.api = Api::Ext});
     MicromapInput input;
-    input.add(4, kFourState, std::vector<std::uint8_t>(256, 0));
+    input.add(4, kFourState, std::vector<uint8_t>(256, 0));
     Micromap source(gpu, input);
     source.build();
     const auto expectOne = [&](const std::string &id) {
@@ -245,7 +245,7 @@ TEST(MicromapSizeOnTheHost, SmallerThanAnyMicromap)
         info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
         EXPECT_EQ(gpu.vk().CopyMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info), VK_SUCCESS);
         expectOne("VELLUM-micromap-copy-size");
-        const std::vector<std::uint8_t> nonsense(4096, 7);
+        const std::vector<uint8_t> nonsense(4096, 7);
         VkCopyMemoryToMicromapInfoEXT in{};
         in.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
         in.src.hostAddress = nonsense.data();

@@ -30,7 +30,7 @@ protected:
     {
         SCOPED_TRACE(rule);
         const Micromap target(gpu(), micromap_, micromap_.size());
-        const std::vector<std::uint8_t> before(target.memory(), target.memory() + target.size());
+        const std::vector<uint8_t> before(target.memory(), target.memory() + target.size());
         StructureBuild bad(micromap_.buildInfo(), target.handle().khr);
         change(bad);
         if (sizes) {
@@ -39,7 +39,7 @@ protected:
         }
         build(bad.info);
         expectRefused(rule);
-        EXPECT_EQ(std::vector<std::uint8_t>(target.memory(), target.memory() + target.size()), before);
+        EXPECT_EQ(std::vector<uint8_t>(target.memory(), target.memory() + target.size()), before);
     }
 
     // Of a structure that a strict layer does not make.
@@ -161,8 +161,8 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
 TEST_F(MicromapStructureRefused, LossyOfTwoStates)
 {
     MicromapInput input;
-    for (std::uint8_t i = 0; i < 8; ++i)
-        input.add(4, kTwoState, std::vector<std::uint8_t>(256, i % 2));
+    for (uint8_t i = 0; i < 8; ++i)
+        input.add(4, kTwoState, std::vector<uint8_t>(256, i % 2));
     const Micromap ordinary(gpu(), input);
     const Micromap target(gpu(), ordinary, ordinary.size());
     StructureBuild lossy(ordinary.buildInfo(), target.handle().khr);
@@ -271,7 +271,7 @@ TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
     const Micromap target(gpu(), micromap_, micromap_.size());
     const StructureBuild again(micromap_.buildInfo(), target.handle().khr);
     const VkDeviceAddress address = 0;
-    const std::uint32_t stride = 16, most = 1, *counts = &most;
+    const uint32_t stride = 16, most = 1, *counts = &most;
     gpu().submit([&](VkCommandBuffer commands) { indirect(commands, 1, &again.info, &address, &stride, &counts); });
     expectRefused("VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557");
     EXPECT_EQ(tracedMicromap(target), strictTests() ? kPlain : kForwards);
@@ -307,12 +307,12 @@ TEST_F(MicromapStructureRefused, Copies)
     out(memory.address() + 8, kOut, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
     in(0, kIn, "VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742");
     in(memory.address() + 8, kIn, "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
-    for (const std::uint8_t byte : memory.as<std::uint8_t>())
+    for (const uint8_t byte : memory.as<uint8_t>())
         ASSERT_EQ(byte, 0);
     // Modes that these commands do not have, and addresses that are aligned enough for the layer.
     const auto outAndIn = [&](VkDeviceAddress address, VkCopyMicromapModeEXT save, VkCopyMicromapModeEXT load,
                               const char *outRule, const char *inRule) {
-        std::memset(memory.bytes(), 0, static_cast<std::size_t>(memory.size()));
+        std::memset(memory.bytes(), 0, static_cast<size_t>(memory.size()));
         target.forget();
         out(address, save, outRule);
         in(address, load, inRule);
@@ -392,7 +392,7 @@ TEST_F(MicromapStructureRefused, Queries)
             "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
     refused(VK_NULL_HANDLE, kSize,
             "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter");
-    std::uint64_t value = 0;
+    uint64_t value = 0;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
 }
 

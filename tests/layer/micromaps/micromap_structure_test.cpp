@@ -44,10 +44,10 @@ TEST_F(MicromapStructure, BuiltBesideOtherStructures)
 TEST_F(MicromapStructure, UsageCountsAndGeometriesBehindPointers)
 {
     MicromapInput input = eightStates();
-    input.add(2, kTwoState, std::vector<std::uint8_t>(16, 1));
+    input.add(2, kTwoState, std::vector<uint8_t>(16, 1));
     Micromap micromap(gpu(), input);
     micromap.build();
-    const std::vector<std::uint8_t> expected(micromap.memory(), micromap.memory() + 64 + 10 * 8);
+    const std::vector<uint8_t> expected(micromap.memory(), micromap.memory() + 64 + 10 * 8);
     const StructureBuild plain(micromap.buildInfo(), micromap.handle().khr);
     const auto sizes = sizesOf(plain.info);
     EXPECT_EQ(sizes.accelerationStructureSize, micromap.size());
@@ -69,7 +69,7 @@ TEST_F(MicromapStructure, UsageCountsAndGeometriesBehindPointers)
             EXPECT_EQ(sizesOf(build.info).accelerationStructureSize, sizes.accelerationStructureSize);
             EXPECT_EQ(sizesOf(build.info).buildScratchSize, sizes.buildScratchSize);
             this->build(build.info);
-            EXPECT_EQ(std::vector<std::uint8_t>(target.memory(), target.memory() + expected.size()), expected);
+            EXPECT_EQ(std::vector<uint8_t>(target.memory(), target.memory() + expected.size()), expected);
         }
     }
 }
@@ -78,7 +78,7 @@ TEST_F(MicromapStructure, IndicesOfEightBits)
 {
     Micromap micromap(gpu(), eightStates());
     micromap.build();
-    for (const std::uint32_t stride : {1u, 3u, 4u}) {
+    for (const uint32_t stride : {1u, 3u, 4u}) {
         Geometry geometry{.vertices = triangleRow(8)};
         geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT8_EXT, {3, -1, 1, -2, 0, -3, 5, -4}, stride};
         EXPECT_EQ(tracedBottom(Blas(gpu(), {geometry}).address()), (std::vector{2, 0, 1, 1, 0, 2, 1, 2}))
@@ -96,7 +96,7 @@ TEST_F(MicromapStructure, EveryTypeOnAddressRanges)
         SCOPED_TRACE(generic ? "GENERIC" : "by name");
         const Placed micromap(gpu(), generic ? kGeneric : kMicromapType, memory.address() + 512, input.size());
         buildInto(input, micromap.handle());
-        EXPECT_EQ(std::memcmp(memory.bytes(), std::vector<std::uint8_t>(512).data(), 512), 0);
+        EXPECT_EQ(std::memcmp(memory.bytes(), std::vector<uint8_t>(512).data(), 512), 0);
         EXPECT_EQ(tracedMicromap(micromap.handle()), kForwards);
 
         Micromap built(gpu(), eightStates(true));
@@ -177,7 +177,7 @@ TEST_F(MicromapStructure, CopiesOfGenericStructures)
             recordMicromapToMemory(gpu(), commands, {VK_NULL_HANDLE, from}, data.address());
         });
         EXPECT_TRUE(data.intact());
-        std::uint64_t numbers[3];
+        uint64_t numbers[3];
         std::memcpy(numbers, data.bytes() + 2 * VK_UUID_SIZE, sizeof numbers);
         EXPECT_EQ(numbers[0], data.size()) << "\"matching the value queried\"";
         EXPECT_EQ(numbers[2], 0u) << "handles of other structures";
@@ -210,7 +210,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
     const Blas blas(gpu(), {mapped(&first)}, compaction), plain(gpu(), {mapped(nullptr)}, compaction);
     const std::vector all{first.handle().khr, blas.handle(), plain.handle(), second.handle().khr, plain.handle()};
     const auto alone = [&](VkQueryType type) {
-        std::vector<std::uint64_t> out;
+        std::vector<uint64_t> out;
         for (const VkAccelerationStructureKHR structure : all)
             out.push_back(query(structure, type));
         return out;
@@ -219,7 +219,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
          {VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
           VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR}) {
         SCOPED_TRACE(testing::Message() << "type " << type);
-        const std::vector<std::uint64_t> values = queryAll(all, type);
+        const std::vector<uint64_t> values = queryAll(all, type);
         EXPECT_EQ(values, alone(type));
         if (type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR) {
             EXPECT_EQ(values[0], toldSize(gpu(), kCompacted));
@@ -245,7 +245,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
     });
     expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425");
     // It has none.
-    std::uint64_t value = 7;
+    uint64_t value = 7;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT),
               strictTests() ? VK_NOT_READY : VK_SUCCESS);
     EXPECT_EQ(value, strictTests() ? 7u : 0u);
@@ -262,14 +262,14 @@ TEST_F(MicromapStructure, CompatibilityOfEveryKindOfData)
     gpu().submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
     EXPECT_TRUE(micromapIsCompatible(gpu(), data.bytes()));
-    for (std::uint8_t *bytes : {bottom.bytes().data(), data.bytes()}) {
-        for (const std::size_t i : {0u, 15u, 16u, 31u}) {
+    for (uint8_t *bytes : {bottom.bytes().data(), data.bytes()}) {
+        for (const size_t i : {0u, 15u, 16u, 31u}) {
             bytes[i] ^= 4;
             EXPECT_FALSE(micromapIsCompatible(gpu(), bytes)) << i;
             bytes[i] ^= 4;
         }
     }
-    EXPECT_FALSE(micromapIsCompatible(gpu(), std::array<std::uint8_t, 2 * VK_UUID_SIZE>{1, 2, 3}.data()));
+    EXPECT_FALSE(micromapIsCompatible(gpu(), std::array<uint8_t, 2 * VK_UUID_SIZE>{1, 2, 3}.data()));
 }
 
 TEST_F(MicromapStructure, AddressIsThatOfItsMemory)
@@ -297,9 +297,9 @@ TEST_F(MicromapStructure, NamesAndPrivateDataStayInTheLayer)
     create.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
     VkPrivateDataSlot slot = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePrivateDataSlot(gpu().device(), &create, nullptr, &slot));
-    std::uint64_t value = 40;
+    uint64_t value = 40;
     for (const VkAccelerationStructureKHR structure : {micromap.handle().khr, blas.handle()}) {
-        const auto object = reinterpret_cast<std::uint64_t>(structure);
+        const auto object = reinterpret_cast<uint64_t>(structure);
         VkDebugUtilsObjectNameInfoEXT name{};
         name.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
         name.objectType = VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
@@ -318,9 +318,9 @@ TEST_F(MicromapStructure, NamesAndPrivateDataStayInTheLayer)
     }
     value = 40;
     for (const VkAccelerationStructureKHR structure : {micromap.handle().khr, blas.handle()}) {
-        std::uint64_t got = 0;
+        uint64_t got = 0;
         vkGetPrivateData(gpu().device(), VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
-                         reinterpret_cast<std::uint64_t>(structure), slot, &got);
+                         reinterpret_cast<uint64_t>(structure), slot, &got);
         EXPECT_EQ(got, ++value);
     }
     vkDestroyPrivateDataSlot(gpu().device(), slot, nullptr);
@@ -351,9 +351,9 @@ TEST_F(MicromapStructure, FeaturesPropertiesAndVersions)
     EXPECT_EQ(limits.maxOpacity2StateSubdivisionLevel, 12u);
     EXPECT_EQ(limits.maxOpacity4StateSubdivisionLevel, 12u);
     EXPECT_EQ(limits.maxOpacityLossy4StateSubdivisionLevel, 12u);
-    EXPECT_GE(limits.maxMicromapTriangles, std::uint64_t{1} << 27);
+    EXPECT_GE(limits.maxMicromapTriangles, uint64_t{1} << 27);
 
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, nullptr));
     std::vector<VkExtensionProperties> list(count);
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, list.data()));
@@ -393,7 +393,7 @@ TEST_F(MicromapStructureDisabled, IsTold)
                           "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
     const std::vector<VkMicromapUsageEXT> usage = input.usage();
     VkMicromapBuildInfoEXT info{};
-    info.usageCountsCount = static_cast<std::uint32_t>(usage.size());
+    info.usageCountsCount = static_cast<uint32_t>(usage.size());
     info.pUsageCounts = usage.data();
     EXPECT_EQ(micromapSizes(gpu(), info).micromapSize, 0u);
     expectRefused(kSizes);
@@ -462,7 +462,7 @@ TEST_F(MicromapStructureBoth, SerializedStructuresOfBothExtensions)
         }
         const Blas blas(gpu(), geometries);
         expected.push_back(rows(blas));
-        for (std::size_t g = 0; g < 5; ++g)
+        for (size_t g = 0; g < 5; ++g)
             EXPECT_EQ(expected.back()[g], arrangement[g] == &khr      ? kForwards
                                           : arrangement[g] != nullptr ? kBackwards
                                                                       : kPlain);
@@ -473,7 +473,7 @@ TEST_F(MicromapStructureBoth, SerializedStructuresOfBothExtensions)
     gpu().use(Api::Ext);
     ext.reset();
     gpu().use(Api::Khr);
-    for (std::size_t i = 0; i < arrangements.size(); ++i) {
+    for (size_t i = 0; i < arrangements.size(); ++i) {
         SCOPED_TRACE(i);
         const auto back = deserialized(gpu(), serialized[i], kBottom);
         EXPECT_EQ(rows(*back), expected[i]);

@@ -75,10 +75,9 @@ private:
 inline MicromapInput eightStates(bool backwards = false)
 {
     MicromapInput input;
-    for (std::uint8_t i = 0; i < 8; ++i) {
-        const auto state = static_cast<std::uint8_t>(i % 4);
-        input.add(4, kFourState,
-                  std::vector<std::uint8_t>(256, backwards ? static_cast<std::uint8_t>(3 - state) : state));
+    for (uint8_t i = 0; i < 8; ++i) {
+        const auto state = static_cast<uint8_t>(i % 4);
+        input.add(4, kFourState, std::vector<uint8_t>(256, backwards ? static_cast<uint8_t>(3 - state) : state));
     }
     return input;
 }
@@ -86,7 +85,7 @@ inline MicromapInput eightStates(bool backwards = false)
 inline MicromapInput repeated()
 {
     MicromapInput input;
-    std::vector<std::uint8_t> states(256, 0);
+    std::vector<uint8_t> states(256, 0);
     states[7] = 1;
     for (int i = 0; i < 3; ++i)
         input.add(4, kFourState, states);
@@ -108,7 +107,7 @@ protected:
     std::vector<int> traced(const Structure &scene)
     {
         std::vector<Ray> rays(8);
-        for (std::size_t i = 0; i < 8; ++i)
+        for (size_t i = 0; i < 8; ++i)
             rays[i].origin = {1.5f * static_cast<float>(i) + 0.3f, 0.3f, 1};
         std::vector<int> out;
         for (const Result &r : Tracer(gpu()).trace(scene, rays))
@@ -167,12 +166,12 @@ protected:
     {
         gpu().submit([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, from, to, mode); });
     }
-    VkAccelerationStructureBuildSizesInfoKHR sizesOf(const BuildInfo &info, std::uint32_t primitives = 8)
+    VkAccelerationStructureBuildSizesInfoKHR sizesOf(const BuildInfo &info, uint32_t primitives = 8)
     {
         VkAccelerationStructureBuildSizesInfoKHR sizes{};
         sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
         // VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11613
-        const std::uint32_t *counts = info.type == kMicromapType ? nullptr : &primitives;
+        const uint32_t *counts = info.type == kMicromapType ? nullptr : &primitives;
         gpu().vk().GetAccelerationStructureBuildSizesKHR(
             gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts, &sizes);
         return sizes;
@@ -182,9 +181,9 @@ protected:
         return queryAll({structure}, type)[0];
     }
     // By the host, and it must be what a copy on the device says.
-    std::vector<std::uint64_t> queryAll(const std::vector<VkAccelerationStructureKHR> &structures, VkQueryType type)
+    std::vector<uint64_t> queryAll(const std::vector<VkAccelerationStructureKHR> &structures, VkQueryType type)
     {
-        const auto count = static_cast<std::uint32_t>(structures.size());
+        const auto count = static_cast<uint32_t>(structures.size());
         const QueryPool pool(gpu(), type, count + 1);
         const Buffer out(gpu(), 8 * count, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
         gpu().submit([&](VkCommandBuffer commands) {
@@ -193,12 +192,12 @@ protected:
             vkCmdCopyQueryPoolResults(commands, pool, 1, count, out.handle(), 0, 8,
                                       VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
         });
-        std::vector<std::uint64_t> values(count);
+        std::vector<uint64_t> values(count);
         EXPECT_EQ(
             vkGetQueryPoolResults(gpu().device(), pool, 1, count, 8 * count, values.data(), 8, VK_QUERY_RESULT_64_BIT),
             VK_SUCCESS);
-        for (std::uint32_t i = 0; i < count; ++i)
-            EXPECT_EQ(out.as<std::uint64_t>()[i], values[i]) << i;
+        for (uint32_t i = 0; i < count; ++i)
+            EXPECT_EQ(out.as<uint64_t>()[i], values[i]) << i;
         return values;
     }
     // Of vkCreateAccelerationStructure2KHR.

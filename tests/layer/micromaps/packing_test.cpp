@@ -14,7 +14,7 @@ const vt::Labels kLabels{{"Packing.*", "forcing"}};
 
 using namespace vt;
 
-constexpr std::uint8_t kGuard = 0xa5;
+constexpr uint8_t kGuard = 0xa5;
 constexpr VkDeviceSize kArenaBytes = 65536;
 
 // One buffer that everything lies in. Handles begin at an offset and reach to its end.
@@ -40,9 +40,9 @@ protected:
     {
         Random random(23);
         MicromapInput input;
-        for (std::uint32_t t = 0; t < 60; ++t) {
-            const std::uint32_t level = t % 6;
-            const std::uint16_t format = t % 2 == 0 ? kFourState : kTwoState;
+        for (uint32_t t = 0; t < 60; ++t) {
+            const uint32_t level = t % 6;
+            const uint16_t format = t % 2 == 0 ? kFourState : kTwoState;
             input.add(level, format, randomStates(random, level, format));
         }
         return input;
@@ -65,7 +65,7 @@ protected:
     }
     [[nodiscard]] bool untouched(VkDeviceSize begin, VkDeviceSize end) const
     {
-        return std::all_of(arena_.bytes() + begin, arena_.bytes() + end, [](std::uint8_t b) { return b == kGuard; });
+        return std::all_of(arena_.bytes() + begin, arena_.bytes() + end, [](uint8_t b) { return b == kGuard; });
     }
 
     Guarded arena_;

@@ -37,14 +37,14 @@ protected:
         }
         return out;
     }
-    static std::size_t count(const std::vector<std::string> &messages, const std::string &part)
+    static size_t count(const std::vector<std::string> &messages, const std::string &part)
     {
-        return static_cast<std::size_t>(std::count_if(
+        return static_cast<size_t>(std::count_if(
             messages.begin(), messages.end(), [&](const std::string &m) { return m.find(part) != std::string::npos; }));
     }
     // Builds once, and finds each of the expected parts in exactly one message about that triangle.
     void expectTold(const MicromapInput &input, VkBuildMicromapFlagsEXT flags,
-                    const std::vector<std::pair<std::uint32_t, std::string>> &expected)
+                    const std::vector<std::pair<uint32_t, std::string>> &expected)
     {
         SCOPED_TRACE(testing::Message() << "flags " << flags);
         Micromap micromap(gpu(), input, flags);
@@ -86,7 +86,7 @@ TEST_F(Validate, EveryKindOfWrongTriangle)
     input.triangles[6] = {0, 13, kTwoState};
     input.triangles[257].dataOffset = 1 << 28;
     input.triangles[599].subdivisionLevel = 9;
-    const std::vector<std::pair<std::uint32_t, std::string>> expected{
+    const std::vector<std::pair<uint32_t, std::string>> expected{
         {1, gpu().khr() ? "VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
                         : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660"},
         {2, "level 65535"},
@@ -113,7 +113,7 @@ TEST_F(Validate, CountsThatDoNotMatch)
         fewer.build();
         EXPECT_EQ(count(messages(), told), 1u);
         input.declared = {{598, 4, kFourState}, {1, 6, kFourState}, {1, 3, kFourState}};
-        for (std::size_t i : {10u, 20u, 30u}) // 3 of level 6, where room is for one and a bit
+        for (size_t i : {10u, 20u, 30u}) // 3 of level 6, where room is for one and a bit
             input.triangles[i] = {0, 6, kFourState};
         Micromap more(gpu(), input, flags);
         more.build();
@@ -135,7 +135,7 @@ TEST_F(Validate, CountsThatDoNotMatch)
 TEST_F(Validate, ATriangleArrayThatIsTooShort)
 {
     MicromapInput input;
-    input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+    input.add(3, kFourState, std::vector<uint8_t>(64, 1));
     input.declared = {{5000, 3, kFourState}};
     Micromap micromap(gpu(), std::move(input), 0);
     micromap.build();
@@ -204,15 +204,15 @@ TEST_F(Validate, IndexBufferTooShort)
     Micromap micromap(gpu(), good(), 0);
     micromap.build();
     // The test's buffer ends a few hundred bytes, which say another index, behind the indices.
-    constexpr std::uint32_t indices = 900, last = indices + 300, triangles = 2000;
+    constexpr uint32_t indices = 900, last = indices + 300, triangles = 2000;
     Geometry geometry{.vertices = triangleRow(triangles)};
-    geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<std::int32_t>(indices, 5)};
+    geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<int32_t>(indices, 5)};
     const Blas blas(gpu(), {geometry});
     const std::vector<std::string> told = messages();
     const std::string text = ": its index lies outside the buffer of indexBuffer";
     EXPECT_EQ(told.size(), triangles - indices);
     EXPECT_GE(count(told, text), triangles - last);
-    for (const std::uint32_t triangle : {last, triangles - 1})
+    for (const uint32_t triangle : {last, triangles - 1})
         EXPECT_EQ(count(told, "VELLUM-micromap-index|triangle " + std::to_string(triangle) + text), 1u) << triangle;
 }
 

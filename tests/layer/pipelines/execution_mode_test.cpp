@@ -29,15 +29,15 @@ void expectStates(const std::vector<Result> &results, bool consumed)
         StateScene::expectRight(results);
         return;
     }
-    for (std::size_t i = 0; i < 4; ++i) {
-        EXPECT_EQ(results[i].committed, std::uint32_t{kNone}) << "triangle " << i;
+    for (size_t i = 0; i < 4; ++i) {
+        EXPECT_EQ(results[i].committed, uint32_t{kNone}) << "triangle " << i;
         EXPECT_EQ(results[i].candidateCount, 1u) << "triangle " << i;
     }
 }
 
 struct Case {
     Mode mode;
-    std::optional<std::uint32_t> specialized;
+    std::optional<uint32_t> specialized;
     bool consumes;
 };
 constexpr std::array<Case, 6> kCases{{{Mode::Absent, {}, false},
@@ -108,7 +108,7 @@ TEST_F(ExecutionMode, RayGeneration)
     for (const VkPipelineCreateFlags flags : {VkPipelineCreateFlags{0}, kMicromapBit})
         for (const Mode mode : {Mode::Absent, Mode::False, Mode::True}) {
             SCOPED_TRACE(testing::Message() << "flags " << flags << " mode " << static_cast<int>(mode));
-            const std::vector<std::uint32_t> words = withMode(query_raygen, mode);
+            const std::vector<uint32_t> words = withMode(query_raygen, mode);
             PipelineSetup setup;
             setup.stages = {{VK_SHADER_STAGE_RAYGEN_BIT_KHR, words}};
             setup.groups = {{.general = 0}};

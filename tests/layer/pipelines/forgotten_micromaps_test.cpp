@@ -32,9 +32,9 @@ protected:
     ~ForgottenMicromaps() override { unsetenv(kSetting); }
 
     Gpu &gpu() { return *gpu_; }
-    [[nodiscard]] std::size_t warnings(const char *id)
+    [[nodiscard]] size_t warnings(const char *id)
     {
-        std::size_t count = 0;
+        size_t count = 0;
         for (const Message &message : gpu().takeMessages())
             count += message.id == id ? 1u : 0u;
         return count;
@@ -54,8 +54,8 @@ TEST_P(ForgottenMicromaps, RayQueries)
     const std::vector<Result> results = tracer.trace(scene.tlas(), scene.rays());
     if (GetParam())
         return StateScene::expectRight(results);
-    for (std::size_t i = 0; i < 4; ++i) {
-        EXPECT_EQ(results[i].committed, std::uint32_t{kNone}) << "triangle " << i;
+    for (size_t i = 0; i < 4; ++i) {
+        EXPECT_EQ(results[i].committed, uint32_t{kNone}) << "triangle " << i;
         EXPECT_EQ(results[i].candidateCount, 1u) << "triangle " << i;
     }
 }
@@ -65,7 +65,7 @@ TEST_P(ForgottenMicromaps, Pipelines)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
-    const auto expectWarnings = [&](const PipelineTracerSetup &setup, std::size_t count) {
+    const auto expectWarnings = [&](const PipelineTracerSetup &setup, size_t count) {
         gpu().takeMessages();
         const PipelineTracer tracer(gpu(), setup);
         EXPECT_EQ(warnings("VELLUM-pipeline-without-micromaps"), GetParam() ? 0u : count);

@@ -18,14 +18,14 @@ enum class Command { Direct, Indirect, Indirect2 };
 constexpr std::array kCommands{Command::Direct, Command::Indirect, Command::Indirect2};
 
 // Intersection shaders would need a record.
-constexpr std::uint32_t kTrianglesOnly = kRaySkipBoxes | kRaySkipClosestHit;
+constexpr uint32_t kTrianglesOnly = kRaySkipBoxes | kRaySkipClosestHit;
 
 // Of rays that read no hit record of triangles.
-std::vector<std::uint32_t> recordlessFlags()
+std::vector<uint32_t> recordlessFlags()
 {
-    std::vector<std::uint32_t> flags;
-    for (const std::uint32_t opacity : {kRayOpaque, kRayCullNoOpaque}) {
-        for (const std::uint32_t other : {0u, kRayTerminateOnFirstHit, kRayForceTwoState})
+    std::vector<uint32_t> flags;
+    for (const uint32_t opacity : {kRayOpaque, kRayCullNoOpaque}) {
+        for (const uint32_t other : {0u, kRayTerminateOnFirstHit, kRayForceTwoState})
             flags.push_back(kRaySkipClosestHit | opacity | other);
     }
     return flags;
@@ -85,7 +85,7 @@ protected:
 
     // The rays of a scene, by every command.
     void expect(PipelineTracer &tracer, const PipelineScene &scene, const VkStridedDeviceAddressRegionKHR &hit,
-                std::uint32_t flags, const PipelineScene::View &view = {})
+                uint32_t flags, const PipelineScene::View &view = {})
     {
         for (const Command command : kCommands) {
             if (command == Command::Indirect2 && !gpu().vk().CmdTraceRaysIndirect2KHR)
@@ -120,10 +120,10 @@ TEST_F(HitTables, None)
     PipelineTracer tracer(gpu(), withoutHitGroups());
     const PipelineTracer other(gpu());
     const VkStridedDeviceAddressRegionKHR &region = other.table().hit;
-    for (const std::uint32_t record : {0u, 50u, 10'000'000u}) {
+    for (const uint32_t record : {0u, 50u, 10'000'000u}) {
         SCOPED_TRACE(testing::Message() << "record " << record);
         const PipelineScene scene(gpu(), {.triangleRecord = record});
-        for (const std::uint32_t flags : recordlessFlags()) {
+        for (const uint32_t flags : recordlessFlags()) {
             for (const VkDeviceSize size : {VkDeviceSize{0}, VkDeviceSize{16}})
                 expect(tracer, scene, {region.deviceAddress, region.stride, size}, flags | kRaySkipBoxes,
                        {.missFlags = false});
@@ -136,7 +136,7 @@ TEST_F(HitTables, None)
 TEST_F(HitTables, NoneOfConstantFlags)
 {
     PipelineTracer tracer(gpu(), {.raygen = pipeline_constant_209, .groups = {{}}});
-    constexpr std::uint32_t kFlags = kRayOpaque | kTrianglesOnly;
+    constexpr uint32_t kFlags = kRayOpaque | kTrianglesOnly;
     const PipelineScene scene(gpu(), {.triangleRecord = 50});
     const PipelineScene::View view{.runTimeFlags = 0, .constantFlags = true};
     expect(tracer, scene, {}, kFlags, view);
@@ -156,7 +156,7 @@ TEST_F(HitTables, NoneForAnyRay)
 {
     PipelineTracer tracer(gpu(), withoutHitGroups());
     const PipelineScene scene(gpu(), {.triangleRecord = 7});
-    for (const std::uint32_t flags : opacityRayFlags())
+    for (const uint32_t flags : opacityRayFlags())
         expect(tracer, scene, {}, flags | kRaySkipBoxes,
                {.triangleAnyHit = false, .triangleClosestHit = false, .missFlags = false});
 }
@@ -166,11 +166,11 @@ TEST_F(HitTables, OneRecord)
 {
     for (const bool zero : {false, true}) {
         PipelineTracer tracer(gpu(), {.groups = {{}}, .records = {zero ? std::nullopt : std::optional(0u)}});
-        for (const std::uint32_t record : {0u, 1u, 50u, 100'000u, 10'000'000u}) {
+        for (const uint32_t record : {0u, 1u, 50u, 100'000u, 10'000'000u}) {
             SCOPED_TRACE(testing::Message() << "record " << record);
             const PipelineScene scene(gpu(), {.triangleRecord = record});
             const PipelineScene::View view{.triangleAnyHit = !zero, .triangleClosestHit = !zero};
-            for (const std::uint32_t flags : record == 0 ? opacityRayFlags() : recordlessFlags())
+            for (const uint32_t flags : record == 0 ? opacityRayFlags() : recordlessFlags())
                 expect(tracer, scene, tracer.table().hit, flags | kRaySkipBoxes, view);
         }
     }
@@ -180,10 +180,10 @@ TEST_F(HitTables, OneRecord)
 TEST_F(HitTables, OneRecordOfBoxes)
 {
     PipelineTracer tracer(gpu(), {.groups = {{.box = true}}});
-    for (const std::uint32_t record : {1u, 50u, 100'000u}) {
+    for (const uint32_t record : {1u, 50u, 100'000u}) {
         SCOPED_TRACE(testing::Message() << "record " << record);
         const PipelineScene scene(gpu(), {.triangleRecord = record, .boxRecord = 0});
-        for (const std::uint32_t flags : recordlessFlags())
+        for (const uint32_t flags : recordlessFlags())
             expect(tracer, scene, tracer.table().hit, flags);
     }
 }
@@ -208,7 +208,7 @@ TEST_F(HitTables, OneRecordOfALibrary)
     };
     PipelineTracer tracer(gpu(), setup);
     const PipelineScene scene(gpu(), {.triangleRecord = 3, .boxRecord = 0});
-    for (const std::uint32_t flags : recordlessFlags())
+    for (const uint32_t flags : recordlessFlags())
         expect(tracer, scene, tracer.table().hit, flags);
 }
 
@@ -216,15 +216,15 @@ TEST_F(HitTables, OneRecordOfALibrary)
 TEST_F(HitTables, SomeRecords)
 {
     PipelineTracer tracer(gpu());
-    for (const std::uint32_t record : {2u, 50u, 5000u, 100'000u}) {
+    for (const uint32_t record : {2u, 50u, 5000u, 100'000u}) {
         SCOPED_TRACE(testing::Message() << "record " << record);
         const PipelineScene scene(gpu(), {.triangleRecord = record});
-        for (const std::uint32_t flags : recordlessFlags())
+        for (const uint32_t flags : recordlessFlags())
             expect(tracer, scene, tracer.table().hit, flags);
     }
     // And records that are there are still used.
     const PipelineScene scene(gpu());
-    for (const std::uint32_t flags : opacityRayFlags())
+    for (const uint32_t flags : opacityRayFlags())
         expect(tracer, scene, tracer.table().hit, flags);
 }
 
@@ -235,7 +235,7 @@ TEST_F(HitTables, PartOfARecord)
     VkStridedDeviceAddressRegionKHR hit = tracer.table().hit;
     hit.size = 2 * hit.stride + 16;
     const PipelineScene scene(gpu(), {.triangleRecord = 2});
-    for (const std::uint32_t flags : recordlessFlags())
+    for (const uint32_t flags : recordlessFlags())
         expect(tracer, scene, hit, flags);
 }
 
@@ -248,7 +248,7 @@ TEST_F(HitTables, OffsetAndStrideOfTheTrace)
         if (one)
             setup.groups = {{}};
         PipelineTracer tracer(gpu(), setup);
-        for (const std::uint32_t flags : recordlessFlags())
+        for (const uint32_t flags : recordlessFlags())
             expect(tracer, scene, tracer.table().hit, flags | kRaySkipBoxes);
     }
 }
@@ -264,7 +264,7 @@ TEST_F(HitTablesInherited, ConditionalRendering)
 {
     if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         GTEST_SKIP() << "no VK_EXT_conditional_rendering";
-    constexpr std::uint32_t kFlags = kTrianglesOnly | kRayOpaque;
+    constexpr uint32_t kFlags = kTrianglesOnly | kRayOpaque;
     PipelineTracer tracer(gpu(), {.groups = {{}}});
     const PipelineScene scene(gpu(), {.triangleRecord = 1000});
     const BindingTable &table = tracer.table();
@@ -306,11 +306,11 @@ class HitTablesOfGeometries : public HitTables
 {
 protected:
     // `together`: the top-level structure is built in the submission that traces.
-    void expectHits(std::uint32_t geometries, std::uint32_t record, const PipelineTracerSetup &setup, bool together)
+    void expectHits(uint32_t geometries, uint32_t record, const PipelineTracerSetup &setup, bool together)
     {
         std::vector<Geometry> row(geometries);
         std::vector<Ray> rays(geometries);
-        for (std::uint32_t g = 0; g < geometries; ++g) {
+        for (uint32_t g = 0; g < geometries; ++g) {
             const float x = 1.5f * static_cast<float>(g);
             appendTriangle(row[g].vertices, {x, 0, 0});
             Attachment attachment;
@@ -342,7 +342,7 @@ protected:
         });
         const std::vector<PipelineResult> results = tracer.results();
         ASSERT_EQ(results.size(), geometries);
-        for (std::uint32_t g = 0; g < geometries; ++g)
+        for (uint32_t g = 0; g < geometries; ++g)
             EXPECT_EQ(results[g].committed, g % 2 == 0 ? kNone : kUnknownResult) << "geometry " << g;
     }
 };

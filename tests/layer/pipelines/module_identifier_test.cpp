@@ -18,8 +18,8 @@ const vt::Labels kLabels{{"ModuleIdentifiers.AreThoseOfTheCode", "translated"},
 
 using namespace vt;
 
-using Words = std::span<const std::uint32_t>;
-using Identifier = std::vector<std::uint8_t>;
+using Words = std::span<const uint32_t>;
+using Identifier = std::vector<uint8_t>;
 
 Options cachingDriver(bool vellum = true)
 {
@@ -53,7 +53,7 @@ Identifier ofInfo(const Gpu &gpu, Words words)
 {
     const auto get = reinterpret_cast<PFN_vkGetShaderModuleCreateInfoIdentifierEXT>(
         vkGetDeviceProcAddr(gpu.device(), "vkGetShaderModuleCreateInfoIdentifierEXT"));
-    const std::vector<std::uint32_t> code = gpu.code(words);
+    const std::vector<uint32_t> code = gpu.code(words);
     VkShaderModuleCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
     info.codeSize = code.size() * 4;
@@ -67,7 +67,7 @@ VkPipelineShaderStageModuleIdentifierCreateInfoEXT nameOf(const Identifier &iden
 {
     VkPipelineShaderStageModuleIdentifierCreateInfoEXT name{};
     name.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT;
-    name.identifierSize = static_cast<std::uint32_t>(identifier.size());
+    name.identifierSize = static_cast<uint32_t>(identifier.size());
     name.pIdentifier = identifier.data();
     return name;
 }
@@ -227,7 +227,7 @@ TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
 // What the layer cannot rewrite has no module on the device, and its identifier must not name what others compiled.
 TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
 {
-    std::vector<std::uint32_t> broken = gpu().code(tracer_comp);
+    std::vector<uint32_t> broken = gpu().code(tracer_comp);
     broken.pop_back(); // in the middle of an instruction
     VkShaderModuleCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
@@ -274,7 +274,7 @@ class KeptIdentifiers : public testing::Test
 TEST_F(KeptIdentifiers, OfAnEarlierDevice)
 {
     Identifier query, other;
-    std::vector<std::uint32_t> words;
+    std::vector<uint32_t> words;
     {
         Gpu gpu(cachingDriver());
         const Tracer tracer(gpu);
@@ -332,7 +332,7 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
             found = pipeline != VK_NULL_HANDLE;
             vkDestroyPipeline(gpu.device(), pipeline, nullptr);
         }
-        const std::vector<std::uint8_t> key = binaries.key(&info);
+        const std::vector<uint8_t> key = binaries.key(&info);
         EXPECT_EQ(found, ofModule(gpu, tracer_comp) == query);
         if (!found)
             GTEST_SKIP() << "the tables are elsewhere for each device";
@@ -384,7 +384,7 @@ protected:
         PipelineInfo info(gpu, setup);
         std::vector<VkPipelineShaderStageCreateInfo> stages(info.get().pStages,
                                                             info.get().pStages + info.get().stageCount);
-        for (std::size_t i = 0; i < stages.size(); ++i) {
+        for (size_t i = 0; i < stages.size(); ++i) {
             stages[i].module = VK_NULL_HANDLE;
             stages[i].pNext = &names[i];
         }
@@ -413,7 +413,7 @@ TEST_F(PipelineIdentifiers, WithoutTheBit)
     PipelineTracer tracer(gpu(), {.flags = 0, .make = [](Gpu &g, const PipelineSetup &from) {
                                       return MadePipeline{RayPipeline(g, named(g, from)), {}};
                                   }});
-    for (const std::uint32_t flags : opacityRayFlags(false))
+    for (const uint32_t flags : opacityRayFlags(false))
         plain.expect(tracer, flags);
 }
 
@@ -458,7 +458,7 @@ TEST_F(PipelineIdentifiers, OfADeviceWithoutMicromaps)
                                       EXPECT_TRUE(pipeline != VK_NULL_HANDLE);
                                       return MadePipeline{RayPipeline(g, pipeline), {}};
                                   }});
-    for (const std::uint32_t flags : opacityRayFlags(false))
+    for (const uint32_t flags : opacityRayFlags(false))
         scene.expect(tracer, flags);
 }
 

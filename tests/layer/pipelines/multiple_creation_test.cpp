@@ -19,7 +19,7 @@ const vt::Labels kLabels{{"MultipleCreation.*", "translated"}};
 
 using namespace vt;
 
-constexpr std::uint32_t kCount = 3, kBad = 1;
+constexpr uint32_t kCount = 3, kBad = 1;
 constexpr auto kUnknownType = static_cast<VkStructureType>(0x7ffffff0); // a structure of the future
 constexpr VkPipelineCreateFlags kEarly = VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT;
 
@@ -28,10 +28,10 @@ constexpr VkPipelineCreateFlags kEarly = VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAIL
 class InlineModule
 {
 public:
-    InlineModule(const Gpu &gpu, std::span<const std::uint32_t> words, bool bad) : code_(gpu.code(words))
+    InlineModule(const Gpu &gpu, std::span<const uint32_t> words, bool bad) : code_(gpu.code(words))
     {
         info_.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        info_.codeSize = code_.size() * sizeof(std::uint32_t);
+        info_.codeSize = code_.size() * sizeof(uint32_t);
         info_.pCode = code_.data();
         chain_ = bad ? static_cast<const void *>(&unknown_) : &info_;
     }
@@ -40,7 +40,7 @@ public:
     [[nodiscard]] const void *chain() const { return chain_; }
 
 private:
-    std::vector<std::uint32_t> code_;
+    std::vector<uint32_t> code_;
     VkShaderModuleCreateInfo info_{};
     VkBaseInStructure unknown_{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&info_)};
     const void *chain_ = nullptr;
@@ -93,7 +93,7 @@ TEST_F(MultipleCreation, Compute)
     const InlineModule good(gpu(), empty, false), bad(gpu(), tracer_comp, true);
     expectOthers([&](VkPipelineCreateFlags flags, VkPipeline *pipelines) {
         std::array<VkComputePipelineCreateInfo, kCount> infos{};
-        for (std::uint32_t i = 0; i < kCount; ++i) {
+        for (uint32_t i = 0; i < kCount; ++i) {
             infos[i].sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
             infos[i].flags = flags | VK_PIPELINE_CREATE_ALLOW_DERIVATIVES_BIT;
             infos[i].stage = stageOf(VK_SHADER_STAGE_COMPUTE_BIT, i == kBad ? bad : good);
@@ -179,7 +179,7 @@ TEST_F(MultipleCreation, Graphics)
         samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
         std::array<VkPipelineShaderStageCreateInfo, kCount> stages{};
         std::array<VkGraphicsPipelineCreateInfo, kCount> infos{};
-        for (std::uint32_t i = 0; i < kCount; ++i) {
+        for (uint32_t i = 0; i < kCount; ++i) {
             stages[i] = stageOf(VK_SHADER_STAGE_FRAGMENT_BIT, i == kBad ? bad : good);
             infos[i].sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
             infos[i].pNext = &library;
@@ -214,7 +214,7 @@ TEST_F(MultipleCreation, RayTracing)
                                     stageOf(VK_SHADER_STAGE_RAYGEN_BIT_KHR, bad)};
             std::array<VkRayTracingPipelineCreateInfoKHR, kCount> infos;
             infos.fill(info.get());
-            for (std::uint32_t i = 0; i < kCount; ++i)
+            for (uint32_t i = 0; i < kCount; ++i)
                 infos[i].pStages = &stages[i == kBad ? 1 : 0];
             return gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, kCount,
                                                            infos.data(), nullptr, pipelines);
@@ -240,7 +240,7 @@ TEST_F(MultipleShaders, BeforeTheBadOne)
     const TracerShader description(gpu(), tracer);
     std::array<ShaderCreateInfo, kCount> infos;
     infos.fill(description.info);
-    infos[kBad].codeSize -= sizeof(std::uint32_t); // in the middle of an instruction
+    infos[kBad].codeSize -= sizeof(uint32_t); // in the middle of an instruction
     std::array<ShaderHandle, kCount> shaders;
     shaders.fill(7); // to be overwritten
     EXPECT_EQ(create(gpu().device(), kCount, infos.data(), nullptr, shaders.data()), VK_ERROR_INITIALIZATION_FAILED);

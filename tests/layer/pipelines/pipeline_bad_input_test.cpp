@@ -40,7 +40,7 @@ protected:
         takeAll();
         // Still working.
         const PipelineScene scene(gpu(), {.micromaps = allowed() != 0});
-        for (const std::uint32_t flags : {0u, kRayOpaque})
+        for (const uint32_t flags : {0u, kRayOpaque})
             scene.expect(tracer, flags);
     }
     [[nodiscard]] VkPipelineCreateFlags allowed() { return gpu().options().micromapFeature ? kMicromapBit : 0; }
@@ -87,7 +87,7 @@ TEST_F(PipelineWithoutFeature, WorksAllTheSame)
     PipelineTracer tracer(gpu(), {.flags = kMicromapBit});
     const PipelineScene scene(gpu(), {.micromaps = true});
     takeAll();
-    for (const std::uint32_t flags : {0u, kRayOpaque})
+    for (const uint32_t flags : {0u, kRayOpaque})
         scene.expect(tracer, flags);
     expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
 }
@@ -125,7 +125,7 @@ TEST_F(PipelineBadInput, OneLibraryOfTwoWithoutTheBit)
     tryChanged([&](PipelineSetup &setup) {
         PipelineSetup library = setup;
         library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
-        for (const std::size_t group : {1u, 2u}) {
+        for (const size_t group : {1u, 2u}) {
             library.groups = {setup.groups[group]};
             libraries.emplace_back(gpu(), library);
             library.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
@@ -164,7 +164,7 @@ TEST_F(PipelineBadInput, OneOfThree)
         tryChanged([&](PipelineSetup &setup) {
             std::array<std::unique_ptr<PipelineInfo>, 3> infos;
             std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
-            for (std::uint32_t i = 0; i < 3; ++i) {
+            for (uint32_t i = 0; i < 3; ++i) {
                 PipelineSetup one = setup;
                 one.stages[0].entry = i == 1 ? "nowhere" : "main";
                 one.flags |= early;
@@ -189,7 +189,7 @@ TEST_F(PipelineBadInput, OneOfThree)
 // What no module has: nothing but a message is asked for, and that the layer goes on.
 TEST_F(PipelineBadInput, EntryPointThatIsNotThere)
 {
-    for (const std::size_t stage : {0u, 2u, 3u, 4u}) {
+    for (const size_t stage : {0u, 2u, 3u, 4u}) {
         tryChanged([stage](PipelineSetup &setup) { setup.stages[stage].entry = "nowhere"; });
         EXPECT_FALSE(messages_.empty());
         messages_.clear();

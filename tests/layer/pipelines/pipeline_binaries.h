@@ -20,7 +20,7 @@ inline newer::PipelineBinaryKey emptyKey()
     return {static_cast<VkStructureType>(1000483003), nullptr, 0, {}};
 }
 
-inline std::vector<std::uint8_t> bytesOf(const newer::PipelineBinaryKey &key)
+inline std::vector<uint8_t> bytesOf(const newer::PipelineBinaryKey &key)
 {
     return {key.key, key.key + key.keySize};
 }
@@ -28,7 +28,7 @@ inline std::vector<std::uint8_t> bytesOf(const newer::PipelineBinaryKey &key)
 // What an application keeps.
 struct Kept {
     newer::PipelineBinaryKey key = emptyKey();
-    std::vector<std::uint8_t> data;
+    std::vector<uint8_t> data;
 };
 
 class Binaries
@@ -74,7 +74,7 @@ public:
     }
     newer::PipelineBinary from(const Kept &kept)
     {
-        const newer::PipelineBinaryData data{kept.data.size(), const_cast<std::uint8_t *>(kept.data.data())};
+        const newer::PipelineBinaryData data{kept.data.size(), const_cast<uint8_t *>(kept.data.data())};
         const newer::PipelineBinaryKeysAndData all{1, &kept.key, &data};
         newer::PipelineBinaryCreateInfo info = createInfo();
         info.pKeysAndDataInfo = &all;
@@ -87,9 +87,9 @@ public:
         std::vector<newer::PipelineBinaryData> data;
         for (const Kept &one : kept) {
             keys.push_back(one.key);
-            data.push_back({one.data.size(), const_cast<std::uint8_t *>(one.data.data())});
+            data.push_back({one.data.size(), const_cast<uint8_t *>(one.data.data())});
         }
-        const auto count = static_cast<std::uint32_t>(kept.size());
+        const auto count = static_cast<uint32_t>(kept.size());
         const newer::PipelineBinaryKeysAndData all{count, keys.data(), data.data()};
         newer::PipelineBinaryCreateInfo info = createInfo();
         info.pKeysAndDataInfo = &all;
@@ -124,7 +124,7 @@ public:
             made_.push_back(binary);
         return binary;
     }
-    std::vector<std::uint8_t> key(const void *pipelineInfo)
+    std::vector<uint8_t> key(const void *pipelineInfo)
     {
         const newer::PipelineCreateInfo pipeline = pipelineCreateInfo(pipelineInfo);
         newer::PipelineBinaryKey key = emptyKey();
@@ -135,13 +135,13 @@ public:
     {
         const newer::PipelineBinaryDataInfo info{static_cast<VkStructureType>(1000483006), nullptr, binary};
         Kept kept;
-        std::size_t size = 0;
+        size_t size = 0;
         EXPECT_EQ(data_(gpu_.device(), &info, &kept.key, &size, nullptr), VK_SUCCESS);
         kept.data.resize(size);
-        std::size_t less = size - 1;
+        size_t less = size - 1;
         EXPECT_EQ(data_(gpu_.device(), &info, &kept.key, &less, kept.data.data()), newer::kNotEnoughSpace);
         EXPECT_EQ(less, size);
-        EXPECT_EQ(kept.data, std::vector<std::uint8_t>(size));
+        EXPECT_EQ(kept.data, std::vector<uint8_t>(size));
         EXPECT_EQ(data_(gpu_.device(), &info, &kept.key, &size, kept.data.data()), VK_SUCCESS);
         EXPECT_EQ(size, kept.data.size());
         return kept;

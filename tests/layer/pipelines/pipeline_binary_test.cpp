@@ -41,17 +41,17 @@ protected:
         info.layout = layout;
         return info;
     }
-    std::vector<std::uint8_t> keyOf(Gpu &gpu, VkPipelineLayout layout, std::span<const std::uint32_t> words)
+    std::vector<uint8_t> keyOf(Gpu &gpu, VkPipelineLayout layout, std::span<const uint32_t> words)
     {
         const VkShaderModule module = gpu.shader(words);
         const VkComputePipelineCreateInfo info = computeInfo(layout, module, nullptr);
-        std::vector<std::uint8_t> key = Binaries(gpu).key(&info);
+        std::vector<uint8_t> key = Binaries(gpu).key(&info);
         vkDestroyShaderModule(gpu.device(), module, nullptr);
         return key;
     }
 
 public:
-    static Kept kept(Gpu &gpu, VkPipelineLayout layout, std::span<const std::uint32_t> words)
+    static Kept kept(Gpu &gpu, VkPipelineLayout layout, std::span<const uint32_t> words)
     {
         const ComputePipeline pipeline(gpu, layout, words, kCaptureData);
         Binaries binaries(gpu);
@@ -141,7 +141,7 @@ TEST_F(PipelineBinaries, OfARayTracingPipeline)
             PipelineTracerSetup setup = remadeSetup(way);
             setup.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}};
             PipelineTracer tracer(gpu(), setup);
-            for (const std::uint32_t flags : opacityRayFlags())
+            for (const uint32_t flags : opacityRayFlags())
                 scene_->expect(tracer, flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
         }
     }
@@ -164,7 +164,7 @@ TEST_F(PipelineBinaries, OfAPipelineWithoutTheBit)
     PipelineTracerSetup setup = remadeSetup(Way::Data);
     setup.flags = 0;
     PipelineTracer tracer(gpu(), setup);
-    for (const std::uint32_t flags : opacityRayFlags(false))
+    for (const uint32_t flags : opacityRayFlags(false))
         plain.expect(tracer, flags);
 }
 
@@ -174,7 +174,7 @@ TEST_F(PipelineBinaries, KeysAreThoseOfTheCode)
     const auto query = keyOf(gpu(), tracer.layout(), tracer_comp);
     EXPECT_EQ(query, keyOf(gpu(), tracer.layout(), tracer_comp));
     EXPECT_NE(query, keyOf(gpu(), tracer.layout(), empty));
-    EXPECT_NE(query, std::vector<std::uint8_t>(query.size()));
+    EXPECT_NE(query, std::vector<uint8_t>(query.size()));
 }
 
 // A device with its tables elsewhere: in this process every other one.
@@ -186,7 +186,7 @@ TEST_F(PipelineBinaries, OfAnotherDevice)
     Binaries binaries(gpu());
     EXPECT_NE(binaries.key(nullptr), Binaries(other).key(nullptr));
     EXPECT_NE(keyOf(gpu(), tracer.layout(), tracer_comp), keyOf(other, otherTracer.layout(), tracer_comp));
-    for (const std::span<const std::uint32_t> words : {std::span<const std::uint32_t>(tracer_comp), {empty}}) {
+    for (const std::span<const uint32_t> words : {std::span<const uint32_t>(tracer_comp), {empty}}) {
         const Kept foreign = kept(other, otherTracer.layout(), words);
         EXPECT_TRUE(binaries.from(foreign) == nullptr);
         EXPECT_EQ(binaries.last(), VK_ERROR_INITIALIZATION_FAILED);
@@ -207,13 +207,13 @@ TEST_F(PipelineBinaries, ThatAreDamaged)
         EXPECT_EQ(binaries.last(), VK_ERROR_INITIALIZATION_FAILED);
         EXPECT_EQ(gpu().takeUnexpectedMessages().size(), 1u);
     };
-    for (const std::size_t size : {std::size_t{1}, std::size_t{20}, whole.data.size() - 33, whole.data.size() - 32,
-                                   whole.data.size() - 31, whole.data.size() - 1}) {
+    for (const size_t size : {size_t{1}, size_t{20}, whole.data.size() - 33, whole.data.size() - 32,
+                              whole.data.size() - 31, whole.data.size() - 1}) {
         Kept damaged = whole;
         damaged.data.resize(size);
         expectRefused(damaged);
     }
-    for (std::size_t at = 0; at < whole.data.size(); at += 3) {
+    for (size_t at = 0; at < whole.data.size(); at += 3) {
         Kept damaged = whole;
         damaged.data[at] ^= 0x40;
         expectRefused(damaged);
@@ -243,10 +243,10 @@ TEST_F(PipelineBinaries, ThatTheDriverDoesNotHave)
 TEST_F(PipelineBinaries, OfAPipelineThatCannotBeMade)
 {
     const Tracer tracer(gpu());
-    const std::vector<std::uint32_t> code = gpu().code(tracer_comp);
+    const std::vector<uint32_t> code = gpu().code(tracer_comp);
     VkShaderModuleCreateInfo module{};
     module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    module.codeSize = code.size() * sizeof(std::uint32_t);
+    module.codeSize = code.size() * sizeof(uint32_t);
     module.pCode = code.data();
     const VkBaseInStructure unknown{static_cast<VkStructureType>(0x7ffffff0), // a structure of the future
                                     reinterpret_cast<const VkBaseInStructure *>(&module)};
@@ -306,7 +306,7 @@ TEST_P(BinariesOfSettings, AreNotThoseOfOthers)
     const std::optional<std::string> before = old ? std::optional<std::string>(old) : std::nullopt;
     if (before == value)
         GTEST_SKIP() << variable << " is " << value;
-    std::vector<std::uint8_t> key;
+    std::vector<uint8_t> key;
     Kept data;
     {
         Gpu gpu(cachingDriver());

@@ -31,7 +31,7 @@ TEST_F(PipelineCommands, Indirect)
     const Buffer command(gpu(), 256,
                          VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
                              VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
         gpu().submit([&](VkCommandBuffer commands) {
             const VkTraceRaysIndirectCommandKHR size{tracer.rayCount(), 1, 1};
@@ -83,7 +83,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2)
         const Buffer buffer(gpu(), 1024,
                             VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
                                 VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-        for (const std::uint32_t flags : opacityRayFlags()) {
+        for (const uint32_t flags : opacityRayFlags()) {
             tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
             const VkTraceRaysIndirectCommand2KHR c = command(tracer);
             gpu().submit([&](VkCommandBuffer commands) {
@@ -111,7 +111,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2ChangesBetweenSubmissions)
     gpu().vk().CmdTraceRaysIndirect2KHR(commands, buffer.address() + 256);
     barrier(commands);
     gpu().end(commands);
-    for (const std::uint32_t first : {0u, 2u, 0u, 2u}) {
+    for (const uint32_t first : {0u, 2u, 0u, 2u}) {
         VkTraceRaysIndirectCommand2KHR c = command(tracer);
         c.hitShaderBindingTableAddress += first * c.hitShaderBindingTableStride;
         c.hitShaderBindingTableSize = 2 * c.hitShaderBindingTableStride;
@@ -132,9 +132,9 @@ TEST_F(PipelineCommandsMaintenance, Indirect2WithManyRecords)
 {
     if (gpu().vk().CmdTraceRaysIndirect2KHR == nullptr)
         GTEST_SKIP() << "no vkCmdTraceRaysIndirect2KHR";
-    for (const std::uint32_t count : {100u, 1000u, 10000u, 30000u}) {
+    for (const uint32_t count : {100u, 1000u, 10000u, 30000u}) {
         SCOPED_TRACE(testing::Message() << count << " records");
-        std::vector<std::optional<std::uint32_t>> records(count);
+        std::vector<std::optional<uint32_t>> records(count);
         records[count - 1] = 1;
         PipelineTracer tracer(gpu(), {.records = records});
         const PipelineScene scene(gpu(), {.triangleRecord = count - 2, .boxRecord = count - 1});
@@ -158,7 +158,7 @@ class ComputeState
 public:
     static constexpr VkPushConstantRange kRange{VK_SHADER_STAGE_COMPUTE_BIT, 64, 192};
 
-    ComputeState(Gpu &gpu, std::uint32_t rayTracingPushSize) : gpu_(gpu)
+    ComputeState(Gpu &gpu, uint32_t rayTracingPushSize) : gpu_(gpu)
     {
         const VkDescriptorSetLayoutBinding binding{0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT,
                                                    nullptr};
@@ -173,7 +173,7 @@ public:
         layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
         layout.setLayoutCount = 1;
         layout.pSetLayouts = &setLayout_;
-        layout.pushConstantRangeCount = static_cast<std::uint32_t>(ranges.size());
+        layout.pushConstantRangeCount = static_cast<uint32_t>(ranges.size());
         layout.pPushConstantRanges = ranges.data();
         VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
         VkComputePipelineCreateInfo pipeline{};
@@ -207,7 +207,7 @@ public:
         write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
         write.pBufferInfo = &buffer;
         vkUpdateDescriptorSets(gpu.device(), 1, &write, 0, nullptr);
-        for (std::uint32_t i = 0; i < words_.size(); ++i)
+        for (uint32_t i = 0; i < words_.size(); ++i)
             words_[i] = 0x3254761 * (i + 1);
     }
     ComputeState(const ComputeState &) = delete;
@@ -220,7 +220,7 @@ public:
         vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
     }
 
-    void push(VkCommandBuffer commands, std::uint32_t first = 0, std::uint32_t count = 48) const
+    void push(VkCommandBuffer commands, uint32_t first = 0, uint32_t count = 48) const
     {
         vkCmdPushConstants(commands, layout_, VK_SHADER_STAGE_COMPUTE_BIT, 64 + 4 * first, 4 * count,
                            words_.data() + first);
@@ -238,9 +238,9 @@ public:
     }
     void expectSeen() const
     {
-        for (std::uint32_t i = 0; i < words_.size(); ++i)
-            ASSERT_EQ(seen_.as<std::uint32_t>()[i], words_[i]) << "word " << i;
-        std::memset(seen_.bytes(), 0, static_cast<std::size_t>(seen_.size()));
+        for (uint32_t i = 0; i < words_.size(); ++i)
+            ASSERT_EQ(seen_.as<uint32_t>()[i], words_[i]) << "word " << i;
+        std::memset(seen_.bytes(), 0, static_cast<size_t>(seen_.size()));
     }
 
 private:
@@ -251,7 +251,7 @@ private:
     VkDescriptorPool pool_ = VK_NULL_HANDLE;
     VkDescriptorSet set_ = VK_NULL_HANDLE;
     Buffer seen_;
-    std::array<std::uint32_t, 48> words_{};
+    std::array<uint32_t, 48> words_{};
 };
 
 class PipelineState : public PipelineCommands
@@ -407,14 +407,14 @@ TEST_F(PipelineState, SubmittedAgainAndAgain)
 
 // Traces are no commands that a predicate switches off (vk.xml: conditionalrendering="false"), but lavapipe (Mesa
 // 25.0.7) does: then at least no more than on the driver alone goes wrong.
-bool tracesUnderPredicate(Gpu &gpu, std::uint32_t predicate)
+bool tracesUnderPredicate(Gpu &gpu, uint32_t predicate)
 {
     const PipelineScene scene(gpu, {.micromaps = false});
     PipelineTracer tracer(gpu, {.flags = 0});
     tracer.prepare(scene.tlas(), scene.rays(0), 4);
     tracer.clearResults();
     Buffer condition(gpu, 16, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
-    condition.as<std::uint32_t>()[0] = predicate;
+    condition.as<uint32_t>()[0] = predicate;
     VkConditionalRenderingBeginInfoEXT begin{};
     begin.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT;
     begin.buffer = condition.handle();
@@ -433,12 +433,12 @@ TEST_F(PipelineState, ConditionalRendering)
     if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         GTEST_SKIP() << "no VK_EXT_conditional_rendering";
     Gpu alone({.vellum = false, .validation = false, .micromaps = false});
-    for (const std::uint32_t predicate : {1u, 0u}) {
+    for (const uint32_t predicate : {1u, 0u}) {
         SCOPED_TRACE(testing::Message() << "predicate " << predicate);
         const bool traces = tracesUnderPredicate(alone, predicate);
         EXPECT_EQ(tracesUnderPredicate(gpu(), predicate), traces);
         Buffer condition(gpu(), 16, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
-        condition.as<std::uint32_t>()[0] = predicate;
+        condition.as<uint32_t>()[0] = predicate;
         VkConditionalRenderingBeginInfoEXT begin{};
         begin.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT;
         begin.buffer = condition.handle();

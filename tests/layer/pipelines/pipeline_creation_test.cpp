@@ -8,10 +8,12 @@
 namespace
 {
 
-const vt::Labels kLabels{
-    {"PipelineCreation.*", "slow forcing"},     {"PipelineCreationDeferred.*", "slow forcing"},
-    {"PipelineCreationDeferredInline.*", "slow forcing"}, {"PipelineCreationNotDeferred.*", "slow forcing"},
-    {"PipelineCreationUncompiled.*", "slow forcing"},     {"PipelineCreationUncompiledDeferred.*", "slow forcing"}};
+const vt::Labels kLabels{{"PipelineCreation.*", "slow forcing"},
+                         {"PipelineCreationDeferred.*", "slow forcing"},
+                         {"PipelineCreationDeferredInline.*", "slow forcing"},
+                         {"PipelineCreationNotDeferred.*", "slow forcing"},
+                         {"PipelineCreationUncompiled.*", "slow forcing"},
+                         {"PipelineCreationUncompiledDeferred.*", "slow forcing"}};
 
 using namespace vt;
 
@@ -20,19 +22,19 @@ class PipelineCreation : public PipelineSceneTest
 protected:
     explicit PipelineCreation(const Options &options = {}) : PipelineSceneTest(options) {}
     struct DeferredCase {
-        std::uint32_t joiners = 1;
+        uint32_t joiners = 1;
         bool destroyUnjoined = false;
     };
 
     // By that many threads. One of them, at least, finds the operation complete.
-    void join(VkDeferredOperationKHR operation, std::uint32_t joiners)
+    void join(VkDeferredOperationKHR operation, uint32_t joiners)
     {
         std::vector<std::thread> threads;
         std::vector<VkResult> joined(joiners, VK_ERROR_UNKNOWN);
-        const auto joinOne = [&](std::size_t i) {
+        const auto joinOne = [&](size_t i) {
             joined[i] = gpu().vk().DeferredOperationJoinKHR(gpu().device(), operation);
         };
-        for (std::size_t i = 1; i < joiners; ++i)
+        for (size_t i = 1; i < joiners; ++i)
             threads.emplace_back(joinOne, i);
         joinOne(0);
         for (std::thread &thread : threads)
@@ -60,9 +62,9 @@ protected:
         if (started == VK_OPERATION_DEFERRED_KHR) {
             EXPECT_EQ(vk.GetDeferredOperationResultKHR(gpu().device(), operation), VK_NOT_READY);
             // Spoil the memory that was free when the call returned, so that what is read from there is noticed.
-            std::vector<std::vector<std::uint8_t>> noise;
-            for (std::size_t size = 16; size < 65536; size = size * 3 / 2)
-                noise.emplace_back(size, std::uint8_t{0xdb});
+            std::vector<std::vector<uint8_t>> noise;
+            for (size_t size = 16; size < 65536; size = size * 3 / 2)
+                noise.emplace_back(size, uint8_t{0xdb});
             join(operation, how.joiners);
         }
         // "VK_OPERATION_NOT_DEFERRED_KHR: ... the command has completed": as good as VK_SUCCESS.
@@ -84,7 +86,7 @@ protected:
                     gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
                             .flags = micromaps ? kMicromapBit : 0,
                             .make = [&](Gpu &, const PipelineSetup &setup) { return makeDeferred(setup, how); }});
-                for (const std::uint32_t flags : opacityRayFlags(micromaps))
+                for (const uint32_t flags : opacityRayFlags(micromaps))
                     (micromaps ? *scene_ : plain)
                         .expect(tracer, flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
             }
@@ -140,7 +142,7 @@ TEST_F(PipelineCreationDeferredInline, ByTheDriver)
                                   .flags2 = true,
                                   .inlineModules = true,
                                   .make = [&](Gpu &, const PipelineSetup &setup) { return makeDeferred(setup, {}); }});
-    for (const std::uint32_t flags : opacityRayFlags())
+    for (const uint32_t flags : opacityRayFlags())
         scene_->expect(tracer, flags, {.triangleAnyHit = false});
 }
 
@@ -149,11 +151,11 @@ TEST_F(PipelineCreationDeferred, SeveralInOneCall)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
     for (const bool deferred : {false, true}) {
-        const auto make = [&](std::uint32_t kept) {
+        const auto make = [&](uint32_t kept) {
             return [this, deferred, kept](Gpu &, const PipelineSetup &from) {
                 std::array<std::unique_ptr<PipelineInfo>, 3> infos;
                 std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
-                for (std::uint32_t i = 0; i < 3; ++i) {
+                for (uint32_t i = 0; i < 3; ++i) {
                     PipelineSetup setup = from;
                     setup.flags = i == 1 ? 0 : kMicromapBit;
                     for (PipelineGroup &group : setup.groups) {
@@ -180,7 +182,7 @@ TEST_F(PipelineCreationDeferred, SeveralInOneCall)
                     vk.DestroyDeferredOperationKHR(gpu().device(), operation, nullptr);
                 for (auto &info : infos)
                     info->scribble();
-                for (std::uint32_t i = 0; i < 3; ++i) {
+                for (uint32_t i = 0; i < 3; ++i) {
                     if (i != kept)
                         vkDestroyPipeline(gpu().device(), pipelines[i], nullptr);
                 }
@@ -190,7 +192,7 @@ TEST_F(PipelineCreationDeferred, SeveralInOneCall)
         PipelineTracer with(gpu(), {.make = make(0)});
         PipelineTracer without(gpu(), {.make = make(1)});
         PipelineTracer noAnyHit(gpu(), {.make = make(2)});
-        for (const std::uint32_t flags : opacityRayFlags()) {
+        for (const uint32_t flags : opacityRayFlags()) {
             scene_->expect(with, flags);
             scene_->expect(noAnyHit, flags, {.triangleAnyHit = false, .boxAnyHit = false});
             if ((flags & kRayForceTwoState) == 0)
@@ -216,7 +218,7 @@ protected:
             const auto make = [&](Gpu &, const PipelineSetup &from) {
                 std::array<std::unique_ptr<PipelineInfo>, 3> infos;
                 std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
-                for (std::uint32_t i = 0; i < 3; ++i) {
+                for (uint32_t i = 0; i < 3; ++i) {
                     PipelineSetup setup = from;
                     if (i == 1)
                         setup.flags |= VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT |
@@ -244,7 +246,7 @@ protected:
                 return MadePipeline{RayPipeline(gpu(), pipelines[0]), {}};
             };
             PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true}}, .make = make});
-            for (const std::uint32_t flags : opacityRayFlags())
+            for (const uint32_t flags : opacityRayFlags())
                 scene_->expect(tracer, flags, {.triangleAnyHit = false});
         }
     }
@@ -298,7 +300,7 @@ TEST_F(PipelineCreation, Cache)
                                                                          &create.get(), nullptr, &pipeline));
                             return MadePipeline{RayPipeline(g, pipeline), {}};
                         }});
-            for (const std::uint32_t flags : opacityRayFlags())
+            for (const uint32_t flags : opacityRayFlags())
                 scene_->expect(tracer, flags, {.triangleAnyHit = anyHit});
         }
     }
@@ -352,8 +354,8 @@ TEST_F(PipelineCreation, StackSizeSetByTheApplication)
                                           .flags = micromaps ? kMicromapBit : 0,
                                           .dynamicStackSize = true});
             const PipelineScene &scene = micromaps ? *scene_ : plain;
-            const auto size = static_cast<std::uint32_t>(sizesOf(tracer.pipeline(), anyHit).total());
-            for (const std::uint32_t flags : opacityRayFlags(micromaps)) {
+            const auto size = static_cast<uint32_t>(sizesOf(tracer.pipeline(), anyHit).total());
+            for (const uint32_t flags : opacityRayFlags(micromaps)) {
                 tracer.prepare(scene.tlas(), scene.rays(flags), 4);
                 gpu().submit([&](VkCommandBuffer commands) {
                     tracer.bind(commands);
@@ -383,11 +385,11 @@ TEST_F(PipelineCreation, StackSizeWithBoxesOnly)
                               std::max({pipeline.stackSize(1, VK_SHADER_GROUP_SHADER_GENERAL_KHR),
                                         pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR),
                                         pipeline.stackSize(2, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR)});
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
         gpu().submit([&](VkCommandBuffer commands) {
             tracer.bind(commands);
-            gpu().vk().CmdSetRayTracingPipelineStackSizeKHR(commands, static_cast<std::uint32_t>(size));
+            gpu().vk().CmdSetRayTracingPipelineStackSizeKHR(commands, static_cast<uint32_t>(size));
             tracer.dispatch(commands);
             barrier(commands);
         });
@@ -400,7 +402,7 @@ TEST_F(PipelineCreation, MadeByThreads)
 {
     std::array<std::unique_ptr<PipelineTracer>, 4> tracers;
     std::vector<std::thread> threads;
-    for (std::size_t i = 0; i < tracers.size(); ++i) {
+    for (size_t i = 0; i < tracers.size(); ++i) {
         threads.emplace_back([&, i] {
             for (int k = 0; k < 3; ++k)
                 tracers[i] = std::make_unique<PipelineTracer>(
@@ -409,7 +411,7 @@ TEST_F(PipelineCreation, MadeByThreads)
     }
     for (std::thread &thread : threads)
         thread.join();
-    for (std::size_t i = 0; i < tracers.size(); ++i)
+    for (size_t i = 0; i < tracers.size(); ++i)
         scene_->expect(*tracers[i], 0x402, {.triangleAnyHit = i % 2 == 0});
 }
 
@@ -420,7 +422,7 @@ TEST_F(PipelineCreation, Feedback)
         struct {
             VkPipelineCreationFeedback whole{};
             std::array<VkPipelineCreationFeedback, 6> stages{};
-            std::array<std::uint8_t, 256> guard{};
+            std::array<uint8_t, 256> guard{};
         } feedback;
         feedback.guard.fill(0xa5);
         PipelineTracer tracer(gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
@@ -440,8 +442,7 @@ TEST_F(PipelineCreation, Feedback)
                                                                                        nullptr, &pipeline));
                                           return MadePipeline{RayPipeline(g, pipeline), {}};
                                       }});
-        EXPECT_TRUE(
-            std::all_of(feedback.guard.begin(), feedback.guard.end(), [](std::uint8_t b) { return b == 0xa5; }));
+        EXPECT_TRUE(std::all_of(feedback.guard.begin(), feedback.guard.end(), [](uint8_t b) { return b == 0xa5; }));
         scene_->expect(tracer, 0x402, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
     }
 }

@@ -24,19 +24,19 @@ protected:
 
     void expectAll(PipelineTracer &tracer, const PipelineScene::View &view)
     {
-        for (const std::uint32_t flags : opacityRayFlags())
+        for (const uint32_t flags : opacityRayFlags())
             scene_->expect(tracer, flags, view);
     }
     void expectAll(PipelineTracer &tracer) { expectAll(tracer, {}); }
 
     // All stages of one module.
-    void expectOneModule(std::span<const std::uint32_t> words, bool sharedModules)
+    void expectOneModule(std::span<const uint32_t> words, bool sharedModules)
     {
         const auto make = [&](Gpu &g, const PipelineSetup &from) {
             PipelineSetup setup = from;
             setup.sharedModules = sharedModules;
             constexpr std::array names{"raygen", "miss", "closest_hit", "any_hit", "intersection", "intersection"};
-            for (std::size_t i = 0; i < names.size(); ++i) {
+            for (size_t i = 0; i < names.size(); ++i) {
                 setup.stages[i].words = words;
                 setup.stages[i].entry = names[i];
             }
@@ -44,7 +44,7 @@ protected:
             setup.stages.push_back({VK_SHADER_STAGE_ANY_HIT_BIT_KHR, words, "any_hit_2"});
             for (PipelineGroup &group : setup.groups) {
                 if (group.intersection != kUnused && group.anyHit != kUnused)
-                    group.anyHit = static_cast<std::uint32_t>(setup.stages.size()) - 1;
+                    group.anyHit = static_cast<uint32_t>(setup.stages.size()) - 1;
             }
             return MadePipeline{RayPipeline(g, setup), {}};
         };
@@ -54,7 +54,7 @@ protected:
         expectAll(without, {.triangleAnyHit = false, .boxAnyHit = false});
         PipelineTracer unmapped(gpu(), {.flags = 0, .make = make});
         const PipelineScene plain(gpu(), {.micromaps = false});
-        for (const std::uint32_t flags : opacityRayFlags(false))
+        for (const uint32_t flags : opacityRayFlags(false))
             plain.expect(unmapped, flags);
     }
 };
@@ -76,11 +76,11 @@ TEST_F(PipelineGroups, StagesOfTheirOwn)
     PipelineTracer tracer(gpu(), {.make = [](Gpu &g, const PipelineSetup &from) {
                               PipelineSetup setup = from;
                               setup.sharedModules = true;
-                              const auto again = [&setup](std::uint32_t &stage) {
+                              const auto again = [&setup](uint32_t &stage) {
                                   if (stage == kUnused)
                                       return;
                                   setup.stages.push_back(setup.stages[stage]);
-                                  stage = static_cast<std::uint32_t>(setup.stages.size()) - 1;
+                                  stage = static_cast<uint32_t>(setup.stages.size()) - 1;
                               };
                               for (PipelineGroup &group : setup.groups) {
                                   again(group.general);
@@ -105,7 +105,7 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
                                           {}};
     PipelineTracerSetup setup{.groups = groups, .records = {0, 1, 2, 3, std::nullopt, 6, 4, 5}};
     struct Case {
-        std::uint32_t first; // the record of triangles
+        uint32_t first; // the record of triangles
         PipelineScene::View view;
     };
     const std::array<Case, 6> cases{{
@@ -125,11 +125,11 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
         PipelineTracer tracer(gpu(), setup);
         for (const Case &c : cases) {
             SCOPED_TRACE(testing::Message() << "record " << c.first);
-            for (const std::uint32_t box : {6u, 7u}) {
+            for (const uint32_t box : {6u, 7u}) {
                 const PipelineScene scene(gpu(), {.triangleRecord = c.first, .boxRecord = box});
                 PipelineScene::View view = c.view;
                 view.boxClosestHit = box == 6;
-                for (const std::uint32_t flags : opacityRayFlags())
+                for (const uint32_t flags : opacityRayFlags())
                     scene.expect(tracer, flags, view);
             }
         }
@@ -147,7 +147,7 @@ TEST_F(PipelineGroups, WideHitAttributes)
                 gpu(), {.groups = {{.anyHit = triangleAnyHit}, {.box = true, .anyHit = boxAnyHit}},
                         .make = [](Gpu &g, const PipelineSetup &from) {
                             PipelineSetup setup = from;
-                            const auto first = static_cast<std::uint32_t>(setup.stages.size());
+                            const auto first = static_cast<uint32_t>(setup.stages.size());
                             setup.stages.push_back({VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_wide_closest_hit});
                             setup.stages.push_back({VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pipeline_wide_any_hit});
                             setup.stages.push_back({VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_wide_intersection});
@@ -215,13 +215,13 @@ TEST_F(PipelineGroups, RecordOffset)
 // Records of one group differ in their data only.
 TEST_F(PipelineGroups, ManyRecords)
 {
-    std::vector<std::optional<std::uint32_t>> records;
-    for (std::uint32_t i = 0; i < 5000; ++i)
-        records.emplace_back(i % 3 == 0 ? std::optional<std::uint32_t>() : std::optional<std::uint32_t>(i % 3 - 1));
+    std::vector<std::optional<uint32_t>> records;
+    for (uint32_t i = 0; i < 5000; ++i)
+        records.emplace_back(i % 3 == 0 ? std::optional<uint32_t>() : std::optional<uint32_t>(i % 3 - 1));
     PipelineTracer tracer(gpu(), {.records = records});
     const PipelineScene ordinary(gpu(), {.triangleRecord = 4198, .boxRecord = 4994});
     const PipelineScene zero(gpu(), {.triangleRecord = 4998, .boxRecord = 4997});
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         if (4198 % 3 == 1)
             ordinary.expect(tracer, flags);
         zero.expect(tracer, flags, {.triangleAnyHit = false, .triangleClosestHit = false});
@@ -233,12 +233,12 @@ TEST_F(PipelineGroups, Handles)
 {
     const PipelineTracer tracer(
         gpu(), {.groups = {{}, {.anyHit = false}, {.box = true}, {.anyHit = false, .closestHit = false}}});
-    const std::size_t size = gpu().pipelineProperties().shaderGroupHandleSize;
-    const std::vector<std::uint8_t> all = tracer.pipeline().groupHandles(0, 6);
-    for (std::uint32_t first = 0; first < 6; ++first) {
-        for (std::uint32_t count = 1; first + count <= 6; ++count) {
-            const std::vector<std::uint8_t> some = tracer.pipeline().groupHandles(first, count);
-            EXPECT_TRUE(std::equal(some.begin(), some.end(), all.begin() + static_cast<std::ptrdiff_t>(first * size)));
+    const size_t size = gpu().pipelineProperties().shaderGroupHandleSize;
+    const std::vector<uint8_t> all = tracer.pipeline().groupHandles(0, 6);
+    for (uint32_t first = 0; first < 6; ++first) {
+        for (uint32_t count = 1; first + count <= 6; ++count) {
+            const std::vector<uint8_t> some = tracer.pipeline().groupHandles(first, count);
+            EXPECT_TRUE(std::equal(some.begin(), some.end(), all.begin() + static_cast<ptrdiff_t>(first * size)));
         }
     }
 }
@@ -251,24 +251,24 @@ TEST_F(PipelineGroups, TableThatChanges)
     const VkDeviceSize handle = limits.shaderGroupHandleSize;
     const VkDeviceSize stride = tracer.table().hit.stride;
     // Two contents: as in the tracer's table, and with a zero record for triangles.
-    std::vector<std::uint8_t> content(static_cast<std::size_t>(stride) * 4);
-    const auto put = [&](std::size_t record, std::optional<std::uint32_t> group, std::uint32_t data) {
-        std::uint8_t *at = content.data() + record * stride;
+    std::vector<uint8_t> content(static_cast<size_t>(stride) * 4);
+    const auto put = [&](size_t record, std::optional<uint32_t> group, uint32_t data) {
+        uint8_t *at = content.data() + record * stride;
         if (group)
-            std::memcpy(at, tracer.pipeline().groupHandles(*group).data(), static_cast<std::size_t>(handle));
+            std::memcpy(at, tracer.pipeline().groupHandles(*group).data(), static_cast<size_t>(handle));
         std::memcpy(at + handle, &data, sizeof data);
     };
     put(0, 2, 100);
     put(1, 3, 101);
     put(2, std::nullopt, 100);
     put(3, 3, 101);
-    const Buffer source = gpu().upload(std::span<const std::uint8_t>(content), VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+    const Buffer source = gpu().upload(std::span<const uint8_t>(content), VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
     const Buffer table(gpu(), stride * 2 + 256,
                        VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
                            VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const VkDeviceSize base = (table.address() + 63) / 64 * 64;
     const VkStridedDeviceAddressRegionKHR hit{base, stride, stride * 2};
-    const auto copy = [&](VkCommandBuffer commands, std::size_t which) {
+    const auto copy = [&](VkCommandBuffer commands, size_t which) {
         const VkBufferCopy region{which * 2 * stride, base - table.address(), stride * 2};
         vkCmdCopyBuffer(commands, source.handle(), table.handle(), 1, &region);
         VkMemoryBarrier2 memory{}; // no more than the specification asks for
@@ -283,12 +283,12 @@ TEST_F(PipelineGroups, TableThatChanges)
         dependency.pMemoryBarriers = &memory;
         vkCmdPipelineBarrier2(commands, &dependency);
     };
-    for (const std::uint32_t last : {0u, 1u}) {
-        for (const std::uint32_t flags : {0u, kRayCullOpaque, 0x400u}) {
+    for (const uint32_t last : {0u, 1u}) {
+        for (const uint32_t flags : {0u, kRayCullOpaque, 0x400u}) {
             tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
             VkCommandBuffer commands = gpu().begin(0);
             const BindingTable &ours = tracer.table();
-            for (const std::uint32_t which : {1 - last, last}) {
+            for (const uint32_t which : {1 - last, last}) {
                 barrier(commands);
                 copy(commands, which);
                 tracer.bind(commands);
@@ -315,7 +315,7 @@ TEST_F(PipelineGroups, TableWrittenAfterRecording)
     const Buffer table(gpu(), stride * 2 + 256,
                        VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const VkDeviceSize base = (table.address() + 63) / 64 * 64;
-    std::uint8_t *bytes = table.bytes() + (base - table.address());
+    uint8_t *bytes = table.bytes() + (base - table.address());
     const VkStridedDeviceAddressRegionKHR hit{base, stride, stride * 2};
     const BindingTable &ours = tracer.table();
     tracer.prepare(scene_->tlas(), scene_->rays(0), 4);
@@ -325,10 +325,10 @@ TEST_F(PipelineGroups, TableWrittenAfterRecording)
     barrier(commands);
     gpu().end(commands);
     for (const bool zero : {false, true, false}) {
-        const std::vector<std::uint8_t> handles = tracer.pipeline().groupHandles(2, 2);
-        const std::size_t size = handles.size() / 2;
-        for (std::uint32_t i = 0; i < 2; ++i) {
-            const std::uint32_t data = 100 + i;
+        const std::vector<uint8_t> handles = tracer.pipeline().groupHandles(2, 2);
+        const size_t size = handles.size() / 2;
+        for (uint32_t i = 0; i < 2; ++i) {
+            const uint32_t data = 100 + i;
             std::memcpy(bytes + i * stride, handles.data() + i * size, size);
             std::memcpy(bytes + i * stride + size, &data, 4);
         }
@@ -347,7 +347,7 @@ TEST_F(PipelineGroups, Strides)
     const PipelineScene triangles(gpu(), {.triangleRecord = 3, .boxRecord = 2});
     PipelineTracer tracer(gpu());
     const auto &limits = gpu().pipelineProperties();
-    const std::size_t size = limits.shaderGroupHandleSize;
+    const size_t size = limits.shaderGroupHandleSize;
     for (const bool zero : {false, true}) {
         for (const VkDeviceSize stride :
              {VkDeviceSize{64}, VkDeviceSize{96}, VkDeviceSize{512}, VkDeviceSize{limits.maxShaderGroupStride}}) {
@@ -356,10 +356,10 @@ TEST_F(PipelineGroups, Strides)
                                VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR |
                                    VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
             const VkDeviceSize base = (table.address() + 63) / 64 * 64;
-            std::uint8_t *bytes = table.bytes() + (base - table.address());
-            const std::vector<std::uint8_t> handles = tracer.pipeline().groupHandles(2, 2);
-            for (const std::uint32_t record : {2u, 3u}) {
-                const std::uint32_t data = 100 + record;
+            uint8_t *bytes = table.bytes() + (base - table.address());
+            const std::vector<uint8_t> handles = tracer.pipeline().groupHandles(2, 2);
+            for (const uint32_t record : {2u, 3u}) {
+                const uint32_t data = 100 + record;
                 if (!zero || record == 2)
                     std::memcpy(bytes + record * stride, handles.data() + (record == 3 ? 0 : size), size);
                 std::memcpy(bytes + record * stride + size, &data, 4);
@@ -367,7 +367,7 @@ TEST_F(PipelineGroups, Strides)
             // The last record ends with its handle and data, not with its stride.
             const VkStridedDeviceAddressRegionKHR hit{base, stride, 3 * stride + size + 16};
             const BindingTable &ours = tracer.table();
-            for (const std::uint32_t flags : {0u, kRayCullNoOpaque, 0x402u}) {
+            for (const uint32_t flags : {0u, kRayCullNoOpaque, 0x402u}) {
                 tracer.prepare(triangles.tlas(), triangles.rays(flags), 4);
                 gpu().submit([&](VkCommandBuffer commands) {
                     tracer.bind(commands);
@@ -390,7 +390,7 @@ TEST_F(PipelineGroups, StrideZero)
     VkStridedDeviceAddressRegionKHR hit = ours.hit;
     hit.stride = 0;
     hit.size = gpu().pipelineProperties().shaderGroupHandleSize + 16;
-    for (const std::uint32_t flags : {kRaySkipBoxes, kRaySkipBoxes | kRayOpaque, kRaySkipBoxes | 0x440u}) {
+    for (const uint32_t flags : {kRaySkipBoxes, kRaySkipBoxes | kRayOpaque, kRaySkipBoxes | 0x440u}) {
         tracer.prepare(scene.tlas(), scene.rays(flags), 4);
         gpu().submit([&](VkCommandBuffer commands) {
             tracer.bind(commands);

@@ -17,7 +17,7 @@ const vt::Labels kLabels{{"PipelineLibrary.*", "slow forcing"},
 using namespace vt;
 
 // Groups of the tracer's setup: ray generation, miss, triangles, boxes. Each library holds some, with their stages.
-using Groups = std::vector<std::uint32_t>;
+using Groups = std::vector<uint32_t>;
 
 struct Plan {
     std::vector<Groups> libraries; // in the order of linking
@@ -31,17 +31,17 @@ PipelineSetup part(const PipelineSetup &from, const Groups &groups)
     PipelineSetup setup = from;
     setup.stages.clear();
     setup.groups.clear();
-    std::vector<std::uint32_t> places(from.stages.size(), kUnused);
-    const auto place = [&](std::uint32_t stage) {
+    std::vector<uint32_t> places(from.stages.size(), kUnused);
+    const auto place = [&](uint32_t stage) {
         if (stage == kUnused)
             return kUnused;
         if (places[stage] == kUnused) {
-            places[stage] = static_cast<std::uint32_t>(setup.stages.size());
+            places[stage] = static_cast<uint32_t>(setup.stages.size());
             setup.stages.push_back(from.stages[stage]);
         }
         return places[stage];
     };
-    for (const std::uint32_t g : groups) {
+    for (const uint32_t g : groups) {
         const PipelineGroup &group = from.groups[g];
         setup.groups.push_back(
             {place(group.general), place(group.closestHit), place(group.anyHit), place(group.intersection)});
@@ -68,9 +68,9 @@ protected:
     MadePipeline link(const PipelineSetup &from, const Plan &plan)
     {
         libraries_.clear();
-        std::vector<std::uint32_t> places(from.groups.size());
-        std::uint32_t next = 0;
-        for (const std::uint32_t g : plan.own)
+        std::vector<uint32_t> places(from.groups.size());
+        uint32_t next = 0;
+        for (const uint32_t g : plan.own)
             places[g] = next++;
         PipelineSetup linking = part(from, plan.own);
         PipelineSetup outer = part(from, {});
@@ -79,7 +79,7 @@ protected:
             library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
             libraries_.emplace_back(gpu(), library);
             (plan.nested ? outer : linking).libraries.push_back(libraries_.back().handle());
-            for (const std::uint32_t g : groups)
+            for (const uint32_t g : groups)
                 places[g] = next++;
         }
         if (plan.nested) {
@@ -96,9 +96,9 @@ protected:
         PipelineTracerSetup setup = base;
         setup.make = [this, &plan](Gpu &, const PipelineSetup &from) { return link(from, plan); };
         PipelineTracer tracer(gpu(), setup);
-        for (const std::uint32_t flags : opacityRayFlags(gpu().options().micromaps))
+        for (const uint32_t flags : opacityRayFlags(gpu().options().micromaps))
             scene_->expect(tracer, flags, view);
-        expectHandles(tracer.pipeline(), static_cast<std::uint32_t>(setup.groups.size()) + 2);
+        expectHandles(tracer.pipeline(), static_cast<uint32_t>(setup.groups.size()) + 2);
     }
     void expect(const Plan &plan) { expect(plan, {}, {}); }
     void expectWithoutAnyHit(const Plan &plan)
@@ -108,18 +108,18 @@ protected:
     }
 
     // Ranges of handles, also across the end of the pipeline's own groups and from library to library.
-    void expectHandles(const RayPipeline &pipeline, std::uint32_t groups) const
+    void expectHandles(const RayPipeline &pipeline, uint32_t groups) const
     {
-        const std::size_t size = gpu().pipelineProperties().shaderGroupHandleSize;
-        const std::vector<std::uint8_t> all = pipeline.groupHandles(0, groups);
-        for (std::uint32_t first = 0; first < groups; ++first) {
-            const auto start = all.begin() + static_cast<std::ptrdiff_t>(first * size);
-            for (std::uint32_t other = 0; other < first; ++other)
-                EXPECT_FALSE(std::equal(start, start + static_cast<std::ptrdiff_t>(size),
-                                        all.begin() + static_cast<std::ptrdiff_t>(other * size)))
+        const size_t size = gpu().pipelineProperties().shaderGroupHandleSize;
+        const std::vector<uint8_t> all = pipeline.groupHandles(0, groups);
+        for (uint32_t first = 0; first < groups; ++first) {
+            const auto start = all.begin() + static_cast<ptrdiff_t>(first * size);
+            for (uint32_t other = 0; other < first; ++other)
+                EXPECT_FALSE(std::equal(start, start + static_cast<ptrdiff_t>(size),
+                                        all.begin() + static_cast<ptrdiff_t>(other * size)))
                     << "groups " << other << " and " << first << " have one handle";
-            for (std::uint32_t count = 1; first + count <= groups; ++count) {
-                const std::vector<std::uint8_t> some = pipeline.groupHandles(first, count);
+            for (uint32_t count = 1; first + count <= groups; ++count) {
+                const std::vector<uint8_t> some = pipeline.groupHandles(first, count);
                 EXPECT_TRUE(std::equal(some.begin(), some.end(), start)) << first << ", " << count;
             }
         }
@@ -158,7 +158,7 @@ const std::vector<Plan> kOnlyLibraries{
 
 TEST_F(PipelineLibraryWithoutLayer, Orders)
 {
-    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+    for (size_t i = 0; i < kPlans.size(); ++i) {
         SCOPED_TRACE(testing::Message() << "plan " << i);
         expect(kPlans[i]);
         expectWithoutAnyHit(kPlans[i]);
@@ -167,7 +167,7 @@ TEST_F(PipelineLibraryWithoutLayer, Orders)
 
 TEST_F(PipelineLibrary, Orders)
 {
-    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+    for (size_t i = 0; i < kPlans.size(); ++i) {
         SCOPED_TRACE(testing::Message() << "plan " << i);
         expect(kPlans[i]);
     }
@@ -175,7 +175,7 @@ TEST_F(PipelineLibrary, Orders)
 
 TEST_F(PipelineLibrary, GroupsWithoutAnyHit)
 {
-    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+    for (size_t i = 0; i < kPlans.size(); ++i) {
         SCOPED_TRACE(testing::Message() << "plan " << i);
         expectWithoutAnyHit(kPlans[i]);
     }
@@ -195,7 +195,7 @@ TEST_F(PipelineLibrary, NothingButLibraries)
 
 TEST_F(PipelineLibrary, ZeroRecords)
 {
-    for (std::size_t i = 0; i < kPlans.size(); ++i) {
+    for (size_t i = 0; i < kPlans.size(); ++i) {
         SCOPED_TRACE(testing::Message() << "plan " << i);
         expect(kPlans[i], {.records = {std::nullopt, 1}}, {.triangleAnyHit = false, .triangleClosestHit = false});
     }
@@ -212,7 +212,7 @@ TEST_F(PipelineLibrary, WithoutTheBit)
     for (const Plan &plan : kPlans) {
         PipelineTracer tracer(gpu(),
                               {.flags = 0, .make = [&](Gpu &, const PipelineSetup &from) { return link(from, plan); }});
-        for (const std::uint32_t flags : opacityRayFlags(false))
+        for (const uint32_t flags : opacityRayFlags(false))
             plain.expect(tracer, flags);
     }
 }
@@ -230,7 +230,7 @@ TEST_F(PipelineLibrary, LibrariesWithTheBitInAPipelineWithoutIt)
                               linking.libraries = {libraries_.back().handle()};
                               return MadePipeline{RayPipeline(g, linking), {}};
                           }});
-    for (const std::uint32_t flags : opacityRayFlags(false))
+    for (const uint32_t flags : opacityRayFlags(false))
         plain.expect(tracer, flags);
 }
 
@@ -256,25 +256,25 @@ TEST_F(PipelineLibrary, PushConstantsAfterInjectedWork)
     linked.libraries = {library.handle()};
     const RayPipeline pipeline(gpu(), linked);
     const BindingTable table(gpu(), pipeline, {});
-    std::array<std::uint32_t, 64> words{};
-    for (std::uint32_t i = 0; i < words.size(); ++i)
+    std::array<uint32_t, 64> words{};
+    for (uint32_t i = 0; i < words.size(); ++i)
         words[i] = 0x3254761 * (i + 1);
     const Buffer seen(gpu(), sizeof words, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
     const PipelineScene scene(gpu());
     resources.write(scene.tlas().handle(), std::array<const Buffer *, 1>{&seen});
     MicromapInput input;
-    input.add(3, kFourState, std::vector<std::uint8_t>(64, 1));
+    input.add(3, kFourState, std::vector<uint8_t>(64, 1));
     Micromap micromap(gpu(), std::move(input));
     gpu().submit([&](VkCommandBuffer commands) {
         vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline.handle());
         resources.bind(commands);
         vkCmdPushConstants(commands, resources.layout(), PipelineResources::kStages, 0, sizeof words, words.data());
         micromap.record(commands);
-        table.trace(commands, static_cast<std::uint32_t>(words.size()));
+        table.trace(commands, static_cast<uint32_t>(words.size()));
         barrier(commands);
     });
-    for (std::size_t i = 0; i < words.size(); ++i)
-        ASSERT_EQ(seen.as<std::uint32_t>()[i], words[i]) << "word " << i;
+    for (size_t i = 0; i < words.size(); ++i)
+        ASSERT_EQ(seen.as<uint32_t>()[i], words[i]) << "word " << i;
 }
 
 // A library may be linked to several pipelines, and pipelines may be linked and destroyed in any order.

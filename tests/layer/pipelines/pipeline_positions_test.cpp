@@ -22,13 +22,13 @@ const vt::Labels kLabels{{"PipelinePositions.*", "stacked forced forcing"},
 using namespace vt;
 
 constexpr VkBuildAccelerationStructureFlagsKHR kAllowDataAccess = 0x800;
-constexpr std::uint32_t kTriangles = 40;
+constexpr uint32_t kTriangles = 40;
 
 enum class By { Pipeline, PipelineWithoutAnyHit, Query };
 
 struct Seen {
     std::array<float, 9> positions;
-    std::uint32_t invocations, customIndex, flags;
+    uint32_t invocations, customIndex, flags;
 };
 
 class PipelinePositions : public PipelineTest
@@ -51,18 +51,18 @@ protected:
         std::mt19937 random(77);
         const auto offset = [&random] { return static_cast<float>(random() % 1000) / 10000.0f; };
         MicromapInput input;
-        for (std::uint8_t state = 0; state < 4; ++state)
-            input.add(3, kFourState, std::vector<std::uint8_t>(64, state));
+        for (uint8_t state = 0; state < 4; ++state)
+            input.add(3, kFourState, std::vector<uint8_t>(64, state));
         std::unique_ptr<Micromap> micromap;
         Geometry geometry;
         Attachment attachment;
         attachment.indexType = VK_INDEX_TYPE_UINT32;
         std::vector<std::array<float, 4>> origins;
-        for (std::uint32_t i = 0; i < kTriangles; ++i) {
+        for (uint32_t i = 0; i < kTriangles; ++i) {
             const float x = 1.5f * static_cast<float>(i);
             for (const Vec3 &corner : {Vec3{0, 0, 0}, Vec3{1, 0, 0}, Vec3{0, 1, 0}})
                 geometry.vertices.push_back({x + corner[0] + offset(), corner[1] + offset(), offset()});
-            attachment.indices.push_back(static_cast<std::int32_t>(i % 4));
+            attachment.indices.push_back(static_cast<int32_t>(i % 4));
             origins.push_back({x + 0.35f, 0.35f + 5, 1 + 7, 0});
         }
         if (micromaps) {
@@ -88,7 +88,7 @@ protected:
         const BindingTable table(gpu(), pipeline, {.miss = {{1, {}}}, .hit = {{2, {}}}});
         const Buffer origin =
             gpu().upload(std::span<const std::array<float, 4>>(origins), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-        for (const std::uint32_t flags : {0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque}) {
+        for (const uint32_t flags : {0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque}) {
             const Buffer seen(gpu(), sizeof(Seen) * 2 * kTriangles, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
             resources.write(tlas.handle(), std::array<const Buffer *, 2>{&seen, &origin});
             gpu().submit([&](VkCommandBuffer commands) {
@@ -104,7 +104,7 @@ protected:
                     table.trace(commands, kTriangles);
                 barrier(commands);
             });
-            for (std::uint32_t i = 0; i < kTriangles; ++i) {
+            for (uint32_t i = 0; i < kTriangles; ++i) {
                 SCOPED_TRACE(testing::Message() << "triangle " << i << " ray flags " << flags);
                 const Outcome outcome = outcomeOf(micromaps ? static_cast<int>(i % 4) : kNoMicromap, false, 0, flags);
                 const bool asked = outcome == Outcome::NonOpaque && anyHit;
@@ -118,14 +118,14 @@ protected:
     }
 
 private:
-    static void expectSeen(const Seen &seen, bool expected, std::uint32_t flags, const Vec3 *vertices)
+    static void expectSeen(const Seen &seen, bool expected, uint32_t flags, const Vec3 *vertices)
     {
         ASSERT_EQ(seen.invocations, expected ? 1u : 0u);
         if (!expected)
             return;
         EXPECT_EQ(seen.customIndex, 0x123456u);
         EXPECT_EQ(seen.flags, flags);
-        for (std::size_t i = 0; i < 9; ++i)
+        for (size_t i = 0; i < 9; ++i)
             EXPECT_FLOAT_EQ(seen.positions[i], vertices[i / 3][i % 3]);
     }
 };

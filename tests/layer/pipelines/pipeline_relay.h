@@ -10,15 +10,15 @@ namespace vt
 {
 
 struct RelayStep {
-    std::uint32_t stage, customIndex, customIndexAfter, flags, flagsAfter, candidates, bad, callable;
+    uint32_t stage, customIndex, customIndexAfter, flags, flagsAfter, candidates, bad, callable;
     float t;
-    std::uint32_t below;
-    std::uint32_t queryCandidates, queryCommitted, queryCustomIndex;
+    uint32_t below;
+    uint32_t queryCandidates, queryCommitted, queryCustomIndex;
     float queryT;
-    std::uint32_t queryFlags, primitive;
-    std::uint32_t anyHitQueries, anyHitCommitted;
+    uint32_t queryFlags, primitive;
+    uint32_t anyHitQueries, anyHitCommitted;
     float anyHitT;
-    std::uint32_t anyHitCustomIndex;
+    uint32_t anyHitCustomIndex;
 };
 static_assert(sizeof(RelayStep) == 80);
 
@@ -26,13 +26,13 @@ static_assert(sizeof(RelayStep) == 80);
 class PlainColumns
 {
 public:
-    static constexpr std::uint32_t kCustomIndex = 0x765432;
+    static constexpr uint32_t kCustomIndex = 0x765432;
 
     explicit PlainColumns(Gpu &gpu)
     {
         Geometry geometry;
-        for (std::uint32_t c = 0; c < Columns::kColumns; ++c) {
-            for (std::uint32_t l = 0; l < 2; ++l)
+        for (uint32_t c = 0; c < Columns::kColumns; ++c) {
+            for (uint32_t l = 0; l < 2; ++l)
                 appendTriangle(geometry.vertices, {1.5f * static_cast<float>(c), 0, -static_cast<float>(l)});
         }
         blas_ = std::make_unique<Blas>(gpu, std::vector{geometry});

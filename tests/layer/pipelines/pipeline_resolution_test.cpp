@@ -37,8 +37,8 @@ const vt::Labels kLabels{
 using namespace vt;
 
 struct Variant {
-    std::uint32_t flags;
-    std::span<const std::uint32_t> raygen;
+    uint32_t flags;
+    std::span<const uint32_t> raygen;
 };
 
 const std::array<Variant, 10> kConstants{{{0x000, pipeline_constant_000},
@@ -69,13 +69,13 @@ TEST_F(PipelineResolution, RayFlagsAtRunTime)
 {
     PipelineTracer tracer(gpu());
     EXPECT_GT(gpu().intersectionWarnings(), 0u); // once for a shader
-    for (const std::uint32_t flags : allRayFlags())
+    for (const uint32_t flags : allRayFlags())
         scene_->expect(tracer, flags);
 }
 
 TEST_F(PipelineResolution, ConstantRayFlags)
 {
-    const std::size_t warnings = gpu().intersectionWarnings();
+    const size_t warnings = gpu().intersectionWarnings();
     for (const Variant &variant : kConstants) {
         PipelineTracer tracer(gpu(), {.raygen = variant.raygen});
         scene_->expect(tracer, variant.flags, {.runTimeFlags = 0x40, .constantFlags = constantRayFlags()});
@@ -85,7 +85,7 @@ TEST_F(PipelineResolution, ConstantRayFlags)
 
 TEST_F(PipelineResolution, SpecializedRayFlags)
 {
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         PipelineTracer tracer(gpu(), {.raygen = pipeline_specialized, .specializedFlags = flags});
         scene_->expect(tracer, flags, {.runTimeFlags = 0x80});
     }
@@ -95,7 +95,7 @@ TEST_F(PipelineResolution, ConstantAndRunTimeFlagsInOneModule)
 {
     PipelineTracer first(gpu(), {.raygen = pipeline_mixed_080});
     PipelineTracer second(gpu(), {.raygen = pipeline_mixed_401});
-    for (const std::uint32_t flags : allRayFlags()) {
+    for (const uint32_t flags : allRayFlags()) {
         scene_->expect(first, flags);
         scene_->expect(second, flags);
     }
@@ -104,41 +104,41 @@ TEST_F(PipelineResolution, ConstantAndRunTimeFlagsInOneModule)
 TEST_F(PipelineResolution, RaysTracedInAFunction)
 {
     PipelineTracer tracer(gpu(), {.raygen = pipeline_in_function});
-    for (const std::uint32_t flags : allRayFlags())
+    for (const uint32_t flags : allRayFlags())
         scene_->expect(tracer, flags);
 }
 
 // A module with capabilities and an extension more, as compilers other than glslang write them for these ray flags.
-std::vector<std::uint32_t> declaring(std::span<const std::uint32_t> words)
+std::vector<uint32_t> declaring(std::span<const uint32_t> words)
 {
-    constexpr std::uint32_t opCapability = 17, opExtension = 10;
-    constexpr std::uint32_t opacityMicromap = 5381, primitiveCulling = 4478;
+    constexpr uint32_t opCapability = 17, opExtension = 10;
+    constexpr uint32_t opacityMicromap = 5381, primitiveCulling = 4478;
     const std::string_view name = "SPV_EXT_opacity_micromap";
-    std::vector<std::uint32_t> extension(1 + name.size() / 4 + 1);
-    extension[0] = static_cast<std::uint32_t>(extension.size()) << 16 | opExtension;
+    std::vector<uint32_t> extension(1 + name.size() / 4 + 1);
+    extension[0] = static_cast<uint32_t>(extension.size()) << 16 | opExtension;
     std::memcpy(extension.data() + 1, name.data(), name.size());
-    std::vector<std::uint32_t> out(words.begin(), words.begin() + 5);
-    for (const std::uint32_t capability : {opacityMicromap, primitiveCulling}) {
+    std::vector<uint32_t> out(words.begin(), words.begin() + 5);
+    for (const uint32_t capability : {opacityMicromap, primitiveCulling}) {
         out.push_back(2u << 16 | opCapability);
         out.push_back(capability);
     }
-    std::size_t at = 5;
+    size_t at = 5;
     while ((words[at] & 0xffffu) == opCapability) {
-        out.insert(out.end(), words.begin() + static_cast<std::ptrdiff_t>(at),
-                   words.begin() + static_cast<std::ptrdiff_t>(at) + 2);
+        out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
+                   words.begin() + static_cast<ptrdiff_t>(at) + 2);
         at += 2;
     }
     out.insert(out.end(), extension.begin(), extension.end());
-    out.insert(out.end(), words.begin() + static_cast<std::ptrdiff_t>(at), words.end());
+    out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at), words.end());
     return out;
 }
 
 // What the driver does not know is gone before it sees the module: the validation layer would tell.
 TEST_F(PipelineResolution, DeclaredExtensions)
 {
-    for (const std::span<const std::uint32_t> words :
-         {std::span<const std::uint32_t>(pipeline_constant_401), std::span<const std::uint32_t>(pipeline_mixed_401)}) {
-        const std::vector<std::uint32_t> more = declaring(words);
+    for (const std::span<const uint32_t> words :
+         {std::span<const uint32_t>(pipeline_constant_401), std::span<const uint32_t>(pipeline_mixed_401)}) {
+        const std::vector<uint32_t> more = declaring(words);
         PipelineTracer tracer(gpu(), {.raygen = more});
         scene_->expect(tracer, 0x401, {.runTimeFlags = 0x401});
         // In a pipeline without the bit nothing of it may reach the driver either.
@@ -149,14 +149,14 @@ TEST_F(PipelineResolution, DeclaredExtensions)
 TEST_F(PipelineResolution, StructureByAddress)
 {
     PipelineTracer tracer(gpu(), {.raygen = pipeline_by_address});
-    for (const std::uint32_t flags : allRayFlags())
+    for (const uint32_t flags : allRayFlags())
         scene_->expect(tracer, flags);
 }
 
 TEST_F(PipelineResolution, GroupsWithoutAnyHit)
 {
     PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true, .anyHit = false}}});
-    for (const std::uint32_t flags : allRayFlags())
+    for (const uint32_t flags : allRayFlags())
         scene_->expect(tracer, flags, {.triangleAnyHit = false, .boxAnyHit = false});
 }
 
@@ -164,7 +164,7 @@ TEST_F(PipelineResolution, OneGroupWithoutAnyHit)
 {
     PipelineTracer triangles(gpu(), {.groups = {{.anyHit = false}, {.box = true}}});
     PipelineTracer boxes(gpu(), {.groups = {{}, {.box = true, .anyHit = false}}});
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         scene_->expect(triangles, flags, {.triangleAnyHit = false});
         scene_->expect(boxes, flags, {.boxAnyHit = false});
     }
@@ -173,7 +173,7 @@ TEST_F(PipelineResolution, OneGroupWithoutAnyHit)
 TEST_F(PipelineResolution, GroupsWithoutClosestHit)
 {
     PipelineTracer tracer(gpu(), {.groups = {{.closestHit = false}, {.box = true, .closestHit = false}}});
-    for (const std::uint32_t flags : opacityRayFlags())
+    for (const uint32_t flags : opacityRayFlags())
         scene_->expect(tracer, flags, {.triangleClosestHit = false, .boxClosestHit = false});
 }
 
@@ -181,7 +181,7 @@ TEST_F(PipelineResolution, GroupsWithoutShaders)
 {
     PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false, .closestHit = false},
                                              {.box = true, .anyHit = false, .closestHit = false}}});
-    for (const std::uint32_t flags : allRayFlags())
+    for (const uint32_t flags : allRayFlags())
         scene_->expect(
             tracer, flags,
             {.triangleAnyHit = false, .boxAnyHit = false, .triangleClosestHit = false, .boxClosestHit = false});
@@ -191,7 +191,7 @@ TEST_F(PipelineResolution, GroupsWithoutShaders)
 TEST_F(PipelineResolution, ZeroRecordForTriangles)
 {
     PipelineTracer tracer(gpu(), {.records = {std::nullopt, 1}});
-    for (const std::uint32_t flags : allRayFlags())
+    for (const uint32_t flags : allRayFlags())
         scene_->expect(tracer, flags, {.triangleAnyHit = false, .triangleClosestHit = false});
 }
 
@@ -199,14 +199,14 @@ TEST_F(PipelineResolution, ZeroRecordsOnly)
 {
     // Boxes have no intersection shader then: they are not met.
     PipelineTracer tracer(gpu(), {.records = {std::nullopt, std::nullopt}});
-    for (const std::uint32_t flags : opacityRayFlags())
+    for (const uint32_t flags : opacityRayFlags())
         scene_->expect(tracer, flags, {.triangleAnyHit = false, .triangleClosestHit = false, .skipBoxes = true});
 }
 
 TEST_F(PipelineResolution, NoHitGroupInThePipeline)
 {
     PipelineTracer tracer(gpu(), {.groups = {}, .records = {std::nullopt, std::nullopt}});
-    for (const std::uint32_t flags : opacityRayFlags())
+    for (const uint32_t flags : opacityRayFlags())
         scene_->expect(tracer, flags,
                        {.triangleAnyHit = false, .triangleClosestHit = false, .skipBoxes = true, .missFlags = false});
 }
@@ -214,7 +214,7 @@ TEST_F(PipelineResolution, NoHitGroupInThePipeline)
 TEST_F(PipelineResolution, ZeroMissRecord)
 {
     PipelineTracer tracer(gpu(), {.missRecord = false});
-    for (const std::uint32_t flags : opacityRayFlags())
+    for (const uint32_t flags : opacityRayFlags())
         scene_->expect(tracer, flags, {.miss = false});
 }
 
@@ -235,7 +235,7 @@ TEST_F(PipelineResolutionMaintenance5, FlagsInTheChain)
 {
     PipelineTracer tracer(gpu(), {.flags2 = true});
     PipelineTracer without(gpu(), {.groups = {{.anyHit = false}, {.box = true}}, .flags2 = true});
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         scene_->expect(tracer, flags);
         scene_->expect(without, flags, {.triangleAnyHit = false});
     }
@@ -257,7 +257,7 @@ TEST_F(PipelineResolutionMaintenance5, FlagsInTheChainReplaceTheOthers)
                                                               &info.get(), nullptr, &pipeline));
                  return MadePipeline{RayPipeline(g, pipeline), {}};
              }});
-        for (const std::uint32_t flags : opacityRayFlags(micromaps))
+        for (const uint32_t flags : opacityRayFlags(micromaps))
             (micromaps ? *scene_ : plain).expect(tracer, flags);
     }
 }
@@ -286,7 +286,7 @@ TEST_F(PipelineResolutionMaintenance5, PromiseOfNoMicromaps)
                                       g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(), nullptr, &pipeline));
                                   return MadePipeline{RayPipeline(g, pipeline), {}};
                               }});
-        for (const std::uint32_t flags : opacityRayFlags(false))
+        for (const uint32_t flags : opacityRayFlags(false))
             plain.expect(tracer, flags);
     }
 }
@@ -295,7 +295,7 @@ TEST_F(PipelineResolutionMaintenance5, InlineModules)
 {
     PipelineTracer tracer(gpu(), {.inlineModules = true});
     PipelineTracer without(gpu(), {.groups = {{.anyHit = false}, {.box = true}}, .inlineModules = true});
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         scene_->expect(tracer, flags);
         scene_->expect(without, flags, {.triangleAnyHit = false});
     }
@@ -325,7 +325,7 @@ TEST_F(PipelineResolution, PipelineFlags)
     for (const Case &c : cases) {
         SCOPED_TRACE(testing::Message() << "pipeline flags 0x" << std::hex << c.flags);
         PipelineTracer tracer(gpu(), {.flags = kMicromapBit | c.flags});
-        for (const std::uint32_t flags : opacityRayFlags())
+        for (const uint32_t flags : opacityRayFlags())
             scene_->expect(tracer, flags, c.view);
     }
 }
@@ -337,14 +337,14 @@ TEST_F(PipelineResolution, NoNullAnyHitWithOpaqueHitsOnZeroRecords)
     PipelineTracer tracer(gpu(),
                           {.records = {std::nullopt, 1},
                            .flags = kMicromapBit | VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR});
-    for (const std::uint32_t flags : {kRayOpaque, kRayCullNoOpaque, kRayOpaque | kRayForceTwoState})
+    for (const uint32_t flags : {kRayOpaque, kRayCullNoOpaque, kRayOpaque | kRayForceTwoState})
         scene_->expect(tracer, flags, {.triangleAnyHit = false, .triangleClosestHit = false});
 }
 
 TEST_F(PipelineResolution, TerminateRay)
 {
     PipelineTracer tracer(gpu());
-    for (const std::uint32_t flags : opacityRayFlags()) {
+    for (const uint32_t flags : opacityRayFlags()) {
         std::vector<Ray> rays = scene_->rays(flags);
         for (Ray &ray : rays)
             ray.rule = ray.rule == kAlways ? kTerminate : ray.rule;
@@ -358,7 +358,7 @@ void expectPlain(Gpu &gpu, VkPipelineCreateFlags flags)
     const PipelineScene scene(gpu, {.micromaps = false});
     for (const bool anyHit : {true, false}) {
         PipelineTracer tracer(gpu, {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}}, .flags = flags});
-        for (const std::uint32_t rayFlags : allRayFlags(false))
+        for (const uint32_t rayFlags : allRayFlags(false))
             scene.expect(tracer, rayFlags,
                          {.triangleAnyHit = anyHit, .boxAnyHit = anyHit, .constantFlags = flags == 0});
     }
@@ -379,17 +379,17 @@ TEST_F(PipelineResolution, PlainSceneWithoutTheBit)
 TEST_F(PipelineResolution, SameWithAndWithoutTheBit)
 {
     // What intersection shaders do not see, and are not skipped by.
-    constexpr std::uint32_t kHidden = kRayOpaque | kRayCullNoOpaque | kRayForceTwoState;
+    constexpr uint32_t kHidden = kRayOpaque | kRayCullNoOpaque | kRayForceTwoState;
     const PipelineScene scene(gpu(), {.micromaps = false});
     for (const bool triangleAnyHit : {true, false}) {
         for (const bool boxAnyHit : {true, false}) {
             const std::vector<TracerGroup> groups{{.anyHit = triangleAnyHit}, {.box = true, .anyHit = boxAnyHit}};
             PipelineTracer with(gpu(), {.groups = groups, .flags = kMicromapBit});
             PipelineTracer without(gpu(), {.groups = groups, .flags = 0});
-            for (const std::uint32_t flags : allRayFlags(false)) {
+            for (const uint32_t flags : allRayFlags(false)) {
                 const std::vector<PipelineResult> a = with.trace(scene.tlas(), scene.rays(flags), 4);
                 const std::vector<PipelineResult> b = without.trace(scene.tlas(), scene.rays(flags), 4);
-                for (std::size_t i = 0; i < a.size(); ++i) {
+                for (size_t i = 0; i < a.size(); ++i) {
                     ASSERT_EQ(std::memcmp(static_cast<const RawResult *>(&a[i]), static_cast<const RawResult *>(&b[i]),
                                           sizeof(RawResult)),
                               0)
@@ -450,7 +450,7 @@ TEST_F(PipelineResolutionWithoutLayer, GroupsWithoutShaders)
 {
     PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false, .closestHit = false},
                                              {.box = true, .anyHit = false, .closestHit = false}}});
-    for (const std::uint32_t flags : allRayFlags(false))
+    for (const uint32_t flags : allRayFlags(false))
         scene_->expect(
             tracer, flags,
             {.triangleAnyHit = false, .boxAnyHit = false, .triangleClosestHit = false, .boxClosestHit = false});
@@ -459,14 +459,14 @@ TEST_F(PipelineResolutionWithoutLayer, GroupsWithoutShaders)
 TEST_F(PipelineResolutionWithoutLayer, ZeroRecordsOnly)
 {
     PipelineTracer tracer(gpu(), {.records = {std::nullopt, std::nullopt}});
-    for (const std::uint32_t flags : allRayFlags(false))
+    for (const uint32_t flags : allRayFlags(false))
         scene_->expect(tracer, flags, {.triangleAnyHit = false, .triangleClosestHit = false, .skipBoxes = true});
 }
 
 TEST_F(PipelineResolutionWithoutLayer, NoHitGroupInThePipeline)
 {
     PipelineTracer tracer(gpu(), {.groups = {}, .records = {std::nullopt, std::nullopt}});
-    for (const std::uint32_t flags : allRayFlags(false))
+    for (const uint32_t flags : allRayFlags(false))
         scene_->expect(tracer, flags,
                        {.triangleAnyHit = false, .triangleClosestHit = false, .skipBoxes = true, .missFlags = false});
 }
@@ -474,7 +474,7 @@ TEST_F(PipelineResolutionWithoutLayer, NoHitGroupInThePipeline)
 TEST_F(PipelineResolutionWithoutLayer, ZeroMissRecord)
 {
     PipelineTracer tracer(gpu(), {.missRecord = false});
-    for (const std::uint32_t flags : allRayFlags(false))
+    for (const uint32_t flags : allRayFlags(false))
         scene_->expect(tracer, flags, {.miss = false});
 }
 

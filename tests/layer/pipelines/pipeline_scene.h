@@ -28,7 +28,7 @@ public:
     struct View {
         bool triangleAnyHit = true, boxAnyHit = true;
         bool triangleClosestHit = true, boxClosestHit = true;
-        std::optional<std::uint32_t> runTimeFlags; // else the ray's own
+        std::optional<uint32_t> runTimeFlags; // else the ray's own
         bool skipTriangles = false, skipBoxes = false;
         bool miss = true;
         bool terminates = false; // any-hit shaders end the ray that they accept
@@ -36,17 +36,17 @@ public:
         // garbage for IncomingRayFlags where the pipeline has no hit group.
         bool missFlags = true;
         bool constantFlags = false; // of all rays of the pipeline: intersection shaders see them, whatever the driver
-        std::uint32_t firstRecord = 0; // what the trace adds to the scene's record indices
-        std::uint32_t firstData = 100; // data of the table's record 0
+        uint32_t firstRecord = 0;   // what the trace adds to the scene's record indices
+        uint32_t firstData = 100;   // data of the table's record 0
     };
     struct Config {
         bool micromaps = true; // where they are enabled on the device
-        std::uint32_t triangleRecord = 0;
-        std::uint32_t boxRecord = kBoxRecord;
+        uint32_t triangleRecord = 0;
+        uint32_t boxRecord = kBoxRecord;
         VkBuildAccelerationStructureFlagsKHR flags = 0; // of the triangles' BLAS
     };
 
-    static constexpr std::uint32_t kBoxRecord = 1;
+    static constexpr uint32_t kBoxRecord = 1;
 
     explicit PipelineScene(Gpu &gpu) : PipelineScene(gpu, Config{}) {}
     PipelineScene(Gpu &gpu, const Config &config) : config_(config)
@@ -59,8 +59,8 @@ public:
         Geometry withMicromap, plain;
         Attachment attachment;
         attachment.indexType = VK_INDEX_TYPE_UINT32;
-        const auto addTriangle = [&](std::int32_t index, std::array<double, 2> at, int state) {
-            const auto primitive = static_cast<std::uint32_t>(attachment.indices.size());
+        const auto addTriangle = [&](int32_t index, std::array<double, 2> at, int state) {
+            const auto primitive = static_cast<uint32_t>(attachment.indices.size());
             const float x = 1.5f * static_cast<float>(primitive);
             appendTriangle(withMicromap.vertices, {x, 0, 0});
             attachment.indices.push_back(index);
@@ -70,20 +70,20 @@ public:
                                 at,
                                 mapped ? state : kNoMicromap});
         };
-        for (const std::uint16_t format : {kTwoState, kFourState}) {
-            const std::uint8_t states = format == kTwoState ? 2 : 4;
-            for (std::uint8_t state = 0; state < states; ++state) {
-                addTriangle(static_cast<std::int32_t>(input.add(0, format, std::array{state})), {0.3, 0.3}, state);
+        for (const uint16_t format : {kTwoState, kFourState}) {
+            const uint8_t states = format == kTwoState ? 2 : 4;
+            for (uint8_t state = 0; state < states; ++state) {
+                addTriangle(static_cast<int32_t>(input.add(0, format, std::array{state})), {0.3, 0.3}, state);
                 // And beside other states, where the data must be looked at.
-                std::vector<std::uint8_t> mixed(256);
-                for (std::size_t i = 0; i < mixed.size(); ++i)
-                    mixed[i] = static_cast<std::uint8_t>((i * 7 + i / 5 + state) % states);
-                const std::uint32_t micro = 37u * (state + 1u);
-                addTriangle(static_cast<std::int32_t>(input.add(4, format, mixed)), microTriangleCentre(micro, 4),
+                std::vector<uint8_t> mixed(256);
+                for (size_t i = 0; i < mixed.size(); ++i)
+                    mixed[i] = static_cast<uint8_t>((i * 7 + i / 5 + state) % states);
+                const uint32_t micro = 37u * (state + 1u);
+                addTriangle(static_cast<int32_t>(input.add(4, format, mixed)), microTriangleCentre(micro, 4),
                             mixed[micro]);
             }
         }
-        for (std::int32_t special = -1; special >= -4; --special)
+        for (int32_t special = -1; special >= -4; --special)
             addTriangle(special, {0.25, 0.4}, -1 - special);
         appendTriangle(plain.vertices, {-3, 0, 0});
         targets_.push_back({1, 0, {-2.75f, 0.5f}, {0.25, 0.5}, kNoMicromap});
@@ -95,20 +95,20 @@ public:
             withMicromap.micromap = attachment;
         }
         std::vector<VkAccelerationStructureInstanceKHR> instances;
-        const auto place = [&](const Blas &blas, std::uint32_t instanceFlags, bool opaque, bool box) {
+        const auto place = [&](const Blas &blas, uint32_t instanceFlags, bool opaque, bool box) {
             const Vec3 at{0, 2.0f * static_cast<float>(instances.size()), 0};
             placed_.push_back({instanceFlags, opaque, box, at});
             instances.push_back(
-                instance(blas, at, customIndex(static_cast<std::uint32_t>(instances.size())), instanceFlags));
+                instance(blas, at, customIndex(static_cast<uint32_t>(instances.size())), instanceFlags));
             instances.back().instanceShaderBindingTableRecordOffset =
                 (box ? config.boxRecord : config.triangleRecord) & 0xffffffu;
         };
         for (const bool opaque : {false, true}) {
             withMicromap.flags = plain.flags = opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
             blas_.push_back(std::make_unique<Blas>(gpu, std::vector{withMicromap, plain}, flags));
-            for (const std::uint32_t force : {0u, 4u, 8u}) {
-                for (const std::uint32_t twoState : {0u, kFlagTwoState}) {
-                    for (const std::uint32_t disable : {0u, kFlagDisable}) {
+            for (const uint32_t force : {0u, 4u, 8u}) {
+                for (const uint32_t twoState : {0u, kFlagTwoState}) {
+                    for (const uint32_t disable : {0u, kFlagDisable}) {
                         if (mapped || (twoState | disable) == 0)
                             place(*blas_.back(), force | twoState | disable, opaque, false);
                     }
@@ -118,14 +118,14 @@ public:
             boxes.flags = plain.flags;
             boxes.boxes = {{0, 0, -0.1f, 1, 1, 0.1f}, {2, 0, -0.1f, 3, 1, 0.1f}};
             blas_.push_back(std::make_unique<Blas>(gpu, std::vector{boxes}));
-            for (const std::uint32_t force : {0u, 4u, 8u})
+            for (const uint32_t force : {0u, 4u, 8u})
                 place(*blas_.back(), force, opaque, true);
         }
         tlas_ = std::make_unique<Tlas>(gpu, instances);
 
-        for (std::uint32_t i = 0; i < placed_.size(); ++i) {
+        for (uint32_t i = 0; i < placed_.size(); ++i) {
             const Placed &p = placed_[i];
-            const auto add = [&](Target target, std::uint32_t rule, float generate) {
+            const auto add = [&](Target target, uint32_t rule, float generate) {
                 Ray ray;
                 ray.origin = {target.at[0], target.at[1] + p.place[1], 1};
                 ray.rule = rule;
@@ -134,9 +134,9 @@ public:
                 rays_.push_back(ray);
             };
             if (p.box) {
-                for (std::uint32_t primitive = 0; primitive < 2; ++primitive) {
+                for (uint32_t primitive = 0; primitive < 2; ++primitive) {
                     const Target target{0, primitive, {0.5f + 2 * static_cast<float>(primitive), 0.5f}, {}, kBox};
-                    for (const std::uint32_t rule : {kNever, kAlways}) {
+                    for (const uint32_t rule : {kNever, kAlways}) {
                         add(target, rule, 0);
                         add(target, rule, 1);
                     }
@@ -151,7 +151,7 @@ public:
     }
 
     [[nodiscard]] const Tlas &tlas() const { return *tlas_; }
-    [[nodiscard]] std::vector<Ray> rays(std::uint32_t flags) const
+    [[nodiscard]] std::vector<Ray> rays(uint32_t flags) const
     {
         std::vector<Ray> rays = rays_;
         for (Ray &ray : rays)
@@ -160,11 +160,11 @@ public:
     }
 
     // Everything that the results of rays(flags) must be.
-    void expect(std::span<const PipelineResult> results, std::uint32_t flags, const View &view) const
+    void expect(std::span<const PipelineResult> results, uint32_t flags, const View &view) const
     {
         ASSERT_EQ(results.size(), aims_.size());
         int failures = 0;
-        for (std::size_t i = 0; i < aims_.size(); ++i) {
+        for (size_t i = 0; i < aims_.size(); ++i) {
             const std::string what = fault(i, results[i], flags, view);
             if (what.empty() || ++failures > 3)
                 continue;
@@ -180,35 +180,35 @@ public:
         }
         EXPECT_EQ(failures, 0) << "of " << results.size();
     }
-    void expect(std::span<const PipelineResult> results, std::uint32_t flags) const { expect(results, flags, View{}); }
+    void expect(std::span<const PipelineResult> results, uint32_t flags) const { expect(results, flags, View{}); }
     // Traces and compares.
-    void expect(PipelineTracer &tracer, std::uint32_t flags, const View &view) const
+    void expect(PipelineTracer &tracer, uint32_t flags, const View &view) const
     {
         const std::vector<Ray> list = rays(view.runTimeFlags.value_or(flags));
         expect(tracer.trace(*tlas_, list, 4), flags, view);
     }
-    void expect(PipelineTracer &tracer, std::uint32_t flags) const { expect(tracer, flags, View{}); }
+    void expect(PipelineTracer &tracer, uint32_t flags) const { expect(tracer, flags, View{}); }
 
 private:
     struct Target {
-        std::uint32_t geometry, primitive;
+        uint32_t geometry, primitive;
         std::array<float, 2> at; // in the BLAS
         std::array<double, 2> uv;
         int state;
     };
     struct Placed {
-        std::uint32_t flags;
+        uint32_t flags;
         bool opaque, box;
         Vec3 place;
     };
     struct Aim {
-        std::uint32_t instance;
+        uint32_t instance;
         Target target;
     };
 
-    static std::uint32_t customIndex(std::uint32_t instance) { return (0xabcdefu - instance * 54321u) & 0xffffffu; }
+    static uint32_t customIndex(uint32_t instance) { return (0xabcdefu - instance * 54321u) & 0xffffffu; }
 
-    [[nodiscard]] std::string fault(std::size_t i, const PipelineResult &r, std::uint32_t flags, const View &view) const
+    [[nodiscard]] std::string fault(size_t i, const PipelineResult &r, uint32_t flags, const View &view) const
     {
         const Aim &aim = aims_[i];
         const Placed &p = placed_[aim.instance];
@@ -229,8 +229,8 @@ private:
         const bool hit = reported && (!asked || rays_[i].rule == kAlways);
         const float u = p.box ? static_cast<float>(aim.target.primitive) + 0.25f : static_cast<float>(aim.target.uv[0]);
         const float v = p.box ? static_cast<float>(aim.target.geometry) + 0.5f : static_cast<float>(aim.target.uv[1]);
-        const std::uint32_t kind = p.box ? 0x10 + aim.target.primitive : kHitKindFront;
-        const std::uint32_t record =
+        const uint32_t kind = p.box ? 0x10 + aim.target.primitive : kHitKindFront;
+        const uint32_t record =
             view.firstData + view.firstRecord + (p.box ? config_.boxRecord : config_.triangleRecord);
         const auto named = [&](const auto &x) {
             return x.customIndex == customIndex(aim.instance) && x.instance == aim.instance &&
@@ -251,7 +251,7 @@ private:
         }
         if ((r.candidateCount > 0) != asked)
             return asked ? "the any-hit shader did not run" : "the any-hit shader ran";
-        for (std::size_t k = 0; k < r.candidates.size(); ++k) {
+        for (size_t k = 0; k < r.candidates.size(); ++k) {
             if (!named(r.candidates[k]))
                 return "the any-hit shader's identity";
             if (!placed(r.candidates[k]))
@@ -295,11 +295,11 @@ private:
 };
 
 // The ray flags that decide over opacity, and combinations with one other each.
-inline std::vector<std::uint32_t> opacityRayFlags(bool micromaps = true)
+inline std::vector<uint32_t> opacityRayFlags(bool micromaps = true)
 {
-    std::vector<std::uint32_t> flags;
-    for (const std::uint32_t force : {0u, kRayForceTwoState}) {
-        for (const std::uint32_t opacity : {0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque}) {
+    std::vector<uint32_t> flags;
+    for (const uint32_t force : {0u, kRayForceTwoState}) {
+        for (const uint32_t opacity : {0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque}) {
             if (micromaps || force == 0)
                 flags.push_back(force | opacity);
         }
@@ -307,12 +307,12 @@ inline std::vector<std::uint32_t> opacityRayFlags(bool micromaps = true)
     return flags;
 }
 
-inline std::vector<std::uint32_t> allRayFlags(bool micromaps = true)
+inline std::vector<uint32_t> allRayFlags(bool micromaps = true)
 {
-    std::vector<std::uint32_t> flags;
-    for (const std::uint32_t other : {0u, kRayTerminateOnFirstHit, kRaySkipClosestHit, kRayCullBack, kRayCullFront,
-                                      kRaySkipTriangles, kRaySkipBoxes, kRayTerminateOnFirstHit | kRaySkipClosestHit}) {
-        for (const std::uint32_t opacity : opacityRayFlags(micromaps))
+    std::vector<uint32_t> flags;
+    for (const uint32_t other : {0u, kRayTerminateOnFirstHit, kRaySkipClosestHit, kRayCullBack, kRayCullFront,
+                                 kRaySkipTriangles, kRaySkipBoxes, kRayTerminateOnFirstHit | kRaySkipClosestHit}) {
+        for (const uint32_t opacity : opacityRayFlags(micromaps))
             flags.push_back(opacity | other);
     }
     return flags;

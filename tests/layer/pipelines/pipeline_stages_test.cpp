@@ -20,12 +20,12 @@ const vt::Labels kLabels{{"PipelineStages.*", "slow forcing"}};
 
 using namespace vt;
 
-constexpr std::uint32_t kDepth = 6;
-constexpr std::array<std::uint32_t, 10> kFlags{0,     kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque,
-                                               0x400, 0x401,      0x402,        0x440,          0x480};
+constexpr uint32_t kDepth = 6;
+constexpr std::array<uint32_t, 10> kFlags{0,     kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque,
+                                          0x400, 0x401,      0x402,        0x440,          0x480};
 
 struct Push {
-    std::uint32_t depth, pad;
+    uint32_t depth, pad;
     VkDeviceAddress queryScene;
 };
 
@@ -42,18 +42,12 @@ protected:
     PipelineStages() : PipelineTest({.shared = true}) {}
 
     // The chain of ray `id` goes down a column each, with flags that change from ray to ray.
-    static std::uint32_t columnOf(std::uint32_t id, std::uint32_t depth)
-    {
-        return (id * 5 + depth * 11) % Columns::kColumns;
-    }
-    static std::uint32_t flagsOf(std::uint32_t id, std::uint32_t depth, bool micromaps)
+    static uint32_t columnOf(uint32_t id, uint32_t depth) { return (id * 5 + depth * 11) % Columns::kColumns; }
+    static uint32_t flagsOf(uint32_t id, uint32_t depth, bool micromaps)
     {
         return kFlags[(id + depth * 3) % (micromaps ? kFlags.size() : 5)];
     }
-    static std::uint32_t ruleOf(std::uint32_t id, std::uint32_t depth)
-    {
-        return (id + depth) % 3 == 0 ? kNever : kAlways;
-    }
+    static uint32_t ruleOf(uint32_t id, uint32_t depth) { return (id + depth) % 3 == 0 ? kNever : kAlways; }
 
     void expect(const Relay &relay)
     {
@@ -62,7 +56,7 @@ protected:
         const PipelineResources resources(gpu(), 2, sizeof(Push));
         PipelineSetup setup;
         const auto pick = [&relay](auto &with, auto &without) {
-            return relay.queries ? std::span<const std::uint32_t>(with) : std::span<const std::uint32_t>(without);
+            return relay.queries ? std::span<const uint32_t>(with) : std::span<const uint32_t>(without);
         };
         setup.stages = {
             {VK_SHADER_STAGE_RAYGEN_BIT_KHR, pick(pipeline_relay_queries_raygen, pipeline_relay_raygen)},
@@ -88,8 +82,8 @@ protected:
             gpu(), pipeline, {.raygen = {0, {}}, .miss = {{1, {}}}, .hit = {{2, {}}}, .callable = {{3, {}}, {4, {}}}});
 
         std::vector<Ray> rays;
-        for (std::uint32_t id = 0; id < Columns::kColumns; ++id) {
-            for (std::uint32_t depth = 0; depth < kDepth; ++depth) {
+        for (uint32_t id = 0; id < Columns::kColumns; ++id) {
+            for (uint32_t depth = 0; depth < kDepth; ++depth) {
                 rays.push_back(columns.rays()[columnOf(id, depth)]);
                 rays.back().flags = flagsOf(id, depth, relay.micromaps);
                 rays.back().rule = ruleOf(id, depth);
@@ -108,8 +102,8 @@ protected:
             table.trace(commands, Columns::kColumns);
             barrier(commands);
         });
-        for (std::uint32_t id = 0; id < Columns::kColumns && !HasFailure(); ++id) {
-            for (std::uint32_t depth = 0; depth < kDepth; ++depth) {
+        for (uint32_t id = 0; id < Columns::kColumns && !HasFailure(); ++id) {
+            for (uint32_t depth = 0; depth < kDepth; ++depth) {
                 SCOPED_TRACE(testing::Message() << "ray " << id << " depth " << depth << std::hex << " flags 0x"
                                                 << flagsOf(id, depth, relay.micromaps));
                 expectStep(relay, columns, id, depth, steps.as<RelayStep>()[id * kDepth + depth]);
@@ -118,14 +112,14 @@ protected:
     }
 
 private:
-    static void expectStep(const Relay &relay, const Columns &columns, std::uint32_t id, std::uint32_t depth,
+    static void expectStep(const Relay &relay, const Columns &columns, uint32_t id, uint32_t depth,
                            const RelayStep &step)
     {
-        const std::uint32_t column = columnOf(id, depth);
-        const std::uint32_t flags = flagsOf(id, depth, relay.micromaps);
+        const uint32_t column = columnOf(id, depth);
+        const uint32_t flags = flagsOf(id, depth, relay.micromaps);
         const bool confirming = ruleOf(id, depth) == kAlways;
-        std::uint32_t nearest = columns.nearest(column, confirming || !relay.anyHit, flags);
-        std::uint32_t least = 0, most = relay.anyHit ? columns.nonOpaque(column, flags) : 0;
+        uint32_t nearest = columns.nearest(column, confirming || !relay.anyHit, flags);
+        uint32_t least = 0, most = relay.anyHit ? columns.nonOpaque(column, flags) : 0;
         if (!relay.micromaps) {
             const Outcome outcome = outcomeOf(kNoMicromap, false, 0, flags);
             const bool hit =
@@ -137,7 +131,7 @@ private:
         }
         EXPECT_EQ(step.stage, nearest == Columns::kLayers ? 1u : 2u);
         if (step.stage == 2 && nearest != Columns::kLayers) {
-            const std::uint32_t customIndex = relay.micromaps ? 4242 : PlainColumns::kCustomIndex;
+            const uint32_t customIndex = relay.micromaps ? 4242 : PlainColumns::kCustomIndex;
             EXPECT_EQ(step.customIndex, customIndex);
             EXPECT_EQ(step.customIndexAfter, customIndex);
             EXPECT_FLOAT_EQ(step.t, 1 + static_cast<float>(nearest));
@@ -152,7 +146,7 @@ private:
         EXPECT_EQ(step.below, kDepth - 1 - depth);
         if (!relay.queries)
             return;
-        const std::uint32_t layer = columns.nearest(column, confirming, flags);
+        const uint32_t layer = columns.nearest(column, confirming, flags);
         EXPECT_EQ(step.anyHitQueries, step.candidates);
         if (step.candidates > 0) {
             EXPECT_EQ(step.anyHitCommitted, layer == Columns::kLayers ? kNone : kTriangle);

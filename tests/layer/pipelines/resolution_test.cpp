@@ -24,20 +24,20 @@ const vt::Labels kLabels{{"Resolution.*", "slow translated forcing"}, {"Resoluti
 
 using namespace vt;
 
-constexpr std::uint32_t kMaxLevel = 12;
-constexpr std::uint32_t kSamples = 20; // micro-triangles tried at the levels with too many
-constexpr std::array<std::uint32_t, 10> kRayFlags{0,     kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque,
-                                                  0x400, 0x401,      0x402,        0x440,          0x480};
+constexpr uint32_t kMaxLevel = 12;
+constexpr uint32_t kSamples = 20; // micro-triangles tried at the levels with too many
+constexpr std::array<uint32_t, 10> kRayFlags{0,     kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque,
+                                             0x400, 0x401,      0x402,        0x440,          0x480};
 
 struct Target { // a place on a triangle of the BLAS, and what is there
-    std::uint32_t geometry, primitive;
+    uint32_t geometry, primitive;
     std::array<double, 2> at; // in the BLAS
     int state;
     std::string what;
 };
 
 struct Placed {
-    std::uint32_t flags;
+    uint32_t flags;
     bool geometryOpaque;
     Vec3 place;
 };
@@ -54,37 +54,37 @@ protected:
         Geometry mapped;
         Attachment attachment;
         attachment.indexType = VK_INDEX_TYPE_UINT32;
-        std::uint32_t column = 0;
+        uint32_t column = 0;
         const auto origin = [&column] { return 1.5f * static_cast<float>(column); };
-        for (const std::uint16_t format : {kTwoState, kFourState}) {
-            for (std::uint32_t level = 0; level <= kMaxLevel; ++level, ++column) {
-                const std::uint32_t count = 1u << (2 * level);
+        for (const uint16_t format : {kTwoState, kFourState}) {
+            for (uint32_t level = 0; level <= kMaxLevel; ++level, ++column) {
+                const uint32_t count = 1u << (2 * level);
                 // One random number for 16 states; below level 2 every state comes up in its own triangle further down.
-                std::vector<std::uint8_t> states(count);
-                for (std::uint32_t i = 0; i < count; i += 16) {
-                    const std::uint32_t bits = static_cast<std::uint32_t>(random());
-                    for (std::uint32_t k = 0; k < std::min(16u, count - i); ++k)
-                        states[i + k] = static_cast<std::uint8_t>(bits >> (2 * k) & (format == kTwoState ? 1u : 3u));
+                std::vector<uint8_t> states(count);
+                for (uint32_t i = 0; i < count; i += 16) {
+                    const uint32_t bits = static_cast<uint32_t>(random());
+                    for (uint32_t k = 0; k < std::min(16u, count - i); ++k)
+                        states[i + k] = static_cast<uint8_t>(bits >> (2 * k) & (format == kTwoState ? 1u : 3u));
                 }
                 addTriangle(mapped, origin());
-                attachment.indices.push_back(static_cast<std::int32_t>(input.add(level, format, states)));
-                for (std::uint32_t n = 0; n < (level <= 3 ? count : kSamples); ++n) {
-                    const std::uint32_t i = level <= 3 ? n : static_cast<std::uint32_t>(random() % count);
+                attachment.indices.push_back(static_cast<int32_t>(input.add(level, format, states)));
+                for (uint32_t n = 0; n < (level <= 3 ? count : kSamples); ++n) {
+                    const uint32_t i = level <= 3 ? n : static_cast<uint32_t>(random() % count);
                     addTarget(0, column, microTriangleCentre(i, level), origin(), states[i],
                               "level " + std::to_string(level) + " format " + std::to_string(format) +
                                   " micro-triangle " + std::to_string(i));
                 }
             }
         }
-        for (const std::uint16_t format : {kTwoState, kFourState}) {
-            for (std::uint8_t state = 0; state < (format == kTwoState ? 2 : 4); ++state, ++column) {
-                const std::array<std::uint8_t, 1> one{state};
+        for (const uint16_t format : {kTwoState, kFourState}) {
+            for (uint8_t state = 0; state < (format == kTwoState ? 2 : 4); ++state, ++column) {
+                const std::array<uint8_t, 1> one{state};
                 addTriangle(mapped, origin());
-                attachment.indices.push_back(static_cast<std::int32_t>(input.add(0, format, one)));
+                attachment.indices.push_back(static_cast<int32_t>(input.add(0, format, one)));
                 addTarget(0, column, {0.3, 0.3}, origin(), state, "level 0");
             }
         }
-        for (std::int32_t special = -1; special >= -4; --special, ++column) {
+        for (int32_t special = -1; special >= -4; --special, ++column) {
             addTriangle(mapped, origin());
             attachment.indices.push_back(special);
             addTarget(0, column, {0.3, 0.3}, origin(), -1 - special, "special index " + std::to_string(special));
@@ -105,14 +105,14 @@ protected:
                 std::make_unique<Blas>(gpu(), std::vector{mapped, plain},
                                        VkBuildAccelerationStructureFlagsKHR{
                                            VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT}));
-            for (const std::uint32_t force : {0u, 4u, 8u}) {
-                for (const std::uint32_t twoState : {0u, kFlagTwoState}) {
-                    for (const std::uint32_t disable : {0u, kFlagDisable}) {
+            for (const uint32_t force : {0u, 4u, 8u}) {
+                for (const uint32_t twoState : {0u, kFlagTwoState}) {
+                    for (const uint32_t disable : {0u, kFlagDisable}) {
                         const Vec3 place{0, 2.0f * static_cast<float>(instances.size()), 0};
-                        const std::uint32_t flags = force | twoState | disable;
+                        const uint32_t flags = force | twoState | disable;
                         placed_.push_back({flags, opaque, place});
-                        instances.push_back(instance(*blas_.back(), place,
-                                                     static_cast<std::uint32_t>(instances.size()) * 12345, flags));
+                        instances.push_back(
+                            instance(*blas_.back(), place, static_cast<uint32_t>(instances.size()) * 12345, flags));
                     }
                 }
             }
@@ -129,11 +129,11 @@ protected:
         }
     }
 
-    void expect(std::span<const Result> results, std::uint32_t rayFlags)
+    void expect(std::span<const Result> results, uint32_t rayFlags)
     {
-        std::size_t next = 0;
+        size_t next = 0;
         int failures = 0;
-        for (std::uint32_t i = 0; i < placed_.size(); ++i) {
+        for (uint32_t i = 0; i < placed_.size(); ++i) {
             for (const Target &t : targets_) {
                 const Result &r = results[next];
                 const bool confirms = rays_[next++].rule == kAlways;
@@ -166,7 +166,7 @@ protected:
 
 private:
     static void addTriangle(Geometry &geometry, float x) { appendTriangle(geometry.vertices, {x, 0, 0}); }
-    void addTarget(std::uint32_t geometry, std::uint32_t primitive, std::array<double, 2> uv, float x, int state,
+    void addTarget(uint32_t geometry, uint32_t primitive, std::array<double, 2> uv, float x, int state,
                    std::string what)
     {
         targets_.push_back({geometry, primitive, {double{x} + uv[0], uv[1]}, state, std::move(what)});
@@ -181,7 +181,7 @@ private:
 TEST_F(Resolution, RayFlagsAtRunTime)
 {
     Tracer tracer(gpu());
-    for (const std::uint32_t flags : kRayFlags) {
+    for (const uint32_t flags : kRayFlags) {
         for (Ray &ray : rays_)
             ray.flags = flags;
         expect(tracer.trace(*tlas_, rays_, 2), flags);
@@ -190,10 +190,10 @@ TEST_F(Resolution, RayFlagsAtRunTime)
 
 TEST_F(Resolution, ConstantRayFlags)
 {
-    const std::array<std::span<const std::uint32_t>, kRayFlags.size()> variants{
+    const std::array<std::span<const uint32_t>, kRayFlags.size()> variants{
         tracer_constant_000, tracer_constant_001, tracer_constant_002, tracer_constant_040, tracer_constant_080,
         tracer_constant_400, tracer_constant_401, tracer_constant_402, tracer_constant_440, tracer_constant_480};
-    for (std::size_t i = 0; i < kRayFlags.size(); ++i) {
+    for (size_t i = 0; i < kRayFlags.size(); ++i) {
         Tracer tracer(gpu(), variants[i]);
         expect(tracer.trace(*tlas_, rays_, 2), kRayFlags[i]);
     }
@@ -201,7 +201,7 @@ TEST_F(Resolution, ConstantRayFlags)
 
 TEST_F(Resolution, SpecializedRayFlags)
 {
-    for (const std::uint32_t flags : kRayFlags) {
+    for (const uint32_t flags : kRayFlags) {
         Tracer tracer(gpu(), tracer_specialized, {.specializedFlags = flags});
         expect(tracer.trace(*tlas_, rays_, 2), flags);
     }

@@ -85,13 +85,13 @@ void makeCachedPipelines(Gpu &gpu, const fs::path &path)
         ((feedback.flags & VK_PIPELINE_CREATION_FEEDBACK_APPLICATION_PIPELINE_CACHE_HIT_BIT) != 0 ? hits : misses)++;
     };
     const Tracer tracer(gpu);
-    const std::uint32_t flagValues[] = {0, kRayOpaque, kRayCullOpaque, kRayForceTwoState};
-    const VkSpecializationMapEntry entry{0, 0, sizeof(std::uint32_t)};
-    for (const std::span<const std::uint32_t> words :
-         {std::span<const std::uint32_t>(tracer_constant_000), std::span<const std::uint32_t>(tracer_constant_400),
-          std::span<const std::uint32_t>(tracer_specialized)}) {
+    const uint32_t flagValues[] = {0, kRayOpaque, kRayCullOpaque, kRayForceTwoState};
+    const VkSpecializationMapEntry entry{0, 0, sizeof(uint32_t)};
+    for (const std::span<const uint32_t> words :
+         {std::span<const uint32_t>(tracer_constant_000), std::span<const uint32_t>(tracer_constant_400),
+          std::span<const uint32_t>(tracer_specialized)}) {
         const VkShaderModule module = gpu.shader(words);
-        for (const std::uint32_t &flags : flagValues) {
+        for (const uint32_t &flags : flagValues) {
             const VkSpecializationInfo specialization{1, &entry, sizeof flags, &flags};
             VkComputePipelineCreateInfo info{};
             info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
@@ -107,9 +107,9 @@ void makeCachedPipelines(Gpu &gpu, const fs::path &path)
         }
         vkDestroyShaderModule(gpu.device(), module, nullptr);
     }
-    for (const std::span<const std::uint32_t> raygen :
-         {std::span<const std::uint32_t>(pipeline_constant_000), std::span<const std::uint32_t>(pipeline_constant_040),
-          std::span<const std::uint32_t>(pipeline_constant_400)}) {
+    for (const std::span<const uint32_t> raygen :
+         {std::span<const uint32_t>(pipeline_constant_000), std::span<const uint32_t>(pipeline_constant_040),
+          std::span<const uint32_t>(pipeline_constant_400)}) {
         for (const VkPipelineCreateFlags flags : {VkPipelineCreateFlags{0}, kMicromapBit}) {
             PipelineTracerSetup setup{.raygen = raygen};
             setup.flags = flags;
@@ -130,7 +130,7 @@ void makeCachedPipelines(Gpu &gpu, const fs::path &path)
         }
     }
     std::printf("pipeline cache:  hits = %u, misses = %u\n", hits, misses);
-    std::size_t size = 0;
+    size_t size = 0;
     VT_CHECK(vkGetPipelineCacheData(gpu.device(), cache, &size, nullptr));
     std::string content(size, 0);
     VT_CHECK(vkGetPipelineCacheData(gpu.device(), cache, &size, content.data()));
@@ -153,7 +153,7 @@ TEST(ShaderCacheRun, DISABLED_Run)
     Gpu second(ofRuns());
     const Micromap micromap(gpu, [] {
         MicromapInput input;
-        input.add(1, kFourState, std::vector<std::uint8_t>{0, 1, 2, 3});
+        input.add(1, kFourState, std::vector<uint8_t>{0, 1, 2, 3});
         return input;
     }());
     const_cast<Micromap &>(micromap).build();
@@ -162,8 +162,8 @@ TEST(ShaderCacheRun, DISABLED_Run)
     const Blas blas(gpu, {geometry});
     const Tlas scene(gpu, {instance(blas, {}, 7)});
     const std::vector<Ray> rays{{.origin = {0.1f, 0.1f, 1}}};
-    const std::span<const std::uint32_t> modules[] = {tracer_constant_000, tracer_constant_001, tracer_constant_040,
-                                                      tracer_constant_080, tracer_constant_400};
+    const std::span<const uint32_t> modules[] = {tracer_constant_000, tracer_constant_001, tracer_constant_040,
+                                                 tracer_constant_080, tracer_constant_400};
     const bool compile = std::getenv(kRewriteOnly) == nullptr;
     for (const auto words : modules) {
         Tracer tracer(gpu, words);
@@ -173,11 +173,11 @@ TEST(ShaderCacheRun, DISABLED_Run)
     const Tracer other(second, tracer_constant_000);
     if (!compile)
         return;
-    for (const std::uint32_t flags : {0u, kRayOpaque, kRayCullOpaque})
+    for (const uint32_t flags : {0u, kRayOpaque, kRayCullOpaque})
         Tracer(gpu, tracer_specialized, {.specializedFlags = flags}).trace(scene, rays);
-    for (const std::span<const std::uint32_t> raygen :
-         {std::span<const std::uint32_t>(pipeline_constant_000), std::span<const std::uint32_t>(pipeline_constant_040),
-          std::span<const std::uint32_t>(pipeline_constant_400)})
+    for (const std::span<const uint32_t> raygen :
+         {std::span<const uint32_t>(pipeline_constant_000), std::span<const uint32_t>(pipeline_constant_040),
+          std::span<const uint32_t>(pipeline_constant_400)})
         PipelineTracer(gpu, {.raygen = raygen}).trace(scene, rays);
 }
 

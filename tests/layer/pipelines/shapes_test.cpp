@@ -18,7 +18,7 @@ protected:
 
     std::vector<Result> trace(const Columns &columns)
     {
-        return Tracer(gpu(), kShapes[static_cast<std::size_t>(GetParam())]).trace(columns.scene(), columns.rays(), 1);
+        return Tracer(gpu(), kShapes[static_cast<size_t>(GetParam())]).trace(columns.scene(), columns.rays(), 1);
     }
 };
 
@@ -27,10 +27,10 @@ TEST_P(Shapes, Candidates)
 {
     const Columns columns(gpu(), 3, kNever);
     const std::vector<Result> results = trace(columns);
-    for (std::uint32_t i = 0; i < Columns::kColumns; ++i) {
+    for (uint32_t i = 0; i < Columns::kColumns; ++i) {
         SCOPED_TRACE(testing::Message() << "column " << i);
-        std::uint32_t expected = columns.nonOpaque(i);
-        std::uint32_t layer = Columns::kLayers;
+        uint32_t expected = columns.nonOpaque(i);
+        uint32_t layer = Columns::kLayers;
         switch (GetParam()) {
         case 4: expected = 0; break;
         case 10: expected = std::min(expected, 1u); break;
@@ -72,7 +72,7 @@ TEST_P(Shapes, CommittedHit)
 {
     const Columns columns(gpu(), 4, kAlways);
     const std::vector<Result> results = trace(columns);
-    for (std::uint32_t i = 0; i < Columns::kColumns; ++i) {
+    for (uint32_t i = 0; i < Columns::kColumns; ++i) {
         SCOPED_TRACE(testing::Message() << "column " << i);
         switch (GetParam()) {
         case 4: Columns::expectCommitted(results[i], columns.nearest(i, false)); break;
@@ -93,7 +93,7 @@ TEST_P(Shapes, CommittedHit)
             EXPECT_LT(results[i].candidateCount, 1000u);
         }
         if (GetParam() == 7 || GetParam() == 8 || GetParam() == 9) {
-            const std::uint32_t layer = columns.nearest(i + 1, true);
+            const uint32_t layer = columns.nearest(i + 1, true);
             EXPECT_EQ(results[i].v, layer == Columns::kLayers ? 0.0f : 1 + static_cast<float>(layer));
         }
     }
@@ -104,12 +104,12 @@ TEST_P(Shapes, RayFlags)
 {
     if (GetParam() == 10 || (GetParam() >= 17 && GetParam() <= 20))
         return; // stops early, or has flags of its own
-    for (const std::uint32_t flags : {kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, kRayForceTwoState,
-                                      kRayForceTwoState | kRayNoOpaque}) {
+    for (const uint32_t flags : {kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, kRayForceTwoState,
+                                 kRayForceTwoState | kRayNoOpaque}) {
         SCOPED_TRACE(testing::Message() << "flags " << std::hex << flags);
         const Columns columns(gpu(), 4, kAlways, flags);
         const std::vector<Result> results = trace(columns);
-        for (std::uint32_t i = 0; i < Columns::kColumns; ++i) {
+        for (uint32_t i = 0; i < Columns::kColumns; ++i) {
             SCOPED_TRACE(testing::Message() << "column " << i);
             EXPECT_EQ(results[i].flags, flags);
             Columns::expectCommitted(results[i], columns.nearest(i, GetParam() != 4, flags));
@@ -128,7 +128,7 @@ TEST(InlineModule, ComputeStage)
         const Columns columns(gpu, 4, kAlways);
         const std::vector<Result> results =
             Tracer(gpu, kShapes[0], {.inlineModule = true}).trace(columns.scene(), columns.rays(), 1);
-        for (std::uint32_t i = 0; i < Columns::kColumns; ++i)
+        for (uint32_t i = 0; i < Columns::kColumns; ++i)
             Columns::expectCommitted(results[i], columns.nearest(i, true));
     }
     for (const Message &m : gpu.takeUnexpectedMessages())

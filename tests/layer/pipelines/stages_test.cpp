@@ -32,13 +32,13 @@ protected:
             barrier(commands);
         });
         const std::vector<Result> results = tracer_.results();
-        for (std::uint32_t i = 0; i < Columns::kColumns; ++i) {
+        for (uint32_t i = 0; i < Columns::kColumns; ++i) {
             SCOPED_TRACE(testing::Message() << "column " << i);
             Columns::expectCommitted(results[i], columns.nearest(i, true));
         }
     }
 
-    void expectGraphics(const Graphics::Shaders &shaders, std::uint32_t vertices)
+    void expectGraphics(const Graphics::Shaders &shaders, uint32_t vertices)
     {
         const Graphics graphics(gpu(), tracer_.layout(), shaders, Columns::kColumns);
         expectColumns([&](VkCommandBuffer commands, const Tracer &tracer) {

@@ -19,11 +19,11 @@ using namespace vt;
 
 constexpr std::array<VkQueryType, 2> kTypes{VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT,
                                             VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT};
-constexpr std::uint32_t kCount = 5;
+constexpr uint32_t kCount = 5;
 constexpr VkDeviceSize kSentinel = 0x5a5a5a5a5a5a5a5a;
 
 // Of the query type that the device's API has for this one.
-QueryPool poolOf(Gpu &gpu, VkQueryType type, std::uint32_t count)
+QueryPool poolOf(Gpu &gpu, VkQueryType type, uint32_t count)
 {
     return {gpu, micromapQueryType(gpu, type), count};
 }
@@ -35,14 +35,14 @@ protected:
 
     void SetUp() override
     {
-        for (std::uint32_t i = 0; i < kCount; ++i) {
+        for (uint32_t i = 0; i < kCount; ++i) {
             MicromapInput input;
-            for (std::uint32_t k = 0; k <= i; ++k) {
-                std::vector<std::uint8_t> states(256, 0);
+            for (uint32_t k = 0; k <= i; ++k) {
+                std::vector<uint8_t> states(256, 0);
                 states[k] = 1; // each is another one
                 input.add(4, kFourState, states);
             }
-            input.add(4, kFourState, std::vector<std::uint8_t>(256, 1)); // folded
+            input.add(4, kFourState, std::vector<uint8_t>(256, 1)); // folded
             micromaps_.push_back(
                 std::make_unique<Micromap>(gpu(), std::move(input), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT));
             micromaps_.back()->build();
@@ -50,20 +50,19 @@ protected:
         }
     }
     // What the size of micromap i is.
-    VkDeviceSize sizeOf(VkQueryType type, std::uint32_t i)
+    VkDeviceSize sizeOf(VkQueryType type, uint32_t i)
     {
         const VkDeviceSize compacted = 64 + (i + 3) / 2 * 16 + (i + 1) * 64;
         return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? toldSize(gpu(), compacted)
                                                                  : compacted + 64 + serializedTrailer();
     }
-    void write(VkCommandBuffer commands, VkQueryType type, VkQueryPool pool, std::uint32_t first,
-               std::uint32_t count = kCount)
+    void write(VkCommandBuffer commands, VkQueryType type, VkQueryPool pool, uint32_t first, uint32_t count = kCount)
     {
         recordMicromapProperties(gpu(), commands, std::span(handles_).first(count), micromapQueryType(gpu(), type),
                                  pool, first);
     }
-    VkResult read(VkQueryPool pool, std::uint32_t first, std::uint32_t count, void *data, std::size_t size,
-                  VkDeviceSize stride, VkQueryResultFlags flags)
+    VkResult read(VkQueryPool pool, uint32_t first, uint32_t count, void *data, size_t size, VkDeviceSize stride,
+                  VkQueryResultFlags flags)
     {
         return vkGetQueryPoolResults(gpu().device(), pool, first, count, size, data, stride, flags);
     }
@@ -94,11 +93,11 @@ TEST_F(Queries, BothTypesInBothWidths)
             vkCmdResetQueryPool(commands, pool, 0, kCount + 3);
             write(commands, type, pool, 2);
         });
-        std::array<std::uint64_t, kCount> wide{};
+        std::array<uint64_t, kCount> wide{};
         EXPECT_EQ(read(pool, 2, kCount, wide.data(), sizeof wide, 8, VK_QUERY_RESULT_64_BIT), VK_SUCCESS);
-        std::array<std::uint32_t, kCount> narrow{};
+        std::array<uint32_t, kCount> narrow{};
         EXPECT_EQ(read(pool, 2, kCount, narrow.data(), sizeof narrow, 4, 0), VK_SUCCESS);
-        for (std::uint32_t i = 0; i < kCount; ++i) {
+        for (uint32_t i = 0; i < kCount; ++i) {
             EXPECT_EQ(wide[i], sizeOf(type, i));
             EXPECT_EQ(narrow[i], sizeOf(type, i));
         }
@@ -114,14 +113,14 @@ TEST_F(Queries, AvailabilityAndPartialResults)
         write(commands, type, pool, 1);
     });
     struct Entry {
-        std::uint64_t value, available;
+        uint64_t value, available;
     };
     std::array<Entry, kCount + 2> entries{};
     const VkQueryResultFlags flags = VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT;
     const auto fill = [&] { entries.fill({kSentinel, kSentinel}); };
     fill();
     EXPECT_EQ(read(pool, 0, kCount + 2, entries.data(), sizeof entries, sizeof(Entry), flags), VK_NOT_READY);
-    for (std::uint32_t i = 0; i < kCount + 2; ++i) {
+    for (uint32_t i = 0; i < kCount + 2; ++i) {
         const bool written = i >= 1 && i <= kCount;
         EXPECT_EQ(entries[i].value, written ? sizeOf(type, i - 1) : kSentinel) << i;
         EXPECT_EQ(entries[i].available != 0, written) << i;
@@ -150,9 +149,9 @@ TEST_F(Queries, ResetByHostAndDevice)
 {
     const VkQueryType type = kTypes[1];
     const QueryPool pool = poolOf(gpu(), type, kCount);
-    std::uint64_t value = 0;
-    const auto available = [&](std::uint32_t i) {
-        std::uint64_t pair[2] = {0, 7};
+    uint64_t value = 0;
+    const auto available = [&](uint32_t i) {
+        uint64_t pair[2] = {0, 7};
         read(pool, i, 1, pair, 16, 16, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT);
         return pair[1] != 0;
     };
@@ -160,17 +159,17 @@ TEST_F(Queries, ResetByHostAndDevice)
     vkResetQueryPool(gpu().device(), pool, 0, kCount);
     EXPECT_EQ(read(pool, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
     writeAll();
-    for (std::uint32_t i = 0; i < kCount; ++i)
+    for (uint32_t i = 0; i < kCount; ++i)
         EXPECT_TRUE(available(i));
     vkResetQueryPool(gpu().device(), pool, 1, 2);
-    for (std::uint32_t i = 0; i < kCount; ++i)
+    for (uint32_t i = 0; i < kCount; ++i)
         EXPECT_EQ(available(i), i < 1 || i > 2);
     gpu().submit([&](VkCommandBuffer commands) {
         vkCmdResetQueryPool(commands, pool, 0, kCount);
         write(commands, type, pool, 0, 3);
         vkCmdResetQueryPool(commands, pool, 2, 1);
     });
-    for (std::uint32_t i = 0; i < kCount; ++i)
+    for (uint32_t i = 0; i < kCount; ++i)
         EXPECT_EQ(available(i), i < 2);
 }
 
@@ -206,7 +205,7 @@ TEST_F(Queries, WaitForTheDevice)
     submit.commandBufferInfoCount = 1;
     submit.pCommandBufferInfos = &buffer;
     VT_CHECK(vkQueueSubmit2(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
-    std::uint64_t value = kSentinel;
+    uint64_t value = kSentinel;
     EXPECT_EQ(read(pool, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
     EXPECT_EQ(value, kSentinel);
     std::thread signaller([&] {
@@ -217,11 +216,11 @@ TEST_F(Queries, WaitForTheDevice)
         signal.value = 1;
         vkSignalSemaphore(gpu().device(), &signal);
     });
-    std::array<std::uint64_t, kCount> values{};
+    std::array<uint64_t, kCount> values{};
     EXPECT_EQ(read(pool, 0, kCount, values.data(), sizeof values, 8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
               VK_SUCCESS);
     signaller.join();
-    for (std::uint32_t i = 0; i < kCount; ++i)
+    for (uint32_t i = 0; i < kCount; ++i)
         EXPECT_EQ(values[i], sizeOf(type, i));
     VT_CHECK(vkQueueWaitIdle(gpu().queue()));
     vkDestroySemaphore(gpu().device(), semaphore, nullptr);
@@ -235,14 +234,14 @@ TEST_F(Queries, DeviceCopies)
                 for (const VkQueryResultFlags extra :
                      {VkQueryResultFlags{VK_QUERY_RESULT_WAIT_BIT}, VkQueryResultFlags{VK_QUERY_RESULT_PARTIAL_BIT}}) {
                     SCOPED_TRACE(testing::Message() << type << wide << availability << extra);
-                    const std::size_t word = wide ? 8 : 4;
-                    const std::size_t stride = 40;
-                    const std::size_t offset = 16;
+                    const size_t word = wide ? 8 : 4;
+                    const size_t stride = 40;
+                    const size_t offset = 16;
                     const QueryPool pool = poolOf(gpu(), type, kCount + 2);
                     // Only for transfers, as an application may have it.
                     const Buffer out(gpu(), 1024, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
                     std::memset(out.bytes(), 0x5a, 1024);
-                    const std::uint32_t count = extra == VK_QUERY_RESULT_WAIT_BIT ? kCount : kCount + 1;
+                    const uint32_t count = extra == VK_QUERY_RESULT_WAIT_BIT ? kCount : kCount + 1;
                     gpu().submit([&](VkCommandBuffer commands) {
                         vkCmdResetQueryPool(commands, pool, 0, kCount + 2);
                         write(commands, type, pool, 1);
@@ -250,13 +249,13 @@ TEST_F(Queries, DeviceCopies)
                                                   extra | (wide ? VK_QUERY_RESULT_64_BIT : 0) |
                                                       (availability ? VK_QUERY_RESULT_WITH_AVAILABILITY_BIT : 0));
                     });
-                    std::vector<std::uint8_t> expected(1024, 0x5a);
-                    for (std::uint32_t i = 0; i < count; ++i) {
-                        const std::uint64_t pair[2] = {i < kCount ? sizeOf(type, i) : 0, i < kCount ? 1u : 0u};
-                        for (std::size_t k = 0; k < (availability ? 2 : 1); ++k)
+                    std::vector<uint8_t> expected(1024, 0x5a);
+                    for (uint32_t i = 0; i < count; ++i) {
+                        const uint64_t pair[2] = {i < kCount ? sizeOf(type, i) : 0, i < kCount ? 1u : 0u};
+                        for (size_t k = 0; k < (availability ? 2 : 1); ++k)
                             std::memcpy(&expected[offset + i * stride + k * word], &pair[k], word);
                     }
-                    EXPECT_EQ(std::vector<std::uint8_t>(out.bytes(), out.bytes() + 1024), expected);
+                    EXPECT_EQ(std::vector<uint8_t>(out.bytes(), out.bytes() + 1024), expected);
                 }
             }
         }
@@ -280,8 +279,8 @@ TEST_F(Queries, CopiesWhereConditionalRenderingIsInherited)
         vkCmdResetQueryPool(commands, pool, 0, 1);
         vkCmdExecuteCommands(commands, 1, &secondary);
     });
-    EXPECT_EQ(out.as<std::uint64_t>()[0], 0u);
-    EXPECT_EQ(out.as<std::uint64_t>()[1], kSentinel);
+    EXPECT_EQ(out.as<uint64_t>()[0], 0u);
+    EXPECT_EQ(out.as<uint64_t>()[1], kSentinel);
 }
 
 // Two copies of one pool in a command buffer that is submitted twice: each has results of its own.
@@ -302,7 +301,7 @@ TEST_F(Queries, CopiesSeeTheStateOfTheirTime)
     for (int run = 0; run < 2; ++run) {
         std::memset(out.bytes(), 0x5a, 64);
         gpu().execute(commands);
-        const auto values = out.as<std::uint64_t>();
+        const auto values = out.as<uint64_t>();
         EXPECT_EQ(values[0], 0u);
         EXPECT_EQ(values[1], sizeOf(type, 0));
         EXPECT_EQ(values[2], 0u);
@@ -316,8 +315,7 @@ TEST_F(Queries, WrongUseIsRefused)
         GTEST_SKIP() << "validation 1.4.363 reads behind the pool's queries";
     const QueryPool compacted = poolOf(gpu(), kTypes[0], 2);
     vkResetQueryPool(gpu().device(), compacted, 0, 2);
-    const auto refused = [&](const char *id, VkQueryType type, VkQueryPool pool, std::uint32_t first,
-                             std::uint32_t count) {
+    const auto refused = [&](const char *id, VkQueryType type, VkQueryPool pool, uint32_t first, uint32_t count) {
         gpu().submit([&](VkCommandBuffer commands) { write(commands, type, pool, first, count); });
         expectMessage(id);
     };
@@ -329,7 +327,7 @@ TEST_F(Queries, WrongUseIsRefused)
     refused("query-range", kTypes[0], compacted, 0xffffffff, 1);
     handles_[1] = {};
     refused(gpu().khr() ? "pAccelerationStructures-parameter" : "pMicromaps-parameter", kTypes[0], compacted, 0, 2);
-    std::uint64_t value = 0;
+    uint64_t value = 0;
     EXPECT_EQ(read(compacted, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
     if (gpu().khr() || strictTests())
         return;
@@ -375,7 +373,7 @@ TEST_F(Queries, AMicromapThatWasNeverBuilt)
     const QueryPool pool = poolOf(gpu(), kTypes[0], 1);
     vkResetQueryPool(gpu().device(), pool, 0, 1);
     gpu().submit([&](VkCommandBuffer commands) { write(commands, kTypes[0], pool, 0, 1); });
-    std::uint64_t value = 0;
+    uint64_t value = 0;
     EXPECT_EQ(read(pool, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_SUCCESS);
     EXPECT_LE(value, 4096u);
 }
@@ -385,7 +383,7 @@ TEST_F(Queries, AccelerationStructuresWithMicromaps)
 {
     Geometry plain{.vertices = triangleRow(500)};
     Geometry mapped = plain;
-    mapped.micromap = Attachment{micromaps_[0].get(), VK_INDEX_TYPE_UINT32, std::vector<std::int32_t>(500, 0)};
+    mapped.micromap = Attachment{micromaps_[0].get(), VK_INDEX_TYPE_UINT32, std::vector<int32_t>(500, 0)};
     const VkBuildAccelerationStructureFlagsKHR flags = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
     const Blas small(gpu(), {plain}, flags);
     const Blas with(gpu(), {mapped}, flags);
@@ -409,7 +407,7 @@ TEST_F(Queries, AccelerationStructuresWithMicromaps)
                                           VK_QUERY_RESULT_WAIT_BIT);
             vkCmdCopyQueryPoolResults(commands, pool, 1, 2, out.handle(), 48, 4, VK_QUERY_RESULT_WAIT_BIT);
         });
-        std::uint64_t host[2] = {};
+        uint64_t host[2] = {};
         EXPECT_EQ(read(pool, 1, 2, host, sizeof host, 8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
                   VK_SUCCESS);
         if (type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR) {
@@ -420,19 +418,19 @@ TEST_F(Queries, AccelerationStructuresWithMicromaps)
             EXPECT_GE(host[1], host[0] / 2 + records);
             EXPECT_LE(host[1], with.size());
         }
-        const auto copied = out.as<std::uint64_t>();
+        const auto copied = out.as<uint64_t>();
         EXPECT_EQ(copied[1], host[0]);
         EXPECT_EQ(copied[2], 1u);
         EXPECT_EQ(copied[3], host[1]);
         EXPECT_EQ(copied[4], 1u);
-        EXPECT_EQ(out.as<std::uint32_t>()[12], host[0]);
-        EXPECT_EQ(out.as<std::uint32_t>()[13], host[1]);
+        EXPECT_EQ(out.as<uint32_t>()[12], host[0]);
+        EXPECT_EQ(out.as<uint32_t>()[13], host[1]);
         // A query that was corrected before, and is used again for a structure without.
         gpu().submit([&](VkCommandBuffer commands) {
             vkCmdResetQueryPool(commands, pool, 0, 3);
             gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, structures.data(), type, pool, 2);
         });
-        std::uint64_t again = 0;
+        uint64_t again = 0;
         EXPECT_EQ(read(pool, 2, 1, &again, 8, 8, VK_QUERY_RESULT_64_BIT), VK_SUCCESS);
         EXPECT_EQ(again, host[0]);
     }
@@ -448,9 +446,9 @@ TEST_F(Queries, OtherPoolsAreTheDrivers)
         vkCmdCopyQueryPoolResults(commands, pool, 0, 1, out.handle(), 0, 8,
                                   VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
     });
-    std::uint64_t value = 0;
+    uint64_t value = 0;
     EXPECT_EQ(read(pool, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_SUCCESS);
-    EXPECT_EQ(out.as<std::uint64_t>()[0], value);
+    EXPECT_EQ(out.as<uint64_t>()[0], value);
 }
 
 } // namespace

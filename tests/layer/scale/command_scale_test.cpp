@@ -17,13 +17,13 @@ protected:
     {
     }
 
-    std::vector<VkCommandBuffer> allocate(std::size_t count)
+    std::vector<VkCommandBuffer> allocate(size_t count)
     {
         VkCommandBufferAllocateInfo info{};
         info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
         info.commandPool = gpu().pool();
         info.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
-        info.commandBufferCount = static_cast<std::uint32_t>(count);
+        info.commandBufferCount = static_cast<uint32_t>(count);
         std::vector<VkCommandBuffer> buffers(count);
         VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &info, buffers.data()));
         return buffers;
@@ -45,7 +45,7 @@ protected:
     }
     void free(const std::vector<VkCommandBuffer> &buffers)
     {
-        vkFreeCommandBuffers(gpu().device(), gpu().pool(), static_cast<std::uint32_t>(buffers.size()), buffers.data());
+        vkFreeCommandBuffers(gpu().device(), gpu().pool(), static_cast<uint32_t>(buffers.size()), buffers.data());
     }
 
     Patchwork patchwork_;
@@ -61,10 +61,10 @@ TEST_F(CommandScale, TracesInThousandsOfCommandBuffers)
     PipelineTracer tracer(gpu());
     const auto rays = Patchwork::rays();
     tracer.prepare(scene_, rays);
-    const std::uint64_t before = allocations();
+    const uint64_t before = allocations();
     const auto buffers = allocate(scaled(4000));
     for (int round = 0; round < 3; ++round) {
-        timed("record" + std::to_string(round), buffers.size(), [&](std::size_t i) {
+        timed("record" + std::to_string(round), buffers.size(), [&](size_t i) {
             begin(buffers[i]);
             tracer.bind(buffers[i]);
             tracer.dispatch(buffers[i]);
@@ -75,7 +75,7 @@ TEST_F(CommandScale, TracesInThousandsOfCommandBuffers)
     RecordProperty("allocations", static_cast<int>(allocations() - before));
     // Any of them, in any order.
     std::vector<std::string> expected;
-    for (const std::size_t i : {buffers.size() - 1, std::size_t{0}, buffers.size() / 2}) {
+    for (const size_t i : {buffers.size() - 1, size_t{0}, buffers.size() / 2}) {
         tracer.clearResults();
         submit(buffers[i]);
         std::vector<std::string> now;
@@ -101,15 +101,15 @@ TEST_F(CommandScale, CopiesInThousandsOfCommandBuffers)
         targets.back()->create(scene_.size());
     }
     const auto buffers = allocate(scaled(2000));
-    const std::uint64_t before = allocations();
-    timed("record", buffers.size(), [&](std::size_t i) {
+    const uint64_t before = allocations();
+    timed("record", buffers.size(), [&](size_t i) {
         begin(buffers[i]);
         recordCopy(gpu(), buffers[i], scene_.handle(), targets[i % targets.size()]->handle());
         VT_CHECK(vkEndCommandBuffer(buffers[i]));
     });
     EXPECT_LT(allocations() - before, 16u);
     RecordProperty("allocations", static_cast<int>(allocations() - before));
-    for (std::size_t i = 0; i < targets.size(); ++i) {
+    for (size_t i = 0; i < targets.size(); ++i) {
         submit(buffers[buffers.size() - targets.size() + i]);
         EXPECT_EQ(seen(gpu(), *targets[(buffers.size() - targets.size() + i) % targets.size()], Patchwork::rays()),
                   expected);
@@ -129,16 +129,16 @@ TEST_F(CommandScale, PoolsComeAndGo)
     const Tracer tracer(gpu());
     const auto record = [&](VkCommandBuffer commands) {
         begin(commands);
-        const std::uint32_t pushed[4] = {};
+        const uint32_t pushed[4] = {};
         vkCmdPushConstants(commands, tracer.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof pushed, pushed);
         VT_CHECK(vkEndCommandBuffer(commands));
     };
     std::vector<std::thread> threads;
-    std::uint64_t warm = 0;
+    uint64_t warm = 0;
     for (int t = 0; t < 4; ++t) {
         threads.emplace_back([&, t] {
             std::vector<VkCommandPool> pools(16, VK_NULL_HANDLE);
-            for (std::size_t i = 0; i < scaled(2000); ++i) {
+            for (size_t i = 0; i < scaled(2000); ++i) {
                 VkCommandPool &pool = pools[i % pools.size()];
                 vkDestroyCommandPool(gpu().device(), pool, nullptr);
                 VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pool));
@@ -173,13 +173,12 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
     constexpr auto kType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
     const Blas compactable(gpu(), patchwork_.geometries(), VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
     const VkDeviceSize expected = queried(gpu(), compactable, kType);
-    const std::uint64_t before = allocations();
+    const uint64_t before = allocations();
     for (int round = 0; round < 2; ++round) {
         std::vector<QueryPool> pools;
-        timed("create" + std::to_string(round), scaled(2000),
-              [&](std::size_t) { pools.emplace_back(gpu(), kType, 2); });
+        timed("create" + std::to_string(round), scaled(2000), [&](size_t) { pools.emplace_back(gpu(), kType, 2); });
         EXPECT_LT(allocations() - before, 16u);
-        for (std::size_t i = 0; i < pools.size(); i += pools.size() / 7) {
+        for (size_t i = 0; i < pools.size(); i += pools.size() / 7) {
             // One that has its memory from another is reset as that was: here by a command, which is the rule, anyway.
             gpu().submit([&](VkCommandBuffer commands) {
                 vkCmdResetQueryPool(commands, pools[i], 0, 2);
@@ -187,7 +186,7 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
                 gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &structure, kType, pools[i], 1);
             });
             EXPECT_EQ(pools[i].value(1), expected);
-            std::uint64_t nothing[2] = {7, 7};
+            uint64_t nothing[2] = {7, 7};
             EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pools[i], 0, 1, sizeof nothing, nothing, sizeof nothing,
                                             VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT),
                       VK_NOT_READY);
@@ -207,7 +206,7 @@ TEST(DeviceScale, TwentyDevicesAtATime)
             vkCmdFillBuffer(commands, buffer.handle(), 0, 64, 0x1234567);
             barrier(commands);
         });
-        EXPECT_EQ(buffer.as<std::uint32_t>()[7], 0x1234567u);
+        EXPECT_EQ(buffer.as<uint32_t>()[7], 0x1234567u);
         const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
         EXPECT_NE(blas.address(), 0u);
     };
@@ -218,7 +217,7 @@ TEST(DeviceScale, TwentyDevicesAtATime)
         }
         for (const auto &gpu : gpus)
             works(*gpu);
-        for (std::size_t i = 0; i < gpus.size(); i += 3)
+        for (size_t i = 0; i < gpus.size(); i += 3)
             gpus[i].reset();
         for (const auto &gpu : gpus) {
             if (gpu != nullptr)

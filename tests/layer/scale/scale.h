@@ -17,16 +17,16 @@
 namespace vt
 {
 
-inline std::size_t scaled(std::size_t count)
+inline size_t scaled(size_t count)
 {
     const char *setting = std::getenv("VELLUM_STRESS");
     return setting != nullptr && std::string(setting) == "full" ? 10 * count : count;
 }
 
 // Of device memory, below Vellum's layer: a device may have as few as 4096 at a time (maxMemoryAllocationCount).
-inline std::uint64_t allocations()
+inline uint64_t allocations()
 {
-    static const auto count = testDriverFunction<std::uint64_t (*)()>("vellumSpyAllocations");
+    static const auto count = testDriverFunction<uint64_t (*)()>("vellumSpyAllocations");
     return count();
 }
 
@@ -37,16 +37,16 @@ protected:
 
     // Does something `count` times, and notes the microseconds that each took in the first and the last quarter.
     template <class Work>
-    void timed(const std::string &name, std::size_t count, Work work)
+    void timed(const std::string &name, size_t count, Work work)
     {
         using Clock = std::chrono::steady_clock;
         std::vector<Clock::time_point> at{Clock::now()};
-        for (std::size_t i = 0; i < count; ++i) {
+        for (size_t i = 0; i < count; ++i) {
             work(i);
             at.push_back(Clock::now());
         }
-        const std::size_t quarter = std::max<std::size_t>(count / 4, 1);
-        const auto note = [&](const char *which, std::size_t first) {
+        const size_t quarter = std::max<size_t>(count / 4, 1);
+        const auto note = [&](const char *which, size_t first) {
             const std::chrono::duration<double, std::micro> time = at[first + quarter] - at[first];
             RecordProperty(name + which, std::to_string(time.count() / static_cast<double>(quarter)));
         };

@@ -18,14 +18,14 @@ class StructureScale : public Scale
 protected:
     StructureScale()
     {
-        for (std::uint8_t state = 0; state < 4; ++state) {
+        for (uint8_t state = 0; state < 4; ++state) {
             MicromapInput input;
-            input.add(1, kFourState, std::array<std::uint8_t, 4>{state, 0, 1, 1});
+            input.add(1, kFourState, std::array<uint8_t, 4>{state, 0, 1, 1});
             micromaps_.push_back(std::make_unique<Micromap>(gpu(), std::move(input)));
             micromaps_.back()->build();
         }
     }
-    Geometry geometry(std::size_t i) const
+    Geometry geometry(size_t i) const
     {
         Geometry result{.vertices = triangleRow(1)};
         if (i % 5 < 4)
@@ -38,19 +38,19 @@ protected:
 
 TEST_F(StructureScale, ThousandsBuiltAndCompactedInAFrame)
 {
-    const std::size_t count = scaled(2000);
+    const size_t count = scaled(2000);
     std::vector<std::unique_ptr<Blas>> built(count);
-    for (std::size_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < count; ++i) {
         built[i] = std::make_unique<Blas>(gpu());
         built[i]->prepare({geometry(i)}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
     }
-    const QueryPool sizes(gpu(), kCompactedSize, static_cast<std::uint32_t>(count));
+    const QueryPool sizes(gpu(), kCompactedSize, static_cast<uint32_t>(count));
     std::vector<VkAccelerationStructureKHR> handles;
     for (const auto &blas : built)
         handles.push_back(blas->handle());
     const Buffer packed(gpu(), count * 4096, gpu().structureUsage());
-    std::uint64_t warm = 0, warmAllocations = 0;
-    timed("frame", 6, [&](std::size_t frame) {
+    uint64_t warm = 0, warmAllocations = 0;
+    timed("frame", 6, [&](size_t frame) {
         if (frame == 2) {
             warm = Footprint::now().resident;
             warmAllocations = allocations();
@@ -59,14 +59,14 @@ TEST_F(StructureScale, ThousandsBuiltAndCompactedInAFrame)
             for (const auto &blas : built)
                 blas->record(commands);
             barrier(commands);
-            vkCmdResetQueryPool(commands, sizes, 0, static_cast<std::uint32_t>(count));
-            gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, static_cast<std::uint32_t>(count),
+            vkCmdResetQueryPool(commands, sizes, 0, static_cast<uint32_t>(count));
+            gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, static_cast<uint32_t>(count),
                                                                    handles.data(), kCompactedSize, sizes, 0);
         });
         std::vector<std::unique_ptr<Structure>> compact;
         VkDeviceSize end = 0;
-        for (std::size_t i = 0; i < count; ++i) {
-            const VkDeviceSize size = sizes.value(static_cast<std::uint32_t>(i));
+        for (size_t i = 0; i < count; ++i) {
+            const VkDeviceSize size = sizes.value(static_cast<uint32_t>(i));
             compact.push_back(std::make_unique<Structure>(gpu(), kBottom));
             compact.back()->placeIn(packed.handle(), end);
             compact.back()->create(size);
@@ -74,17 +74,17 @@ TEST_F(StructureScale, ThousandsBuiltAndCompactedInAFrame)
             ASSERT_LE(end, packed.size());
         }
         gpu().submit([&](VkCommandBuffer commands) {
-            for (std::size_t i = 0; i < count; ++i)
+            for (size_t i = 0; i < count; ++i)
                 recordCopy(gpu(), commands, handles[i], compact[i]->handle(),
                            VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
         });
         std::vector<VkAccelerationStructureInstanceKHR> instances, originals;
-        for (std::size_t i = 0; i < 10; ++i) {
+        for (size_t i = 0; i < 10; ++i) {
             originals.push_back(instance(*built[i * (count / 10) + i], {0, 2.0f * static_cast<float>(i), 0}, 100));
             instances.push_back(instance(*compact[i * (count / 10) + i], {0, 2.0f * static_cast<float>(i), 0}, 100));
         }
         std::vector<Ray> rays;
-        for (std::size_t i = 0; i < instances.size(); ++i) {
+        for (size_t i = 0; i < instances.size(); ++i) {
             const float y = 2.0f * static_cast<float>(i);
             rays.push_back({.origin = {0.2f, y + 0.2f, 1}});
             rays.push_back({.origin = {0.7f, y + 0.1f, 1}});
@@ -100,27 +100,27 @@ TEST_F(StructureScale, ThousandsBuiltAndCompactedInAFrame)
 
 TEST_F(StructureScale, TopLevelOfAHundredThousandInstancesEachFrame)
 {
-    const std::size_t count = scaled(100'000);
+    const size_t count = scaled(100'000);
     const Blas mapped(gpu(), {geometry(0)}), plain(gpu(), {geometry(4)});
     std::vector<VkAccelerationStructureInstanceKHR> instances;
-    for (std::size_t i = 0; i < count; ++i)
+    for (size_t i = 0; i < count; ++i)
         instances.push_back(instance(i % 2 == 0 ? mapped : plain,
                                      {1.5f * static_cast<float>(i % 1000), 1.5f * static_cast<float>(i / 1000), 0},
-                                     static_cast<std::uint32_t>(i & 0xffffff)));
+                                     static_cast<uint32_t>(i & 0xffffff)));
     std::vector<Ray> rays;
-    std::vector<std::uint32_t> expected;
-    for (std::size_t i = 1; i < count; i += count / 50 | 1) {
+    std::vector<uint32_t> expected;
+    for (size_t i = 1; i < count; i += count / 50 | 1) {
         rays.push_back(
             {.origin = {instances[i].transform.matrix[0][3] + 0.2f, instances[i].transform.matrix[1][3] + 0.2f, 1},
              .flags = kRayOpaque});
-        expected.push_back(static_cast<std::uint32_t>(i));
+        expected.push_back(static_cast<uint32_t>(i));
     }
     Tracer tracer(gpu());
     Tlas frames[2] = {Tlas(gpu()), Tlas(gpu())};
     for (Tlas &tlas : frames)
         tlas.prepare(instances);
-    std::uint64_t warm = 0, warmAllocations = 0;
-    timed("frame", 12, [&](std::size_t frame) {
+    uint64_t warm = 0, warmAllocations = 0;
+    timed("frame", 12, [&](size_t frame) {
         if (frame == 4) {
             warm = Footprint::now().resident;
             warmAllocations = allocations();
@@ -128,7 +128,7 @@ TEST_F(StructureScale, TopLevelOfAHundredThousandInstancesEachFrame)
         gpu().submit([&](VkCommandBuffer commands) { frames[frame % 2].record(commands); });
         if (frame % 4 < 2) {
             const auto results = tracer.trace(frames[frame % 2], rays);
-            for (std::size_t i = 0; i < rays.size(); ++i) {
+            for (size_t i = 0; i < rays.size(); ++i) {
                 const bool hit = results[i].committed == kTriangle;
                 EXPECT_TRUE(!hit || results[i].customIndex == expected[i]) << i;
                 EXPECT_TRUE(hit || expected[i] % 2 == 0) << i;

@@ -10,7 +10,7 @@ using namespace vt;
 
 TEST(Pieces, LieAtTheSmallestAlignmentAndAreFreeAtOnce)
 {
-    std::vector<std::uint8_t> bytes(4096);
+    std::vector<uint8_t> bytes(4096);
     Pieces pieces(bytes, 0x10000);
     const auto first = pieces.take(100, 256);
     const auto second = pieces.take(100, 8);
@@ -25,12 +25,12 @@ TEST(Pieces, LieAtTheSmallestAlignmentAndAreFreeAtOnce)
 
 TEST(Pieces, EveryGuardByteCounts)
 {
-    std::vector<std::uint8_t> bytes(1024);
+    std::vector<uint8_t> bytes(1024);
     Pieces pieces(bytes, 0);
-    const std::size_t first = *pieces.take(64, 64), second = *pieces.take(64, 64);
-    for (std::size_t i = 0; i < bytes.size(); ++i) {
+    const size_t first = *pieces.take(64, 64), second = *pieces.take(64, 64);
+    for (size_t i = 0; i < bytes.size(); ++i) {
         const bool taken = (i >= first && i < first + 64) || (i >= second && i < second + 64);
-        const std::uint8_t was = std::exchange(bytes[i], std::uint8_t{7});
+        const uint8_t was = std::exchange(bytes[i], uint8_t{7});
         EXPECT_EQ(pieces.damage().has_value(), !taken) << i;
         const bool beside = !taken && i > second - Pieces::kGap && i < second + 64 + Pieces::kGap;
         EXPECT_TRUE(!beside || pieces.damageBeside(second)) << i;

@@ -154,8 +154,8 @@ TEST_F(BottomCopiesExt, SerializedHeader)
         return result;
     };
     EXPECT_EQ(compatibility(), VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR);
-    for (std::size_t byte = 0; byte < 2 * VK_UUID_SIZE; ++byte) {
-        std::vector<std::uint8_t> changed(data.bytes().begin(), data.bytes().begin() + 2 * VK_UUID_SIZE);
+    for (size_t byte = 0; byte < 2 * VK_UUID_SIZE; ++byte) {
+        std::vector<uint8_t> changed(data.bytes().begin(), data.bytes().begin() + 2 * VK_UUID_SIZE);
         changed[byte] ^= 1;
         version.pVersionData = changed.data();
         EXPECT_EQ(compatibility(), VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR) << "byte " << byte;
@@ -206,7 +206,7 @@ TEST_F(BottomCopiesExt, SerializedDataCarriesTheMicromaps)
     }
     auto fourth = deserialized(gpu(), again, kBottom);
     first.reset();
-    std::memset(memory.bytes(), 0x77, static_cast<std::size_t>(memory.size()));
+    std::memset(memory.bytes(), 0x77, static_cast<size_t>(memory.size()));
     EXPECT_EQ(seenOf(gpu(), *second), expected) << "its data is its own";
     EXPECT_EQ(seenOf(gpu(), *third), expected);
     EXPECT_EQ(seenOf(gpu(), *fourth), expected);
@@ -270,19 +270,19 @@ TEST_F(BottomCopies, SerializedWithoutPrimitives)
 TEST_F(BottomCopiesExt, SerializedDataHoldsAMicromapOnce)
 {
     MicromapInput input;
-    input.add(8, kFourState, std::vector<std::uint8_t>(65536, 3));
+    input.add(8, kFourState, std::vector<uint8_t>(65536, 3));
     input.add(8, kFourState, [] {
-        std::vector<std::uint8_t> states(65536);
-        for (std::size_t i = 0; i < states.size(); ++i)
-            states[i] = static_cast<std::uint8_t>(i * 7 % 4);
+        std::vector<uint8_t> states(65536);
+        for (size_t i = 0; i < states.size(); ++i)
+            states[i] = static_cast<uint8_t>(i * 7 % 4);
         return states;
     }());
     Micromap micromap(gpu(), std::move(input));
     micromap.build();
     Geometry geometry{.vertices = triangleRow(1)};
     geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT32, {1}};
-    const std::uint64_t one = serialize(gpu(), Blas(gpu(), {geometry})).total();
-    const std::uint64_t three = serialize(gpu(), Blas(gpu(), {geometry, geometry, geometry})).total();
+    const uint64_t one = serialize(gpu(), Blas(gpu(), {geometry})).total();
+    const uint64_t three = serialize(gpu(), Blas(gpu(), {geometry, geometry, geometry})).total();
     EXPECT_GE(one, 16384u);
     EXPECT_LT(three, one + 8192);
 }
@@ -292,17 +292,17 @@ TEST_F(BottomCopies, ManyGeometriesAndTriangles)
     std::vector<std::unique_ptr<Micromap>> micromaps;
     std::vector<Geometry> geometries;
     std::vector<Ray> rays;
-    for (std::uint32_t g = 0; g < 60; ++g) {
+    for (uint32_t g = 0; g < 60; ++g) {
         MicromapInput input;
-        for (std::uint32_t t = 0; t < 97; ++t)
-            input.add(3, kFourState, std::vector<std::uint8_t>(64, static_cast<std::uint8_t>((t + g) * 5 / 3 % 4)));
+        for (uint32_t t = 0; t < 97; ++t)
+            input.add(3, kFourState, std::vector<uint8_t>(64, static_cast<uint8_t>((t + g) * 5 / 3 % 4)));
         micromaps.push_back(std::make_unique<Micromap>(gpu(), std::move(input)));
         micromaps.back()->build();
         Geometry geometry{.vertices = triangleRow(97, {0, 2 * static_cast<float>(g), 0})};
         if (g % 4 != 3)
             geometry.micromap = Attachment{micromaps.back().get()};
         geometries.push_back(geometry);
-        for (std::uint32_t t = 0; t < 97; t += 3) {
+        for (uint32_t t = 0; t < 97; t += 3) {
             Ray ray;
             ray.origin = {1.5f * static_cast<float>(t) + 0.3f, 2 * static_cast<float>(g) + 0.3f, 1};
             rays.push_back(ray);
@@ -377,7 +377,7 @@ TEST_F(BottomCopies, StateOfTheCommandBuffer)
             barrier(commands);
         });
         const std::vector<Result> results = tracer.results();
-        for (std::size_t i = 0; i < results.size(); ++i) {
+        for (size_t i = 0; i < results.size(); ++i) {
             ASSERT_EQ(results[i].committed, expected[i].committed) << "command " << which;
             ASSERT_EQ(results[i].candidateCount, expected[i].candidateCount) << "command " << which;
         }

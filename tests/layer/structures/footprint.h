@@ -9,14 +9,14 @@ namespace vt
 {
 
 struct Footprint {
-    std::uint64_t resident = 0; // bytes
-    std::uint64_t mappings = 0; // each allocation of device memory is one
+    uint64_t resident = 0; // bytes
+    uint64_t mappings = 0; // each allocation of device memory is one
 
     static Footprint now()
     {
         Footprint footprint;
         std::ifstream status("/proc/self/statm");
-        std::uint64_t pages = 0;
+        uint64_t pages = 0;
         status >> pages >> footprint.resident;
         footprint.resident *= 4096;
         std::ifstream maps("/proc/self/maps");

@@ -10,7 +10,7 @@ const vt::Labels kLabels{{"Index.*", "traits translated packed forcing"}};
 
 using namespace vt;
 
-using States = std::vector<std::uint8_t>;
+using States = std::vector<uint8_t>;
 
 class Index : public GpuTest
 {
@@ -19,20 +19,19 @@ protected:
 
     // Each triangle of a row (see triangleRow), in the order of its geometry, is one state all over.
     struct Row {
-        std::uint32_t geometry;
+        uint32_t geometry;
         float y;
         std::vector<int> states; // or kNoMicromap
         bool opaque = false;
     };
 
     // Shoots at the middle of every triangle, and compares what the shader saw.
-    void expectRows(const Blas &blas, const std::vector<Row> &rows, std::uint32_t instanceFlags = 0,
-                    std::uint32_t rayFlags = 0)
+    void expectRows(const Blas &blas, const std::vector<Row> &rows, uint32_t instanceFlags = 0, uint32_t rayFlags = 0)
     {
         const Tlas tlas(gpu(), {instance(blas, {}, 77, instanceFlags)});
         std::vector<Ray> rays;
         for (const Row &row : rows) {
-            for (std::size_t i = 0; i < row.states.size(); ++i) {
+            for (size_t i = 0; i < row.states.size(); ++i) {
                 Ray ray;
                 ray.origin = {1.5f * static_cast<float>(i) + 0.3f, row.y + 0.3f, 1};
                 ray.rule = kAlways;
@@ -41,9 +40,9 @@ protected:
             }
         }
         const std::vector<Result> results = Tracer(gpu()).trace(tlas, rays);
-        std::size_t next = 0;
+        size_t next = 0;
         for (const Row &row : rows) {
-            for (std::size_t i = 0; i < row.states.size(); ++i) {
+            for (size_t i = 0; i < row.states.size(); ++i) {
                 const Result &r = results[next++];
                 const Outcome outcome = outcomeOf(row.states[i], row.opaque, instanceFlags, rayFlags);
                 const bool hit = outcome == Outcome::Opaque || outcome == Outcome::NonOpaque;
@@ -64,8 +63,8 @@ protected:
     std::unique_ptr<Micromap> eightTriangles()
     {
         MicromapInput input;
-        for (const std::uint32_t level : {0u, 1u}) {
-            for (std::uint8_t state = 0; state < 4; ++state)
+        for (const uint32_t level : {0u, 1u}) {
+            for (uint8_t state = 0; state < 4; ++state)
                 input.add(level, kFourState, States(1u << (2 * level), state));
         }
         auto micromap = std::make_unique<Micromap>(gpu(), std::move(input));
@@ -73,7 +72,7 @@ protected:
         return micromap;
     }
 
-    static Geometry rowOf(std::uint32_t n, float y = 0)
+    static Geometry rowOf(uint32_t n, float y = 0)
     {
         Geometry geometry;
         geometry.vertices = triangleRow(n, {0, y, 0});
@@ -101,12 +100,12 @@ TEST_F(Index, BufferTypesStridesAndBases)
 {
     const auto micromap = eightTriangles();
     for (const VkIndexType type : {VK_INDEX_TYPE_UINT16, VK_INDEX_TYPE_UINT32}) {
-        for (const std::uint32_t stride : {4u, 8u, 12u, 64u}) {
-            for (const std::uint32_t base : {0u, 2u}) {
+        for (const uint32_t stride : {4u, 8u, 12u, 64u}) {
+            for (const uint32_t base : {0u, 2u}) {
                 SCOPED_TRACE(testing::Message() << "type " << type << " stride " << stride << " base " << base);
                 Geometry geometry = rowOf(8);
                 geometry.micromap = Attachment{micromap.get(), type, {3, -1, 1, -2, 0, -3, 5, -4}, stride, base};
-                const auto state = [base](std::uint32_t index) { return static_cast<int>((index + base) % 4); };
+                const auto state = [base](uint32_t index) { return static_cast<int>((index + base) % 4); };
                 expectRows(Blas(gpu(), {geometry}), {{0, 0, {state(3), 0, state(1), 1, state(0), 2, state(5), 3}}});
             }
         }
@@ -172,8 +171,8 @@ TEST_F(Index, MixedGeometries)
                                 {1, 2, {kNoMicromap, kNoMicromap, kNoMicromap}},
                                 {2, 4, {kNoMicromap, kNoMicromap, kNoMicromap}, true},
                                 {3, 6, {0, 1, 2, 3, 0, 1, 2, 3}, true}};
-    for (const std::uint32_t instanceFlags : {0u, 4u, 8u, 0x10u, 0x14u, 0x18u, 0x20u, 0x24u, 0x28u}) {
-        for (const std::uint32_t rayFlags : {0u, 1u, 2u, 0x40u, 0x80u, 0x400u, 0x480u}) {
+    for (const uint32_t instanceFlags : {0u, 4u, 8u, 0x10u, 0x14u, 0x18u, 0x20u, 0x24u, 0x28u}) {
+        for (const uint32_t rayFlags : {0u, 1u, 2u, 0x40u, 0x80u, 0x400u, 0x480u}) {
             SCOPED_TRACE(testing::Message() << std::hex << "instance " << instanceFlags << " ray " << rayFlags);
             expectRows(blas, rows, instanceFlags, rayFlags);
         }
@@ -191,7 +190,7 @@ TEST_F(Index, IndexedTrianglesAndPrimitiveOffsets)
         geometry.skippedTriangles = 2;
         geometry.indexType = type;
         if (type != VK_INDEX_TYPE_NONE_KHR) {
-            for (std::uint32_t i = 0; i < geometry.vertices.size(); ++i)
+            for (uint32_t i = 0; i < geometry.vertices.size(); ++i)
                 geometry.indices.push_back(i);
         }
         geometry.micromap = Attachment{micromap.get(), VK_INDEX_TYPE_UINT16, {1, 0, 3, -1, -2}};
@@ -205,21 +204,21 @@ TEST_F(Index, UsagesStridesAndSharedData)
     // first.
     MicromapInput input;
     std::vector<int> states;
-    for (const std::uint16_t format : {kFourState, kTwoState}) {
-        for (std::uint32_t level = 0; level <= 6; ++level) {
-            const auto state = static_cast<std::uint8_t>(level % (format == kTwoState ? 2 : 4));
+    for (const uint16_t format : {kFourState, kTwoState}) {
+        for (uint32_t level = 0; level <= 6; ++level) {
+            const auto state = static_cast<uint8_t>(level % (format == kTwoState ? 2 : 4));
             input.add(level, format, States(1u << (2 * level), state));
             states.push_back(state);
         }
     }
-    for (std::uint16_t level = 1; level <= 3; ++level) {
+    for (uint16_t level = 1; level <= 3; ++level) {
         input.triangles.push_back({input.triangles[6].dataOffset, level, kFourState});
         states.push_back(6 % 4);
     }
     input.stride = 24;
     Micromap micromap(gpu(), std::move(input));
     micromap.build();
-    Geometry geometry = rowOf(static_cast<std::uint32_t>(states.size()));
+    Geometry geometry = rowOf(static_cast<uint32_t>(states.size()));
     geometry.micromap = Attachment{&micromap};
     expectRows(Blas(gpu(), {geometry}), {{0, 0, states}});
 }
@@ -227,12 +226,12 @@ TEST_F(Index, UsagesStridesAndSharedData)
 TEST_F(Index, UsageCountsBehindPointers)
 {
     MicromapInput input;
-    for (std::uint8_t state = 0; state < 4; ++state)
+    for (uint8_t state = 0; state < 4; ++state)
         input.add(state, kFourState, States(1u << (2 * state), state));
     Micromap micromap(gpu(), std::move(input));
     VkMicromapBuildInfoEXT info = micromap.buildInfo();
     std::vector<const VkMicromapUsageEXT *> pointers;
-    for (std::uint32_t i = 0; i < info.usageCountsCount; ++i)
+    for (uint32_t i = 0; i < info.usageCountsCount; ++i)
         pointers.push_back(info.pUsageCounts + i);
     const VkMicromapBuildSizesInfoEXT one = micromapSizes(gpu(), info);
     info.pUsageCounts = nullptr;
@@ -253,17 +252,17 @@ TEST_F(Index, SeveralMicromapsInOneCommand)
 {
     std::vector<std::unique_ptr<Micromap>> micromaps;
     std::vector<MicromapBuild> builds;
-    for (std::uint8_t k = 0; k < 5; ++k) {
+    for (uint8_t k = 0; k < 5; ++k) {
         MicromapInput input;
-        for (std::uint8_t i = 0; i < 4; ++i)
-            input.add(k, kFourState, States(1u << (2 * k), static_cast<std::uint8_t>((i + k) % 4)));
+        for (uint8_t i = 0; i < 4; ++i)
+            input.add(k, kFourState, States(1u << (2 * k), static_cast<uint8_t>((i + k) % 4)));
         micromaps.push_back(std::make_unique<Micromap>(gpu(), std::move(input)));
         builds.push_back({micromaps.back()->buildInfo(), micromaps.back()->handle()});
     }
     gpu().submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu(), commands, builds); });
     std::vector<Geometry> geometries;
     std::vector<Row> rows;
-    for (std::uint32_t k = 0; k < micromaps.size(); ++k) {
+    for (uint32_t k = 0; k < micromaps.size(); ++k) {
         const float y = 2.0f * static_cast<float>(k);
         geometries.push_back(rowOf(4, y));
         geometries.back().micromap = Attachment{micromaps[k].get()};
@@ -276,7 +275,7 @@ TEST_F(Index, SeveralMicromapsInOneCommand)
 TEST_F(Index, MicromapIsSelfContained)
 {
     MicromapInput input;
-    for (std::uint8_t state = 0; state < 4; ++state)
+    for (uint8_t state = 0; state < 4; ++state)
         input.add(5, kFourState, States(1024, state));
     auto micromap = std::make_unique<Micromap>(gpu(), std::move(input));
     micromap->build();
@@ -294,8 +293,8 @@ TEST_F(Index, RebuildInPlaceAndBlasUpdate)
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
     const auto micromap = eightTriangles();
     MicromapInput other;
-    for (std::uint8_t state = 0; state < 8; ++state)
-        other.add(4, kFourState, States(256, static_cast<std::uint8_t>(3 - state % 4)));
+    for (uint8_t state = 0; state < 8; ++state)
+        other.add(4, kFourState, States(256, static_cast<uint8_t>(3 - state % 4)));
     Micromap second(gpu(), std::move(other));
     second.build();
     Geometry geometry = rowOf(8);
@@ -334,11 +333,11 @@ TEST_F(Index, BoxesBesideMicromaps)
     opaqueBoxes.boxes = {{2, 10, -0.1f, 3, 11, 0.1f}};
     opaqueBoxes.flags = VK_GEOMETRY_OPAQUE_BIT_KHR;
     const Blas boxed(gpu(), {boxes, opaqueBoxes});
-    for (const std::uint32_t instanceFlags : {0u, 4u, 8u}) {
+    for (const uint32_t instanceFlags : {0u, 4u, 8u}) {
         const Tlas tlas(gpu(), {instance(boxed, {}, 0xfffffe, instanceFlags), instance(mapped, {}, 5, instanceFlags)});
         Tracer tracer(gpu());
-        for (const std::uint32_t rayFlags : {0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque,
-                                             kRaySkipBoxes, kRaySkipTriangles, 0x400u, 0x440u, 0x480u}) {
+        for (const uint32_t rayFlags : {0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, kRaySkipBoxes,
+                                        kRaySkipTriangles, 0x400u, 0x440u, 0x480u}) {
             std::vector<Ray> rays(3);
             for (Ray &ray : rays) {
                 ray.flags = rayFlags;
@@ -349,7 +348,7 @@ TEST_F(Index, BoxesBesideMicromaps)
             rays[1].origin = {2.5f, 10.5f, 1}; // an opaque box
             rays[2].origin = {1.8f, 0.3f, 1};  // an opaque micromap triangle
             const std::vector<Result> results = tracer.trace(tlas, rays);
-            for (std::uint32_t i = 0; i < 2; ++i) {
+            for (uint32_t i = 0; i < 2; ++i) {
                 SCOPED_TRACE(testing::Message() << "box " << i << std::hex << " instance flags " << instanceFlags
                                                 << " ray flags " << rayFlags);
                 const Outcome outcome = outcomeOf(kBox, i == 1, instanceFlags, rayFlags);

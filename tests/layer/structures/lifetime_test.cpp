@@ -23,7 +23,7 @@ protected:
     std::unique_ptr<Micromap> transparentMicromap()
     {
         MicromapInput input;
-        input.add(3, kFourState, std::vector<std::uint8_t>(packedSize, 0));
+        input.add(3, kFourState, std::vector<uint8_t>(packedSize, 0));
         auto micromap = std::make_unique<Micromap>(gpu(), std::move(input));
         micromap->build();
         return micromap;
@@ -36,7 +36,7 @@ protected:
         return geometry;
     }
     // Candidates that the shader is handed by a ray at the only triangle.
-    std::uint32_t candidates(const Blas &blas)
+    uint32_t candidates(const Blas &blas)
     {
         const Tlas tlas(gpu(), {instance(blas, {}, 5)});
         Ray ray;
@@ -49,7 +49,7 @@ protected:
     {
         return reinterpret_cast<Function>(vkGetDeviceProcAddr(gpu().device(), name));
     }
-    static constexpr std::size_t packedSize = 16;
+    static constexpr size_t packedSize = 16;
 };
 
 TEST_F(Lifetime, ACopyOverAStructureTakesItsMicromapsAway)
@@ -116,7 +116,7 @@ TEST_F(Lifetime, APlainBuildExecutedLateLeavesOthersAlone)
 TEST_F(Lifetime, PrivateDataOfMicromapsIsKeptPerSlotAndObject)
 {
     const auto micromap = transparentMicromap();
-    const std::uint64_t object = micromap->handle().object();
+    const uint64_t object = micromap->handle().object();
     const VkObjectType type = micromap->handle().objectType();
     VkPrivateDataSlotCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
@@ -124,7 +124,7 @@ TEST_F(Lifetime, PrivateDataOfMicromapsIsKeptPerSlotAndObject)
     for (VkPrivateDataSlot &slot : slots)
         ASSERT_EQ(vkCreatePrivateDataSlot(gpu().device(), &info, nullptr, &slot), VK_SUCCESS);
     ASSERT_EQ(vkSetPrivateData(gpu().device(), type, object, slots[0], 42), VK_SUCCESS);
-    std::uint64_t values[2] = {1, 1};
+    uint64_t values[2] = {1, 1};
     for (int i = 0; i < 2; ++i)
         vkGetPrivateData(gpu().device(), type, object, slots[i], &values[i]);
     EXPECT_EQ(values[0], 42u);

@@ -223,8 +223,8 @@ TEST_F(BadCopies, MemoryThatIsTooSmall)
     const Tlas scene(gpu(), std::vector(20, instance(*source_, {}, 1)));
     const Serialized topData = serialize(gpu(), scene);
     for (const Structure *structure : std::initializer_list<const Structure *>{source_.get(), &scene}) {
-        const std::uint64_t total = structure == &scene ? topData.total() : data.total();
-        for (const std::uint64_t size : {std::uint64_t{16}, std::uint64_t{64}, total / 2, total - 16}) {
+        const uint64_t total = structure == &scene ? topData.total() : data.total();
+        for (const uint64_t size : {uint64_t{16}, uint64_t{64}, total / 2, total - 16}) {
             // Two buffers over the same memory: the data must stay in the smaller one.
             VkBufferCreateInfo info{};
             info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
@@ -254,8 +254,8 @@ TEST_F(BadCopies, MemoryThatIsTooSmall)
             const VkDeviceAddress address = vkGetBufferDeviceAddress(gpu().device(), &query);
             gpu().submit([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, *structure, address); });
             expectComplaint("VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561");
-            const auto *bytes = static_cast<const std::uint8_t *>(mapped);
-            EXPECT_TRUE(std::all_of(bytes, bytes + total + 65536, [](std::uint8_t b) { return b == 0xa5; })) << size;
+            const auto *bytes = static_cast<const uint8_t *>(mapped);
+            EXPECT_TRUE(std::all_of(bytes, bytes + total + 65536, [](uint8_t b) { return b == 0xa5; })) << size;
             vkDestroyBuffer(gpu().device(), buffer, nullptr);
             vkFreeMemory(gpu().device(), memory, nullptr);
         }
@@ -266,7 +266,7 @@ TEST_F(BadCopies, ForeignData)
 {
     const Serialized data = serialize(gpu(), *source_);
     const auto target = made(kBottom, data.deserializedSize());
-    for (const std::size_t byte : {0u, 15u, 16u, 31u}) {
+    for (const size_t byte : {0u, 15u, 16u, 31u}) {
         Serialized changed = data;
         changed.bytes()[byte] ^= 0x40;
         deserialize(gpu(), changed, *target);
@@ -291,13 +291,12 @@ TEST_F(BadCopies, TruncatedData)
         const bool top = structure == &scene;
         const Serialized data = serialize(gpu(), *structure);
         const auto target = made(top ? kTop : kBottom, data.deserializedSize());
-        for (const std::uint64_t size :
-             {std::uint64_t{16}, std::uint64_t{56}, std::uint64_t{120}, data.total() / 2, data.total() - 16}) {
+        for (const uint64_t size : {uint64_t{16}, uint64_t{56}, uint64_t{120}, data.total() / 2, data.total() - 16}) {
             deserialize(gpu(), data, *target, size);
             expectComplaint("VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
             expectNothing(*target, top);
             // The memory goes on, but the data does not.
-            Serialized cut({data.bytes().begin(), data.bytes().begin() + static_cast<std::ptrdiff_t>(size)});
+            Serialized cut({data.bytes().begin(), data.bytes().begin() + static_cast<ptrdiff_t>(size)});
             cut.bytes().resize(data.bytes().size());
             if (cut.bytes() == data.bytes()) // only padding was cut off
                 continue;
@@ -320,12 +319,12 @@ TEST_F(BadCopies, DamagedData)
         for (int round = 0; round < 70; ++round) {
             // Headers first, then anywhere but in the handles and the padding, which are not protected.
             Serialized changed = data;
-            const std::size_t protectedFrom = top ? 56 + 8 * 20 : 64;
-            std::size_t byte = round < 16 ? 32 + static_cast<std::size_t>(round)
-                                          : protectedFrom + random() % (data.bytes().size() - protectedFrom);
+            const size_t protectedFrom = top ? 56 + 8 * 20 : 64;
+            size_t byte = round < 16 ? 32 + static_cast<size_t>(round)
+                                     : protectedFrom + random() % (data.bytes().size() - protectedFrom);
             if (round >= 16 && round < 40)
-                byte = data.bytes().size() - (top ? 20 * 64 : 0) - 64 + static_cast<std::size_t>(round);
-            const auto flip = static_cast<std::uint8_t>(1u << random() % 8);
+                byte = data.bytes().size() - (top ? 20 * 64 : 0) - 64 + static_cast<size_t>(round);
+            const auto flip = static_cast<uint8_t>(1u << random() % 8);
             changed.bytes()[std::min(byte, data.bytes().size() - 1)] ^= flip;
             deserialize(gpu(), changed, *target);
             gpu().submit([](VkCommandBuffer) {});
@@ -349,9 +348,9 @@ TEST_F(BadCopies, HandlesThatNameNothing)
     const auto expected = seen(gpu(), scene, Patchwork::rays());
     const auto target = made(kTop, data.deserializedSize());
     const auto rays = Patchwork::rays({20, 0, 0});
-    for (const std::uint64_t wrong : {std::uint64_t{0x100}, ~std::uint64_t{0}, second.address() + 256}) {
+    for (const uint64_t wrong : {uint64_t{0x100}, ~uint64_t{0}, second.address() + 256}) {
         Serialized changed = data;
-        changed.relocate([&](std::uint64_t handle) { return handle == second.address() ? wrong : handle; });
+        changed.relocate([&](uint64_t handle) { return handle == second.address() ? wrong : handle; });
         deserialize(gpu(), changed, *target);
         expectComplaint("VELLUM-copy-reference");
         EXPECT_EQ(seen(gpu(), *target, Patchwork::rays()), expected) << "the other instance is there";
@@ -361,7 +360,7 @@ TEST_F(BadCopies, HandlesThatNameNothing)
     // Created but not built.
     const auto unbuilt = made(kBottom, second.size());
     Serialized changed = data;
-    changed.relocate([&](std::uint64_t handle) { return handle == second.address() ? unbuilt->address() : handle; });
+    changed.relocate([&](uint64_t handle) { return handle == second.address() ? unbuilt->address() : handle; });
     deserialize(gpu(), changed, *target);
     expectComplaint("VELLUM-copy-unbuilt-reference");
     EXPECT_EQ(seen(gpu(), *target, Patchwork::rays()), expected);

@@ -17,19 +17,19 @@ using namespace vt;
 // The words of the header behind the sizes.
 struct Blocks {
     explicit Blocks(Serialized &data) : data_(data) {}
-    [[nodiscard]] std::uint32_t word(std::size_t i) const
+    [[nodiscard]] uint32_t word(size_t i) const
     {
-        std::uint32_t value = 0;
+        uint32_t value = 0;
         std::memcpy(&value, data_.bytes().data() + i * 4, 4);
         return value;
     }
-    void setWord(std::size_t i, std::uint32_t value) { std::memcpy(data_.bytes().data() + i * 4, &value, 4); }
-    [[nodiscard]] std::uint32_t format() const { return word(13); }
-    [[nodiscard]] std::uint32_t count() const { return word(12); }
-    [[nodiscard]] std::uint32_t type() const { return word(14); }
-    [[nodiscard]] std::uint64_t addresses() const { return data_.handle(1); }
-    [[nodiscard]] std::uint64_t address(std::size_t i) const { return data_.handle(2 + i); }
-    void setAddress(std::size_t i, std::uint64_t value) { data_.setHandle(2 + i, value); }
+    void setWord(size_t i, uint32_t value) { std::memcpy(data_.bytes().data() + i * 4, &value, 4); }
+    [[nodiscard]] uint32_t format() const { return word(13); }
+    [[nodiscard]] uint32_t count() const { return word(12); }
+    [[nodiscard]] uint32_t type() const { return word(14); }
+    [[nodiscard]] uint64_t addresses() const { return data_.handle(1); }
+    [[nodiscard]] uint64_t address(size_t i) const { return data_.handle(2 + i); }
+    void setAddress(size_t i, uint64_t value) { data_.setHandle(2 + i, value); }
 
 private:
     Serialized &data_;
@@ -78,13 +78,13 @@ TEST_F(StructureBlocks, HeaderNamesTheMicromaps)
     ASSERT_EQ(blocks.count(), 1u);
     EXPECT_EQ(blocks.type(), VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR);
     // Of the patchwork's geometries three have a micromap: the first, and two the second.
-    std::vector<std::uint64_t> expected;
+    std::vector<uint64_t> expected;
     for (const Geometry &geometry : patchwork.geometries()) {
         if (geometry.micromap && geometry.micromap->micromap != nullptr)
             expected.push_back(addressOf(*geometry.micromap->micromap));
     }
     ASSERT_EQ(blocks.addresses(), expected.size());
-    for (std::size_t i = 0; i < expected.size(); ++i)
+    for (size_t i = 0; i < expected.size(); ++i)
         EXPECT_EQ(blocks.address(i), expected[i]);
 }
 
@@ -125,7 +125,7 @@ TEST_F(StructureBlocks, OtherAddresses)
 {
     const Patchwork patchwork(gpu());
     std::vector<std::string> expected;
-    std::map<std::uint64_t, std::unique_ptr<Micromap>> moved;
+    std::map<uint64_t, std::unique_ptr<Micromap>> moved;
     Serialized data;
     {
         const Blas blas(gpu(), patchwork.geometries());
@@ -133,16 +133,16 @@ TEST_F(StructureBlocks, OtherAddresses)
         data = serialize(gpu(), blas);
     }
     Blocks blocks(data);
-    for (std::size_t i = 0; i < 2; ++i)
+    for (size_t i = 0; i < 2; ++i)
         moved[addressOf(patchwork.micromap(i))] = like(patchwork.micromap(i));
-    for (std::size_t i = 0; i < blocks.addresses(); ++i)
+    for (size_t i = 0; i < blocks.addresses(); ++i)
         blocks.setAddress(i, addressOf(*moved.at(blocks.address(i))));
     const auto back = deserialized(gpu(), data, kBottom);
-    for (std::size_t i = 0; i < 2; ++i)
+    for (size_t i = 0; i < 2; ++i)
         copyTo(patchwork.micromap(i), *moved.at(addressOf(patchwork.micromap(i))));
-    for (std::size_t i = 0; i < 2; ++i) {
-        std::memset(const_cast<std::uint8_t *>(patchwork.micromap(i).memory()), 0x33,
-                    static_cast<std::size_t>(patchwork.micromap(i).size()));
+    for (size_t i = 0; i < 2; ++i) {
+        std::memset(const_cast<uint8_t *>(patchwork.micromap(i).memory()), 0x33,
+                    static_cast<size_t>(patchwork.micromap(i).size()));
     }
     EXPECT_EQ(seenOf(gpu(), *back), expected);
 
@@ -150,7 +150,7 @@ TEST_F(StructureBlocks, OtherAddresses)
     Serialized again = serialize(gpu(), *back);
     const Blocks second(again);
     ASSERT_EQ(second.addresses(), blocks.addresses());
-    for (std::size_t i = 0; i < blocks.addresses(); ++i)
+    for (size_t i = 0; i < blocks.addresses(); ++i)
         EXPECT_EQ(second.address(i), blocks.address(i));
     const auto third = deserialized(gpu(), again, kBottom);
     EXPECT_EQ(seenOf(gpu(), *third), expected);
@@ -167,7 +167,7 @@ TEST_F(StructureBlocks, CopiesKeepTheNames)
     Serialized second = serialize(gpu(), compact);
     const Blocks a(first), b(second);
     ASSERT_EQ(a.addresses(), b.addresses());
-    for (std::size_t i = 0; i < a.addresses(); ++i)
+    for (size_t i = 0; i < a.addresses(); ++i)
         EXPECT_EQ(a.address(i), b.address(i));
     EXPECT_EQ(seenOf(gpu(), *deserialized(gpu(), second, kBottom)), seenOf(gpu(), blas));
 }
@@ -185,12 +185,11 @@ TEST_F(StructureBlocks, AddressesOfNoMicromap)
     const auto without = seenOf(gpu(), Blas(gpu(), geometries));
     const Serialized data = serialize(gpu(), blas);
     const Micromap &known = patchwork.micromap(0);
-    for (const std::uint64_t wrong :
-         {std::uint64_t{0}, std::uint64_t{1} << 40, addressOf(known) + 256, addressOf(known) + 1}) {
+    for (const uint64_t wrong : {uint64_t{0}, uint64_t{1} << 40, addressOf(known) + 256, addressOf(known) + 1}) {
         SCOPED_TRACE(wrong);
         Serialized changed = data;
         Blocks blocks(changed);
-        for (std::size_t i = 0; i < blocks.addresses(); ++i)
+        for (size_t i = 0; i < blocks.addresses(); ++i)
             blocks.setAddress(i, wrong);
         const auto back = deserialized(gpu(), changed, kBottom);
         EXPECT_EQ(seenOf(gpu(), *back), without);
@@ -210,13 +209,13 @@ TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
     const Buffer memory(gpu(), 1 << 24,
                         VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
                             VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    constexpr std::uint32_t kMask = 1023;
+    constexpr uint32_t kMask = 1023;
     std::vector<VkAccelerationStructureKHR> structures;
     for (VkDeviceAddress at = memory.address(); structures.size() < 3 && at < memory.address() + (1 << 23);
          at += 65536) {
         for (VkDeviceAddress address = at; address < at + 65536; address += 256) {
             const VkDeviceAddress key = address + kMicromapKey;
-            const auto hash = hashReference(static_cast<std::uint32_t>(key), static_cast<std::uint32_t>(key >> 32));
+            const auto hash = hashReference(static_cast<uint32_t>(key), static_cast<uint32_t>(key >> 32));
             if ((hash & kMask) != (hashReference(~0u, ~0u) & kMask))
                 continue;
             VkAccelerationStructureCreateInfo2KHR info{};
@@ -235,12 +234,12 @@ TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[0], nullptr);
     }
     Blocks blocks(data);
-    for (std::size_t i = 0; i < blocks.addresses(); ++i)
-        blocks.setAddress(i, ~std::uint64_t{0} - kMicromapKey);
+    for (size_t i = 0; i < blocks.addresses(); ++i)
+        blocks.setAddress(i, ~uint64_t{0} - kMicromapKey);
     const auto back = deserialized(gpu(), data, kBottom);
     (void)seenOf(gpu(), *back);
     EXPECT_EQ(ids(), std::vector<std::string>{"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585"});
-    for (std::size_t i = 1; i < structures.size(); ++i)
+    for (size_t i = 1; i < structures.size(); ++i)
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[i], nullptr);
 }
 
@@ -259,7 +258,7 @@ TEST_F(StructureBlocks, GenericStructuresMadeBeforeTheirMemory)
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &create, nullptr, &buffer));
     VkAccelerationStructureKHR structures[2] = {};
-    for (std::size_t i = 0; i < 2; ++i) {
+    for (size_t i = 0; i < 2; ++i) {
         VkAccelerationStructureCreateInfoKHR info{};
         info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
         info.buffer = buffer;
@@ -285,15 +284,15 @@ TEST_F(StructureBlocks, GenericStructuresMadeBeforeTheirMemory)
     VkBufferDeviceAddressInfo query{};
     query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
     query.buffer = buffer;
-    std::map<std::uint64_t, std::uint64_t> moved;
-    for (std::size_t i = 0; i < 2; ++i)
+    std::map<uint64_t, uint64_t> moved;
+    for (size_t i = 0; i < 2; ++i)
         moved[addressOf(patchwork.micromap(i))] = vkGetBufferDeviceAddress(gpu().device(), &query) + i * second;
     Blocks blocks(data);
-    for (std::size_t i = 0; i < blocks.addresses(); ++i)
+    for (size_t i = 0; i < blocks.addresses(); ++i)
         blocks.setAddress(i, moved.at(blocks.address(i)));
     const auto back = deserialized(gpu(), data, kBottom);
     gpu().submit([&](VkCommandBuffer commands) {
-        for (std::size_t i = 0; i < 2; ++i)
+        for (size_t i = 0; i < 2; ++i)
             recordCopy(gpu(), commands, patchwork.micromap(i).handle().khr, structures[i]);
     });
     EXPECT_EQ(seenOf(gpu(), *back), expected);
@@ -323,7 +322,7 @@ TEST_F(StructureBlocks, DamagedHeaders)
     const Patchwork patchwork(gpu());
     const Blas blas(gpu(), patchwork.geometries());
     const Serialized data = serialize(gpu(), blas);
-    const std::vector<std::pair<std::size_t, std::uint32_t>> changes{
+    const std::vector<std::pair<size_t, uint32_t>> changes{
         {12, 0}, {12, 2}, {12, 0xffffffffu}, {13, 0}, {13, 1}, {14, 1}, {16, 0}, {16, 5}, {16, 0xfffffffu}, {17, 1}};
     for (const auto &[word, value] : changes) {
         SCOPED_TRACE(testing::Message() << "word " << word << " = " << value);

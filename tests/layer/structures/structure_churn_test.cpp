@@ -13,7 +13,7 @@ using namespace vt;
 constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
 
-void expectFlat(std::uint64_t before, std::uint64_t spare)
+void expectFlat(uint64_t before, uint64_t spare)
 {
     if (kResidentTells) {
         EXPECT_LT(Footprint::now().resident, before + spare);
@@ -85,10 +85,10 @@ TEST_F(Churn, TopAndBottomInTheSameMemory)
 TEST_F(Churn, ManyStructures)
 {
     const Buffer memory(gpu(), 16 << 20, gpu().structureUsage());
-    constexpr std::size_t kAlive = 3000;
+    constexpr size_t kAlive = 3000;
     std::vector<VkAccelerationStructureKHR> alive(kAlive, VK_NULL_HANDLE);
-    std::uint64_t warm = 0;
-    for (std::size_t i = 0; i < 150'000; ++i) {
+    uint64_t warm = 0;
+    for (size_t i = 0; i < 150'000; ++i) {
         VkAccelerationStructureKHR &place = alive[i * 7919 % kAlive];
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), place, nullptr);
         VkAccelerationStructureCreateInfoKHR info{};
@@ -139,7 +139,7 @@ TEST_F(Churn, ThousandsOfBuildsAndCopies)
 {
     const Patchwork patchwork(gpu());
     const auto expected = seenOf(gpu(), Blas(gpu(), patchwork.geometries()));
-    std::uint64_t warm = 0;
+    uint64_t warm = 0;
     for (int round = 0; round < 2000; ++round) {
         const Blas source(gpu(), patchwork.geometries());
         Structure clone(gpu(), kBottom);

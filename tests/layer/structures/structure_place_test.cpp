@@ -11,7 +11,7 @@ using namespace vt;
 
 constexpr auto kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-constexpr std::uint8_t kUntouched = 0x5a;
+constexpr uint8_t kUntouched = 0x5a;
 
 // Bytes that structures are placed in, all of them known.
 class StructurePlaces : public Copies
@@ -122,11 +122,11 @@ TEST_F(StructurePlaces, UpdatesOfPackedCompactedStructures)
     const VkDeviceSize size =
         (queried(gpu(), blas, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR) + 255) / 256 * 256;
     std::array<std::unique_ptr<Structure>, 3> packed;
-    for (std::size_t i = 0; i < packed.size(); ++i) {
+    for (size_t i = 0; i < packed.size(); ++i) {
         packed[i] = toTheEnd(256 + i * size);
         copy(gpu(), blas, *packed[i], VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
     }
-    for (const std::size_t updated : {1u, 0u, 2u}) {
+    for (const size_t updated : {1u, 0u, 2u}) {
         SCOPED_TRACE(updated);
         blas.prepare(patchwork.geometries(), kFlags, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
         VkAccelerationStructureBuildGeometryInfoKHR info = blas.buildInfo();
@@ -149,7 +149,7 @@ TEST_F(StructurePlaces, TopLevelsSideBySide)
     const auto expected = seenIn(source);
     std::array<std::unique_ptr<Structure>, 4> packed;
     const VkDeviceSize size = (source.size() + 255) / 256 * 256;
-    for (std::size_t i = packed.size(); i-- > 0;) { // each one's handle reaches over those before it
+    for (size_t i = packed.size(); i-- > 0;) { // each one's handle reaches over those before it
         packed[i] = toTheEnd(256 + i * size);
         const Structure &from = i + 1 < packed.size() ? *packed[i + 1] : static_cast<const Structure &>(source);
         copy(gpu(), from, *packed[i]);
@@ -193,13 +193,13 @@ TEST_F(StructurePlaces, TopLevelDataWhereAnotherHandleBegins)
 // Every count is another size, and another handle of the driver's.
 TEST_F(StructurePlaces, ManySizesBesideANeighbour)
 {
-    constexpr std::size_t kCounts = 80;
+    constexpr size_t kCounts = 80;
     const Patchwork patchwork(gpu());
     const Blas blas(gpu(), patchwork.geometries());
     const Tlas source(gpu(), {instance(blas, {}, 77)});
     const auto expected = seenIn(source);
     const auto changing = toTheEnd(256);
-    for (std::size_t count = 1; count <= kCounts; ++count) {
+    for (size_t count = 1; count <= kCounts; ++count) {
         SCOPED_TRACE(count);
         Tlas tlas(gpu());
         tlas.prepare(std::vector<VkAccelerationStructureInstanceKHR>(count, instance(blas, {}, 77)));

@@ -63,7 +63,7 @@ protected:
     static std::vector<Geometry> moved(std::vector<Geometry> geometries)
     {
         // Each row to where another one was.
-        for (std::size_t g = 0; g < geometries.size(); ++g) {
+        for (size_t g = 0; g < geometries.size(); ++g) {
             for (Vec3 &vertex : geometries[g].vertices)
                 vertex[1] += g % 2 == 0 ? 2.0f : -2.0f;
         }
@@ -118,13 +118,13 @@ TEST_F(Updates, SpecialIndicesAndBack)
 // The micromap is built again with other states; levels and formats stay.
 TEST_F(Updates, DataOfTheMicromap)
 {
-    for (const std::uint32_t level : {1u, 2u, 3u, 6u}) {
-        const auto input = [&](std::uint32_t seed) {
+    for (const uint32_t level : {1u, 2u, 3u, 6u}) {
+        const auto input = [&](uint32_t seed) {
             MicromapInput out;
-            for (std::uint32_t t = 0; t < 6; ++t) {
-                std::vector<std::uint8_t> states(std::size_t{1} << (2 * level));
-                for (std::size_t i = 0; i < states.size(); ++i)
-                    states[i] = static_cast<std::uint8_t>((i / 3 + t * seed + seed) % 4);
+            for (uint32_t t = 0; t < 6; ++t) {
+                std::vector<uint8_t> states(size_t{1} << (2 * level));
+                for (size_t i = 0; i < states.size(); ++i)
+                    states[i] = static_cast<uint8_t>((i / 3 + t * seed + seed) % 4);
                 out.add(level, kFourState, states);
             }
             return out;
@@ -226,7 +226,7 @@ TEST_F(Updates, RecordedOnce)
     gpu().end(commands);
     for (int round = 0; round < 4; ++round) {
         const Patchwork &now = round % 2 == 0 ? second : first;
-        for (std::size_t m = 0; m < 2; ++m) {
+        for (size_t m = 0; m < 2; ++m) {
             const MicromapBuild build{now.micromap(m).buildInfo(), first.micromap(m).handle()};
             gpu().submit([&](VkCommandBuffer c) { recordMicromapBuilds(gpu(), c, std::span(&build, 1)); });
         }

@@ -21,16 +21,16 @@ protected:
     Top() : GpuTest({.shared = true}) {}
 
     struct Shown {
-        std::uint32_t customIndex;
+        uint32_t customIndex;
         int state; // of the triangle: 0..3, or kNoMicromap
-        std::uint32_t flags = 0;
+        uint32_t flags = 0;
     };
 
     void SetUp() override
     {
-        for (std::uint8_t state = 0; state < 4; ++state) {
+        for (uint8_t state = 0; state < 4; ++state) {
             MicromapInput input;
-            input.add(3, kFourState, std::vector<std::uint8_t>(64, state));
+            input.add(3, kFourState, std::vector<uint8_t>(64, state));
             micromaps_.push_back(std::make_unique<Micromap>(gpu(), std::move(input)));
             micromaps_.back()->build();
             blas_.push_back(std::make_unique<Blas>(gpu(), std::vector{mapped(state)}));
@@ -38,14 +38,14 @@ protected:
         plain_ = std::make_unique<Blas>(gpu(), std::vector{Geometry{.vertices = triangleRow(1)}});
     }
 
-    Geometry mapped(std::uint32_t state)
+    Geometry mapped(uint32_t state)
     {
         Geometry geometry{.vertices = triangleRow(1)};
         geometry.micromap = Attachment{micromaps_[state].get()};
         return geometry;
     }
 
-    const Blas &blasOf(int state) { return state == kNoMicromap ? *plain_ : *blas_[static_cast<std::size_t>(state)]; }
+    const Blas &blasOf(int state) { return state == kNoMicromap ? *plain_ : *blas_[static_cast<size_t>(state)]; }
 
     std::vector<VkAccelerationStructureInstanceKHR> instances(const std::vector<Shown> &shown)
     {
@@ -59,12 +59,12 @@ protected:
     void expectShown(const Structure &tlas, const std::vector<Shown> &shown, Tracer &tracer)
     {
         std::vector<Ray> rays(shown.size() + 1);
-        for (std::size_t i = 0; i < rays.size(); ++i) {
+        for (size_t i = 0; i < rays.size(); ++i) {
             rays[i].origin = {2.0f * static_cast<float>(i) + 0.3f, 0.3f, 1};
             rays[i].rule = kAlways;
         }
         const std::vector<Result> results = tracer.trace(tlas, rays);
-        for (std::size_t i = 0; i < shown.size(); ++i) {
+        for (size_t i = 0; i < shown.size(); ++i) {
             const Outcome outcome = outcomeOf(shown[i].state, false, shown[i].flags, 0);
             const bool asked = outcome == Outcome::NonOpaque;
             const Result &r = results[i];
@@ -110,13 +110,13 @@ TEST_F(Top, OnlyPlainInstances)
 TEST_F(Top, InactiveInstances)
 {
     const std::vector<Shown> shown{{7, 1}, {8, 2}, {9, kNoMicromap}, {10, 3}, {11, 1}};
-    std::vector<std::vector<std::size_t>> cases{{3, 4}, {0, 1, 2, 3, 4}};
+    std::vector<std::vector<size_t>> cases{{3, 4}, {0, 1, 2, 3, 4}};
     if (!gpu().onLavapipe26())
         cases.insert(cases.end(), {{0}, {0, 1, 3}, {1, 2, 4}});
-    for (const std::vector<std::size_t> &inactive : cases) {
+    for (const std::vector<size_t> &inactive : cases) {
         std::vector<VkAccelerationStructureInstanceKHR> all = instances(shown);
         std::vector<Shown> expected = shown;
-        for (const std::size_t i : inactive) {
+        for (const size_t i : inactive) {
             all[i].accelerationStructureReference = 0;
             expected[i].state = 0; // transparent
         }
@@ -135,7 +135,7 @@ TEST_F(Top, ArraysOfPointersAndOffsets)
 {
     const std::vector<Shown> shown{{7, 1}, {8, 0}, {9, 2}, {10, kNoMicromap}, {11, 3, 0x10}};
     for (const Arrangement arrangement : {Arrangement::Array, Arrangement::Pointers}) {
-        for (const std::uint32_t skipped : {0u, 2u, 6u}) { // offsets are multiples of 16, of pointers too
+        for (const uint32_t skipped : {0u, 2u, 6u}) { // offsets are multiples of 16, of pointers too
             SCOPED_TRACE(testing::Message()
                          << "pointers " << (arrangement == Arrangement::Pointers) << " skipped " << skipped);
             Tlas tlas(gpu());
@@ -182,7 +182,7 @@ TEST_F(Top, EmptyStructure)
 TEST_F(Top, ManyInstances)
 {
     std::vector<Shown> shown;
-    for (std::uint32_t i = 0; i < 9001; ++i)
+    for (uint32_t i = 0; i < 9001; ++i)
         shown.push_back({i * 1861 & 0xffffff, static_cast<int>(i % 5) - 1});
     Tlas tlas(gpu(), instances(shown));
     expectShown(tlas, shown);
@@ -192,9 +192,9 @@ TEST_F(Top, ManyInstances)
 TEST_F(Top, InstancesOnTwoPages)
 {
     std::vector<Shown> shown;
-    for (std::uint32_t i = 0; i < 1200; ++i)
+    for (uint32_t i = 0; i < 1200; ++i)
         shown.push_back({i * 13921 & 0xffffff, static_cast<int>(i % 5) - 1});
-    for (const std::size_t before : {65'000u, 196'000u}) {
+    for (const size_t before : {65'000u, 196'000u}) {
         const std::vector<VkAccelerationStructureInstanceKHR> others(before, instances({{1, 1}}).front());
         const Tlas filler(gpu(), others);
         const Tlas tlas(gpu(), instances(shown));
@@ -218,9 +218,9 @@ TEST_F(Top, ManyComeAndGo)
     // Instance slots are given back.
     const std::vector<Shown> kept{{70, 1}, {80, 0}, {90, 2}};
     const Tlas stays(gpu(), instances(kept));
-    for (std::uint32_t round = 0; round < 50; ++round) {
+    for (uint32_t round = 0; round < 50; ++round) {
         std::vector<Shown> shown;
-        for (std::uint32_t i = 0; i < 200; ++i)
+        for (uint32_t i = 0; i < 200; ++i)
             shown.push_back({round * 200 + i, static_cast<int>((i + round) % 5) - 1});
         const Tlas tlas(gpu(), instances(shown));
         if (round % 10 == 9)
@@ -261,7 +261,7 @@ TEST_F(Top, MemoryReused)
         blas.placeIn(memory.handle(), 4096);
         const int state = round % 2 == 0 ? round / 2 : kNoMicromap;
         blas.build(
-            {state == kNoMicromap ? Geometry{.vertices = triangleRow(1)} : mapped(static_cast<std::uint32_t>(state))});
+            {state == kNoMicromap ? Geometry{.vertices = triangleRow(1)} : mapped(static_cast<uint32_t>(state))});
         Tlas tlas(gpu());
         tlas.placeIn(memory.handle(), 512 * 1024);
         tlas.build(std::vector{instance(blas, {}, 42), instance(blas, {2, 0, 0}, 43, kFlagTwoState)});
@@ -290,7 +290,7 @@ TEST_F(Top, AliasesAliveTogether)
 TEST_F(Top, EverythingInOneCommandBuffer)
 {
     MicromapInput input;
-    input.add(6, kFourState, std::vector<std::uint8_t>(4096, 1));
+    input.add(6, kFourState, std::vector<uint8_t>(4096, 1));
     Micromap micromap(gpu(), std::move(input));
     Geometry geometry{.vertices = triangleRow(1)};
     geometry.micromap = Attachment{&micromap};

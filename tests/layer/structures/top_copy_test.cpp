@@ -26,7 +26,7 @@ protected:
     explicit TopCopies(const Options &options = {}) : Copies(options) {}
     void SetUp() override
     {
-        for (std::uint32_t seed = 1; seed <= 2; ++seed) {
+        for (uint32_t seed = 1; seed <= 2; ++seed) {
             patchworks_.push_back(std::make_unique<Patchwork>(gpu(), seed));
             blas_.push_back(std::make_unique<Blas>(gpu(), patchworks_.back()->geometries()));
         }
@@ -35,11 +35,11 @@ protected:
     static constexpr float kApart = 20;
 
     // Different custom indices, masks, flags and structures.
-    std::vector<VkAccelerationStructureInstanceKHR> instances(std::uint32_t count, std::uint32_t seed)
+    std::vector<VkAccelerationStructureInstanceKHR> instances(uint32_t count, uint32_t seed)
     {
-        constexpr std::array<std::uint32_t, 6> flags{0, 0x10, 0x20, 4, 8, 0x14};
+        constexpr std::array<uint32_t, 6> flags{0, 0x10, 0x20, 4, 8, 0x14};
         std::vector<VkAccelerationStructureInstanceKHR> out;
-        for (std::uint32_t i = 0; i < count; ++i) {
+        for (uint32_t i = 0; i < count; ++i) {
             auto one = instance(*blas_[(i + seed) % 3], {kApart * static_cast<float>(i), 0, 0},
                                 (i * 7919 + seed * 104729) & 0xffffff, flags[(i + seed) % flags.size()],
                                 i % 4 == 3 ? 0x0fu : 0xf0u);
@@ -48,11 +48,11 @@ protected:
         }
         return out;
     }
-    std::vector<std::string> look(const Structure &scene, std::uint32_t count) { return look(gpu(), scene, count); }
-    static std::vector<std::string> look(Gpu &gpu, const Structure &scene, std::uint32_t count)
+    std::vector<std::string> look(const Structure &scene, uint32_t count) { return look(gpu(), scene, count); }
+    static std::vector<std::string> look(Gpu &gpu, const Structure &scene, uint32_t count)
     {
         std::vector<Ray> rays;
-        for (std::uint32_t i = 0; i < count; ++i) {
+        for (uint32_t i = 0; i < count; ++i) {
             for (const Ray &ray : Patchwork::rays({kApart * static_cast<float>(i), 0, 0})) {
                 rays.push_back(ray);
                 rays.back().cullMask = rays.size() % 5 == 0 ? 0x0f : 0xff;
@@ -106,7 +106,7 @@ TEST_F(TopCopies, FewerInstancesThanTheStructureHasRoomFor)
 {
     Tlas source(gpu(), instances(40, 1));
     const auto target = made(kTop, source.size());
-    for (const std::uint32_t count : {3u, 0u, 17u, 40u, 1u}) {
+    for (const uint32_t count : {3u, 0u, 17u, 40u, 1u}) {
         source.build(instances(count, count));
         copy(gpu(), source, *target);
         EXPECT_EQ(look(*target, count + 1), look(source, count + 1)) << count;
@@ -161,7 +161,7 @@ TEST_F(TopCopies, ManyInstances)
     // More than one page of instance records; every one is looked at.
     std::vector<VkAccelerationStructureInstanceKHR> many;
     std::vector<Ray> rays;
-    for (std::uint32_t i = 0; i < 5003; ++i) {
+    for (uint32_t i = 0; i < 5003; ++i) {
         many.push_back(instance(*blas_[i % 3], {kApart * static_cast<float>(i), 0, 0}, i * 1861 & 0xffffff));
         Ray ray;
         ray.origin = {kApart * static_cast<float>(i) + 0.25f, 0.25f, 1};
@@ -180,8 +180,8 @@ TEST_F(TopCopies, SerializedHandles)
     const auto given = instances(7, 1);
     const Tlas source(gpu(), given);
     const Serialized data = serialize(gpu(), source);
-    std::multiset<std::uint64_t> handles, references;
-    for (std::size_t i = 0; i < data.handleCount(); ++i)
+    std::multiset<uint64_t> handles, references;
+    for (size_t i = 0; i < data.handleCount(); ++i)
         handles.insert(data.handle(i));
     for (const auto &one : given)
         references.insert(one.accelerationStructureReference);
@@ -202,7 +202,7 @@ TEST_F(TopCopies, SerializedTwiceWithOtherHandles)
     Serialized data = serialize(gpu(), *source);
     source.reset();
     const auto same = deserialized(gpu(), data, kTop);
-    data.relocate([this](std::uint64_t handle) {
+    data.relocate([this](uint64_t handle) {
         return handle == blas_[0]->address()   ? blas_[1]->address()
                : handle == blas_[1]->address() ? blas_[0]->address()
                                                : handle;
@@ -230,12 +230,12 @@ TEST_F(TopCopiesExt, SerializedToAnotherDevice)
     const Blas filler(other, plain());
     const Tlas occupied(other, std::vector(100, instance(filler, {}, 1)));
     std::vector<std::unique_ptr<Structure>> loaded;
-    std::map<std::uint64_t, std::uint64_t> places;
+    std::map<uint64_t, uint64_t> places;
     for (const auto &blas : blas_) {
         loaded.push_back(deserialized(other, serialize(gpu(), *blas), kBottom));
         places[blas->address()] = loaded.back()->address();
     }
-    data.relocate([&](std::uint64_t handle) { return places.at(handle); });
+    data.relocate([&](uint64_t handle) { return places.at(handle); });
     const auto scene = deserialized(other, data, kTop);
     EXPECT_EQ(look(other, *scene, 6), look(gpu(), source, 6));
 }

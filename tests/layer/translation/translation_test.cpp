@@ -16,7 +16,7 @@ constexpr auto kSerializedSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZAT
 
 std::string layerTool(const Gpu &gpu)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     vkGetPhysicalDeviceToolProperties(gpu.physical(), &count, nullptr);
     std::vector<VkPhysicalDeviceToolProperties> tools(
         count, {VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES, nullptr, {}, {}, 0, {}, {}});
@@ -28,9 +28,9 @@ std::string layerTool(const Gpu &gpu)
     return "";
 }
 
-std::uint64_t driverBuilds()
+uint64_t driverBuilds()
 {
-    return testDriverFunction<std::uint64_t (*)()>("vellumExtBuilds")();
+    return testDriverFunction<uint64_t (*)()>("vellumExtBuilds")();
 }
 
 class Translation : public MicromapStructure
@@ -64,7 +64,7 @@ protected:
 TEST_F(Translation, MicromapsAreTheDrivers)
 {
     EXPECT_EQ(layerTool(gpu()), "translated");
-    const std::uint64_t before = driverBuilds();
+    const uint64_t before = driverBuilds();
     Micromap micromap(gpu(), eightStates());
     micromap.build();
     EXPECT_EQ(driverBuilds(), before + 1);
@@ -74,7 +74,7 @@ TEST_F(Translation, MicromapsAreTheDrivers)
 TEST_F(TranslationForced, MicromapsAreTheLayers)
 {
     EXPECT_EQ(layerTool(gpu()), "emulated");
-    const std::uint64_t before = driverBuilds();
+    const uint64_t before = driverBuilds();
     Micromap micromap(gpu(), eightStates());
     micromap.build();
     EXPECT_EQ(tracedMicromap(micromap), kForwards);
@@ -114,7 +114,7 @@ TEST_F(Translation, InputAtMultiplesOf128)
             SCOPED_TRACE(testing::Message() << stride << " " << dataAt << " " << trianglesAt);
             std::memset(data.bytes(), 0xff, 4096);
             std::memcpy(data.bytes() + dataAt, bytes, input.data.size());
-            for (std::size_t i = 0; i < input.triangles.size(); ++i)
+            for (size_t i = 0; i < input.triangles.size(); ++i)
                 std::memcpy(data.bytes() + trianglesAt + i * stride, &input.triangles[i], sizeof input.triangles[i]);
             const Placed target(gpu(), kMicromapType, usual.size());
             StructureBuild build(usual.buildInfo(), target.handle());
@@ -135,7 +135,7 @@ TEST_F(Translation, GenericStructuresOfAnySize)
     const Placed second(gpu(), kGeneric, memory.address() + (1 << 16), (1 << 18) - (1 << 16));
     Micromap small(gpu(), eightStates(), kAllow);
     MicromapInput more = eightStates(true);
-    more.add(6, kFourState, std::vector<std::uint8_t>(4096, 2));
+    more.add(6, kFourState, std::vector<uint8_t>(4096, 2));
     const Micromap large(gpu(), more);
     for (int round = 0; round < 2; ++round) {
         buildInto(small, first.handle());
@@ -207,7 +207,7 @@ TEST_F(Translation, GenericStructuresOfTheSizeInTheHeader)
     gpu().submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
     std::memcpy(elsewhere.bytes(), data.bytes(), bytes);
-    std::uint64_t total = 0, size = 0;
+    uint64_t total = 0, size = 0;
     std::memcpy(&total, elsewhere.bytes() + 2 * VK_UUID_SIZE, sizeof total);
     std::memcpy(&size, elsewhere.bytes() + 2 * VK_UUID_SIZE + 8, sizeof size);
     EXPECT_EQ(total, bytes);
@@ -239,7 +239,7 @@ TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
         std::memset(data.bytes(), 0, data.size());
         gpu().submit(
             [&](VkCommandBuffer commands) { gpu().vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info); });
-        return std::any_of(data.bytes(), data.bytes() + data.size(), [](std::uint8_t byte) { return byte != 0; });
+        return std::any_of(data.bytes(), data.bytes() + data.size(), [](uint8_t byte) { return byte != 0; });
     };
     EXPECT_TRUE(serialize(without.handle()));
     EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
@@ -267,7 +267,7 @@ TEST_F(TranslationBeside, MicromapsOfBothExtensions)
     VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &info, nullptr, &ext));
     VkMicromapBuildInfoEXT build = khr.buildInfo();
     build.dstMicromap = ext;
-    const std::uint64_t before = driverBuilds();
+    const uint64_t before = driverBuilds();
     gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 1, &build); });
     EXPECT_EQ(driverBuilds(), before + 1);
     EXPECT_EQ(tracedMicromap(khr), kForwards);
@@ -352,9 +352,9 @@ TEST_F(TranslationUsages, MeasuredBeforeTheMicromap)
 TEST_F(TranslationUsages, MicromapsThatAreBuiltAgain)
 {
     MicromapInput few;
-    few.add(4, kFourState, std::vector<std::uint8_t>(256, 2));
+    few.add(4, kFourState, std::vector<uint8_t>(256, 2));
     MicromapInput other;
-    other.add(2, kTwoState, std::vector<std::uint8_t>(16, 1));
+    other.add(2, kTwoState, std::vector<uint8_t>(16, 1));
     const Micromap first(gpu(), few), second(gpu(), other), third(gpu(), eightStates());
     const Placed target(gpu(), kMicromapType, third.size());
     Bottom bottom(gpu(), target.handle());
@@ -513,7 +513,7 @@ protected:
                 : nullptr;
         info.queueCreateInfoCount = 1;
         info.pQueueCreateInfos = &queue;
-        info.enabledExtensionCount = static_cast<std::uint32_t>(names.size());
+        info.enabledExtensionCount = static_cast<uint32_t>(names.size());
         info.ppEnabledExtensionNames = names.data();
         return vkCreateDevice(gpu().physical(), &info, nullptr, &device);
     }
@@ -521,7 +521,7 @@ protected:
 
 TEST_F(TranslationDevices, EverythingThatIsListed)
 {
-    std::uint32_t count = 0;
+    uint32_t count = 0;
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, nullptr));
     std::vector<VkExtensionProperties> list(count);
     VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, list.data()));

@@ -12,10 +12,10 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::uint32_t kSamples = 2; // in each direction of a pixel
-constexpr std::uint64_t kMostPixels = 400'000'000;
+constexpr uint32_t kSamples = 2; // in each direction of a pixel
+constexpr uint64_t kMostPixels = 400'000'000;
 constexpr double kVeil = 0.18; // how much of what is behind it a transparent layer hides
-constexpr std::uint32_t kSolidColor = 0x9a9a9a;
+constexpr uint32_t kSolidColor = 0x9a9a9a;
 
 using Point = std::array<double, 3>; // right, down and away from the viewer
 
@@ -37,41 +37,41 @@ bool finite(const Point &p)
 
 struct Sample {
     float depth = INFINITY;
-    std::uint32_t color = 0;
+    uint32_t color = 0;
     float shade = 0;
     float behind = 1; // what the veils before it leave
 };
 
 struct Part {
     std::vector<Point> points;
-    std::vector<std::uint32_t> indices;
+    std::vector<uint32_t> indices;
     const InspectedPrimitive *primitive = nullptr; // null without a micromap
 };
 
 class MeshDrawing
 {
 public:
-    MeshDrawing(const InspectedFile &file, std::uint32_t edge)
-        : m_file(file), m_edge(edge), m_size(edge * kSamples), m_samples(std::size_t{m_size} * m_size)
+    MeshDrawing(const InspectedFile &file, uint32_t edge)
+        : file_(file), edge_(edge), size_(edge * kSamples), samples_(size_t{size_} * size_)
     {
     }
 
-    void add(Part part) { m_parts.push_back(std::move(part)); }
+    void add(Part part) { parts_.push_back(std::move(part)); }
     Picture draw();
 
 private:
-    enum class Pass : std::uint8_t { Solid, Veils };
+    enum class Pass : uint8_t { Solid, Veils };
     void fit();
     void drawPart(const Part &part, Pass pass);
     void drawTriangle(const std::array<Point, 3> &corners, const std::optional<StatesOf> &states, Pass pass);
     [[nodiscard]] Picture resolve() const;
 
-    const InspectedFile &m_file;
-    std::uint32_t m_edge;
-    std::uint32_t m_size;
-    std::vector<Sample> m_samples;
-    std::vector<Part> m_parts;
-    std::uint64_t m_pixels = 0;
+    const InspectedFile &file_;
+    uint32_t edge_;
+    uint32_t size_;
+    std::vector<Sample> samples_;
+    std::vector<Part> parts_;
+    uint64_t pixels_ = 0;
 };
 
 // Scales all points to the picture.
@@ -79,18 +79,18 @@ void MeshDrawing::fit()
 {
     Point low{INFINITY, INFINITY, INFINITY};
     Point high{-INFINITY, -INFINITY, -INFINITY};
-    for (const Part &part : m_parts)
-        for (const std::uint32_t index : part.indices)
-            for (std::size_t axis = 0; finite(part.points[index]) && axis < 3; ++axis) {
+    for (const Part &part : parts_)
+        for (const uint32_t index : part.indices)
+            for (size_t axis = 0; finite(part.points[index]) && axis < 3; ++axis) {
                 low[axis] = std::min(low[axis], part.points[index][axis]);
                 high[axis] = std::max(high[axis], part.points[index][axis]);
             }
     const double extent = std::max({high[0] - low[0], high[1] - low[1], 1e-30});
-    const double scale = 0.94 * m_size / extent;
-    for (Part &part : m_parts)
+    const double scale = 0.94 * size_ / extent;
+    for (Part &part : parts_)
         for (Point &p : part.points) {
-            p[0] = (p[0] - (low[0] + high[0]) / 2) * scale + m_size / 2.0;
-            p[1] = (p[1] - (low[1] + high[1]) / 2) * scale + m_size / 2.0;
+            p[0] = (p[0] - (low[0] + high[0]) / 2) * scale + size_ / 2.0;
+            p[1] = (p[1] - (low[1] + high[1]) / 2) * scale + size_ / 2.0;
             p[2] = (p[2] - low[2]) * scale;
         }
 }
@@ -106,19 +106,19 @@ void MeshDrawing::drawTriangle(const std::array<Point, 3> &p, const std::optiona
     const double nx = uy * vz - uz * vy, ny = uz * vx - ux * vz;
     const double facing = std::abs(area) / std::sqrt(nx * nx + ny * ny + area * area);
     const auto shade = static_cast<float>(0.62 + 0.38 * facing);
-    const auto bound = [&](std::size_t axis, bool upper) {
+    const auto bound = [&](size_t axis, bool upper) {
         const auto [least, most] = std::minmax({p[0][axis], p[1][axis], p[2][axis]});
-        return static_cast<std::int64_t>(std::clamp(upper ? std::ceil(most) : std::floor(least), 0.0, double(m_size)));
+        return static_cast<int64_t>(std::clamp(upper ? std::ceil(most) : std::floor(least), 0.0, double(size_)));
     };
-    for (std::int64_t y = bound(1, false); y < bound(1, true); ++y) {
-        for (std::int64_t x = bound(0, false), end = bound(0, true); x < end; ++x) {
-            ++m_pixels;
+    for (int64_t y = bound(1, false); y < bound(1, true); ++y) {
+        for (int64_t x = bound(0, false), end = bound(0, true); x < end; ++x) {
+            ++pixels_;
             const double dx = static_cast<double>(x) + 0.5 - p[0][0], dy = static_cast<double>(y) + 0.5 - p[0][1];
             const double u = (dx * vy - dy * vx) / area;
             const double v = (dy * ux - dx * uy) / area;
             if (u < 0 || v < 0 || u + v > 1)
                 continue;
-            Sample &sample = m_samples[static_cast<std::size_t>(y) * m_size + static_cast<std::size_t>(x)];
+            Sample &sample = samples_[static_cast<size_t>(y) * size_ + static_cast<size_t>(x)];
             const auto depth = static_cast<float>(p[0][2] + u * uz + v * vz);
             if (!(depth < sample.depth))
                 continue;
@@ -127,19 +127,19 @@ void MeshDrawing::drawTriangle(const std::array<Point, 3> &p, const std::optiona
             if (veil && pass == Pass::Veils)
                 sample.behind *= static_cast<float>(1 - kVeil);
             else if (!veil && pass == Pass::Solid)
-                sample = {depth, state ? kStateColors[static_cast<std::size_t>(*state)] : kSolidColor, shade, 1};
+                sample = {depth, state ? kStateColors[static_cast<size_t>(*state)] : kSolidColor, shade, 1};
         }
     }
 }
 
 void MeshDrawing::drawPart(const Part &part, Pass pass)
 {
-    std::size_t chosen = 0; // position among the primitive's chosen triangles
-    for (std::uint32_t t = 0; t < part.indices.size() / 3 && m_pixels < kMostPixels; ++t) {
+    size_t chosen = 0; // position among the primitive's chosen triangles
+    for (uint32_t t = 0; t < part.indices.size() / 3 && pixels_ < kMostPixels; ++t) {
         std::optional<StatesOf> states;
         if (part.primitive != nullptr && chosen < part.primitive->numbers.size() &&
             part.primitive->numbers[chosen] == t)
-            states.emplace(m_file, part.primitive->records[chosen++]);
+            states.emplace(file_, part.primitive->records[chosen++]);
         const std::array<Point, 3> corners = {part.points[part.indices[3 * t]], part.points[part.indices[3 * t + 1]],
                                               part.points[part.indices[3 * t + 2]]};
         if (finite(corners[0]) && finite(corners[1]) && finite(corners[2]))
@@ -149,13 +149,13 @@ void MeshDrawing::drawPart(const Part &part, Pass pass)
 
 Picture MeshDrawing::resolve() const
 {
-    Picture picture{m_edge, m_edge, std::vector<std::uint32_t>(std::size_t{m_edge} * m_edge)};
-    const std::uint32_t veil = kStateColors[static_cast<std::size_t>(State::Transparent)];
-    for (std::size_t y = 0; y < m_edge; ++y)
-        for (std::size_t x = 0; x < m_edge; ++x) {
+    Picture picture{edge_, edge_, std::vector<uint32_t>(size_t{edge_} * edge_)};
+    const uint32_t veil = kStateColors[static_cast<size_t>(State::Transparent)];
+    for (size_t y = 0; y < edge_; ++y)
+        for (size_t x = 0; x < edge_; ++x) {
             std::array<double, 4> sum{}; // premultiplied
-            for (std::size_t i = 0; i < kSamples * kSamples; ++i) {
-                const Sample &s = m_samples[(y * kSamples + i / kSamples) * m_size + x * kSamples + i % kSamples];
+            for (size_t i = 0; i < kSamples * kSamples; ++i) {
+                const Sample &s = samples_[(y * kSamples + i / kSamples) * size_ + x * kSamples + i % kSamples];
                 const double solid = std::isfinite(s.depth) ? s.behind : 0;
                 for (unsigned channel = 0; channel < 3; ++channel) {
                     const unsigned shift = 16 - 8 * channel; // colours are 0xrrggbb
@@ -164,11 +164,10 @@ Picture MeshDrawing::resolve() const
                 }
                 sum[3] += solid + 1 - double{s.behind};
             }
-            std::uint32_t pixel = static_cast<std::uint32_t>(std::lround(255 * sum[3] / (kSamples * kSamples))) << 24;
+            uint32_t pixel = static_cast<uint32_t>(std::lround(255 * sum[3] / (kSamples * kSamples))) << 24;
             for (unsigned channel = 0; channel < 3 && sum[3] > 0; ++channel)
-                pixel |= static_cast<std::uint32_t>(std::lround(std::min(sum[channel] / sum[3], 255.0)))
-                         << (8 * channel);
-            picture.pixels[y * m_edge + x] = pixel;
+                pixel |= static_cast<uint32_t>(std::lround(std::min(sum[channel] / sum[3], 255.0))) << (8 * channel);
+            picture.pixels[y * edge_ + x] = pixel;
         }
     return picture;
 }
@@ -176,9 +175,9 @@ Picture MeshDrawing::resolve() const
 Picture MeshDrawing::draw()
 {
     fit();
-    for (const Part &part : m_parts)
+    for (const Part &part : parts_)
         drawPart(part, Pass::Solid);
-    for (const Part &part : m_parts)
+    for (const Part &part : parts_)
         if (part.primitive != nullptr)
             drawPart(part, Pass::Veils);
     return resolve();
@@ -186,7 +185,7 @@ Picture MeshDrawing::draw()
 
 } // namespace
 
-Picture drawMesh(const Document &document, const InspectedFile &file, std::uint32_t mesh, std::uint32_t edge)
+Picture drawMesh(const Document &document, const InspectedFile &file, uint32_t mesh, uint32_t edge)
 {
     MeshDrawing drawing(file, edge);
     for (const PrimitivePlace place : trianglePrimitives(document)) {

@@ -11,8 +11,8 @@ namespace vellum::cli
 namespace
 {
 
-constexpr double kStrength = 0.62;           // of a state's colour over the texture
-constexpr std::uint32_t kMostSamples = 4096; // pixels in a direction up to which there are four samples for each
+constexpr double kStrength = 0.62;      // of a state's colour over the texture
+constexpr uint32_t kMostSamples = 4096; // pixels in a direction up to which there are four samples for each
 
 struct Rgb {
     double red = 0, green = 0, blue = 0;
@@ -34,7 +34,7 @@ Rgb mixed(const Rgb &a, const Rgb &b, double share)
 
 Rgb colorOf(State state)
 {
-    const std::uint32_t c = kStateColors[static_cast<std::size_t>(state)];
+    const uint32_t c = kStateColors[static_cast<size_t>(state)];
     return {double((c >> 16) & 255), double((c >> 8) & 255), double(c & 255)};
 }
 
@@ -42,20 +42,20 @@ Rgb colorOf(State state)
 class Backdrop
 {
 public:
-    explicit Backdrop(const InspectedMaterial &material) : m_material(material) {}
+    explicit Backdrop(const InspectedMaterial &material) : material_(material) {}
 
-    [[nodiscard]] Rgb at(double u, double v, std::size_t x, std::size_t y) const
+    [[nodiscard]] Rgb at(double u, double v, size_t x, size_t y) const
     {
         const double board = (x / 8 + y / 8) % 2 == 0 ? 255 : 232;
-        if (m_material.image.rgba.empty())
+        if (material_.image.rgba.empty())
             return {board, board, board};
-        const Image &image = m_material.image;
+        const Image &image = material_.image;
         const double s = u * image.width - 0.5;
         const double t = v * image.height - 0.5;
         if (!(std::abs(s) < 1e9) || !(std::abs(t) < 1e9))
             return {board, board, board};
         double grey = 0;
-        if (m_material.material.filter == Filter::Nearest)
+        if (material_.material.filter == Filter::Nearest)
             return greyOf(std::floor(s + 0.5), std::floor(t + 0.5), board);
         const double x0 = std::floor(s), y0 = std::floor(t);
         for (int corner = 0; corner < 4; ++corner) {
@@ -69,31 +69,31 @@ public:
 private:
     [[nodiscard]] Rgb greyOf(double x, double y, double board) const
     {
-        const Image &image = m_material.image;
-        const auto column = wrapTexel(static_cast<std::int64_t>(x), image.width, m_material.material.wrapU);
-        const auto row = wrapTexel(static_cast<std::int64_t>(y), image.height, m_material.material.wrapV);
-        const std::uint8_t *texel =
-            image.rgba.data() + 4 * (static_cast<std::size_t>(row) * image.width + static_cast<std::size_t>(column));
+        const Image &image = material_.image;
+        const auto column = wrapTexel(static_cast<int64_t>(x), image.width, material_.material.wrapU);
+        const auto row = wrapTexel(static_cast<int64_t>(y), image.height, material_.material.wrapV);
+        const uint8_t *texel =
+            image.rgba.data() + 4 * (static_cast<size_t>(row) * image.width + static_cast<size_t>(column));
         const double light = 0.3 * texel[0] + 0.59 * texel[1] + 0.11 * texel[2];
         const double alpha = texel[3] / 255.0;
         const double grey = board + (light - board) * alpha;
         return {grey, grey, grey};
     }
 
-    const InspectedMaterial &m_material;
+    const InspectedMaterial &material_;
 };
 
 // A triangle of the panel.
 struct Shown {
     TriangleUvs uvs;
-    std::int32_t record;
+    int32_t record;
 };
 
-std::vector<Shown> trianglesOf(const InspectedFile &file, std::uint32_t material)
+std::vector<Shown> trianglesOf(const InspectedFile &file, uint32_t material)
 {
     std::vector<Shown> shown;
     for (const InspectedPrimitive &primitive : file.primitives)
-        for (std::size_t t = 0; primitive.material == material && t < primitive.uvs.size(); ++t)
+        for (size_t t = 0; primitive.material == material && t < primitive.uvs.size(); ++t)
             shown.push_back({primitive.uvs[t], primitive.records[t]});
     return shown;
 }
@@ -127,11 +127,11 @@ Rgb paint(const InspectedFile &file, const Shown &shown, const UvBarycentrics &p
 
 } // namespace
 
-std::optional<UvBounds> boundsOf(const InspectedFile &file, std::uint32_t material)
+std::optional<UvBounds> boundsOf(const InspectedFile &file, uint32_t material)
 {
     UvBounds bounds{INFINITY, INFINITY, -INFINITY, -INFINITY};
     for (const InspectedPrimitive &primitive : file.primitives)
-        for (std::size_t t = 0; primitive.material == material && t < primitive.uvs.size(); ++t)
+        for (size_t t = 0; primitive.material == material && t < primitive.uvs.size(); ++t)
             for (const TexCoord &uv : primitive.uvs[t]) {
                 if (!std::isfinite(uv.u) || !std::isfinite(uv.v))
                     continue;
@@ -145,41 +145,41 @@ std::optional<UvBounds> boundsOf(const InspectedFile &file, std::uint32_t materi
     return bounds;
 }
 
-Picture drawUvWindow(const InspectedFile &file, std::uint32_t material, const UvWindow &window, bool outlines)
+Picture drawUvWindow(const InspectedFile &file, uint32_t material, const UvWindow &window, bool outlines)
 {
-    const std::uint32_t samples = std::max(window.width, window.height) <= kMostSamples ? 2 : 1;
+    const uint32_t samples = std::max(window.width, window.height) <= kMostSamples ? 2 : 1;
     UvWindow fine = window;
     fine.width *= samples;
     fine.height *= samples;
     fine.scale *= samples;
     const std::vector<Shown> shown = trianglesOf(file, material);
     UvRaster raster(fine);
-    for (std::size_t i = 0; i < shown.size() && !raster.full(); ++i)
-        raster.add(shown[i].uvs, static_cast<std::int32_t>(i));
+    for (size_t i = 0; i < shown.size() && !raster.full(); ++i)
+        raster.add(shown[i].uvs, static_cast<int32_t>(i));
 
     const Backdrop backdrop(file.materials[material]);
     Picture picture{window.width, window.height, {}};
-    picture.pixels.reserve(std::size_t{window.width} * window.height);
-    for (std::size_t y = 0; y < window.height; ++y)
-        for (std::size_t x = 0; x < window.width; ++x) {
+    picture.pixels.reserve(size_t{window.width} * window.height);
+    for (size_t y = 0; y < window.height; ++y)
+        for (size_t x = 0; x < window.width; ++x) {
             Rgb sum;
-            for (std::size_t i = 0; i < samples * samples; ++i) {
-                const std::size_t fx = x * samples + i % samples, fy = y * samples + i / samples;
+            for (size_t i = 0; i < samples * samples; ++i) {
+                const size_t fx = x * samples + i % samples, fy = y * samples + i / samples;
                 const double u = fine.left + (static_cast<double>(fx) + 0.5) / fine.scale;
                 const double v = fine.top + (static_cast<double>(fy) + 0.5) / fine.scale;
                 const Rgb below = backdrop.at(u, v, x, y);
-                const std::int32_t number = raster.at(fx, fy);
+                const int32_t number = raster.at(fx, fy);
                 if (number < 0) {
                     sum.add(mixed(below, {255, 255, 255}, 0.35), 1);
                     continue;
                 }
-                const Shown &triangle = shown[static_cast<std::size_t>(number)];
+                const Shown &triangle = shown[static_cast<size_t>(number)];
                 const UvBarycentrics plane(triangle.uvs);
                 sum.add(plane.usable() ? paint(file, triangle, plane, window, u, v, below, outlines) : below, 1);
             }
             const double count = samples * samples;
             const auto channel = [&](double value) {
-                return static_cast<std::uint32_t>(std::lround(std::clamp(value / count, 0.0, 255.0)));
+                return static_cast<uint32_t>(std::lround(std::clamp(value / count, 0.0, 255.0)));
             };
             picture.pixels.push_back(0xff000000u | channel(sum.red) | (channel(sum.green) << 8) |
                                      (channel(sum.blue) << 16));

@@ -14,9 +14,9 @@ namespace vellum::cli
 struct UvBounds {
     double left = 0, top = 0, right = 1, bottom = 1;
 };
-std::optional<UvBounds> boundsOf(const InspectedFile &file, std::uint32_t material);
+std::optional<UvBounds> boundsOf(const InspectedFile &file, uint32_t material);
 
 // Every pixel of the window.
-Picture drawUvWindow(const InspectedFile &file, std::uint32_t material, const UvWindow &window, bool outlines);
+Picture drawUvWindow(const InspectedFile &file, uint32_t material, const UvWindow &window, bool outlines);
 
 } // namespace vellum::cli

@@ -16,44 +16,43 @@ namespace
 {
 
 constexpr double kMostPixels = 64e6;
-constexpr std::uint32_t kSmallestEdge = 160;
+constexpr uint32_t kSmallestEdge = 160;
 constexpr int kMargin = 28;      // around everything, and between panels
 constexpr int kHead = 58;        // above a panel's picture, for its name
 constexpr int kScaleWidth = 58;  // beside it
 constexpr int kScaleHeight = 30; // below it
 constexpr int kLegend = 44;
 
-constexpr std::uint32_t rgb(std::uint32_t rrggbb)
+constexpr uint32_t rgb(uint32_t rrggbb)
 {
     return 0xff000000u | (rrggbb >> 16 & 255) | (rrggbb & 0xff00) | (rrggbb & 255) << 16;
 }
-constexpr std::uint32_t kInk = rgb(0x1c1e21);
-constexpr std::uint32_t kFaint = rgb(0x666b73);
-constexpr std::uint32_t kPaper = rgb(0xffffff);
+constexpr uint32_t kInk = rgb(0x1c1e21);
+constexpr uint32_t kFaint = rgb(0x666b73);
+constexpr uint32_t kPaper = rgb(0xffffff);
 
 struct Panel {
-    std::uint32_t material = 0;
+    uint32_t material = 0;
     UvWindow window;
     Tally tally;
 };
 
-void fill(Picture &picture, int x, int y, int width, int height, std::uint32_t color)
+void fill(Picture &picture, int x, int y, int width, int height, uint32_t color)
 {
     for (int row = std::max(y, 0); row < std::min(y + height, static_cast<int>(picture.height)); ++row)
         for (int column = std::max(x, 0); column < std::min(x + width, static_cast<int>(picture.width)); ++column)
-            picture.pixels[static_cast<std::size_t>(row) * picture.width + static_cast<std::size_t>(column)] = color;
+            picture.pixels[static_cast<size_t>(row) * picture.width + static_cast<size_t>(column)] = color;
 }
 
 void copy(Picture &to, const Picture &from, int x, int y)
 {
-    for (std::size_t row = 0; row < from.height; ++row)
-        std::copy_n(from.pixels.begin() + static_cast<std::ptrdiff_t>(row * from.width), from.width,
-                    to.pixels.begin() + static_cast<std::ptrdiff_t>((static_cast<std::size_t>(y) + row) * to.width +
-                                                                    static_cast<std::size_t>(x)));
+    for (size_t row = 0; row < from.height; ++row)
+        std::copy_n(from.pixels.begin() + static_cast<ptrdiff_t>(row * from.width), from.width,
+                    to.pixels.begin() +
+                        static_cast<ptrdiff_t>((static_cast<size_t>(y) + row) * to.width + static_cast<size_t>(x)));
 }
 
-UvWindow windowOf(const InspectedFile &file, std::uint32_t material, const UvPictureOptions &options,
-                  std::uint32_t edge)
+UvWindow windowOf(const InspectedFile &file, uint32_t material, const UvPictureOptions &options, uint32_t edge)
 {
     UvBounds b = boundsOf(file, material).value_or(UvBounds());
     if (options.whole)
@@ -63,7 +62,7 @@ UvWindow windowOf(const InspectedFile &file, std::uint32_t material, const UvPic
     const double height = b.bottom - b.top + 2 * margin;
     UvWindow window{b.left - margin, b.top - margin, edge / std::max(width, height), 0, 0};
     const auto pixels = [&](double extent) {
-        return static_cast<std::uint32_t>(std::clamp(std::ceil(extent * window.scale), 48.0, double(edge)));
+        return static_cast<uint32_t>(std::clamp(std::ceil(extent * window.scale), 48.0, double(edge)));
     };
     window.width = pixels(width);
     window.height = pixels(height);
@@ -144,10 +143,10 @@ int drawLegend(Picture *picture, const Tally &tally, int x, int y)
 {
     const int begin = x;
     for (const auto &[state, name] : kNames) {
-        const std::string text = fmt::format("{}  {}", name, percent(tally.states[static_cast<std::size_t>(state)]));
+        const std::string text = fmt::format("{}  {}", name, percent(tally.states[static_cast<size_t>(state)]));
         if (picture != nullptr) {
             fill(*picture, x, y, 16, 16, rgb(0x50545a));
-            fill(*picture, x + 1, y + 1, 14, 14, rgb(kStateColors[static_cast<std::size_t>(state)]));
+            fill(*picture, x + 1, y + 1, 14, 14, rgb(kStateColors[static_cast<size_t>(state)]));
             drawText(*picture, x + 24, y + 13, text, Font::Normal, kInk);
         }
         x += 24 + textWidth(text, Font::Normal) + 28;
@@ -160,18 +159,18 @@ int drawLegend(Picture *picture, const Tally &tally, int x, int y)
 Picture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options)
 {
     const auto count = static_cast<double>(file.materials.size());
-    const auto edge = static_cast<std::uint32_t>(
-        std::clamp(std::sqrt(kMostPixels / count), double{kSmallestEdge}, double(options.edge)));
-    const auto columns = static_cast<std::size_t>(std::ceil(std::sqrt(count)));
+    const auto edge =
+        static_cast<uint32_t>(std::clamp(std::sqrt(kMostPixels / count), double{kSmallestEdge}, double(options.edge)));
+    const auto columns = static_cast<size_t>(std::ceil(std::sqrt(count)));
     std::vector<Panel> panels(file.materials.size());
-    for (std::uint32_t m = 0; m < panels.size(); ++m) {
+    for (uint32_t m = 0; m < panels.size(); ++m) {
         panels[m].material = m;
         panels[m].window = windowOf(file, m, options, edge);
         panels[m].tally = tallyOfMaterial(file, m);
     }
-    const std::size_t rows = (panels.size() + columns - 1) / columns;
+    const size_t rows = (panels.size() + columns - 1) / columns;
     std::vector<int> widths(columns), heights(rows);
-    for (std::size_t i = 0; i < panels.size(); ++i) {
+    for (size_t i = 0; i < panels.size(); ++i) {
         const UvWindow &window = panels[i].window;
         widths[i % columns] = std::max(widths[i % columns], kScaleWidth + static_cast<int>(window.width));
         heights[i / columns] = std::max(heights[i / columns], kHead + static_cast<int>(window.height) + kScaleHeight);
@@ -183,12 +182,12 @@ Picture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options)
     for (const int h : heights)
         height += h + kMargin / 2;
     width = std::max(width, drawLegend(nullptr, all, 0, 0) + 2 * kMargin + kScaleWidth);
-    Picture picture{static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height + kLegend), {}};
-    picture.pixels.assign(std::size_t{picture.width} * picture.height, kPaper);
+    Picture picture{static_cast<uint32_t>(width), static_cast<uint32_t>(height + kLegend), {}};
+    picture.pixels.assign(size_t{picture.width} * picture.height, kPaper);
     int y = kMargin;
-    for (std::size_t row = 0; row < rows; y += heights[row] + kMargin / 2, ++row) {
+    for (size_t row = 0; row < rows; y += heights[row] + kMargin / 2, ++row) {
         int x = kMargin;
-        for (std::size_t column = 0; column < columns && row * columns + column < panels.size(); ++column) {
+        for (size_t column = 0; column < columns && row * columns + column < panels.size(); ++column) {
             drawPanel(picture, file, panels[row * columns + column], options, x + kScaleWidth, y);
             x += widths[column] + kMargin;
         }

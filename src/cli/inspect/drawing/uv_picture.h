@@ -10,7 +10,7 @@ namespace vellum::cli
 {
 
 struct UvPictureOptions {
-    std::uint32_t edge = 1024; // pixels of a material's longer side
+    uint32_t edge = 1024; // pixels of a material's longer side
     bool outlines = true;
     bool whole = true; // the unit square, even where the triangles are in a part of it
 };

@@ -15,8 +15,8 @@ struct UvWindow {
     double left = 0;
     double top = 0;
     double scale = 1; // pixels for 1 of u or v
-    std::uint32_t width = 0;
-    std::uint32_t height = 0;
+    uint32_t width = 0;
+    uint32_t height = 0;
 };
 
 class UvRaster
@@ -26,20 +26,20 @@ public:
 
     // Gives the triangle's pixels that no triangle before has taken to it. A pixel is taken once, so any number of
     // triangles over each other costs little.
-    void add(const TriangleUvs &uvs, std::int32_t number);
-    [[nodiscard]] bool full() const { return m_free == 0; }
+    void add(const TriangleUvs &uvs, int32_t number);
+    [[nodiscard]] bool full() const { return free_ == 0; }
 
     // The number given to add(), or -1.
-    [[nodiscard]] std::int32_t at(std::size_t x, std::size_t y) const { return m_numbers[y * m_window.width + x]; }
+    [[nodiscard]] int32_t at(size_t x, size_t y) const { return numbers_[y * window_.width + x]; }
 
 private:
     // The first free pixel of the row from `x` on; the width where there is none.
-    std::uint32_t nextFree(std::uint32_t *row, std::uint32_t x) const;
+    uint32_t nextFree(uint32_t *row, uint32_t x) const;
 
-    UvWindow m_window;
-    std::vector<std::int32_t> m_numbers;
-    std::vector<std::uint32_t> m_next; // in each row, by pixel and one more: itself if free, else one further on
-    std::size_t m_free;
+    UvWindow window_;
+    std::vector<int32_t> numbers_;
+    std::vector<uint32_t> next_; // in each row, by pixel and one more: itself if free, else one further on
+    size_t free_;
 };
 
 // Barycentrics of a place in the UV plane. Of no use where the triangle has no area.
@@ -55,21 +55,21 @@ public:
     };
     [[nodiscard]] Weights at(double u, double v) const
     {
-        const double x = u - m_originU;
-        const double y = v - m_originV;
-        return {x * m_uPerU + y * m_uPerV, x * m_vPerU + y * m_vPerV};
+        const double x = u - originU_;
+        const double y = v - originV_;
+        return {x * uPerU_ + y * uPerV_, x * vPerU_ + y * vPerV_};
     }
-    [[nodiscard]] bool usable() const { return m_usable; }
+    [[nodiscard]] bool usable() const { return usable_; }
     // How fast each weight grows, per unit of the plane: the inverse of the triangle's heights.
-    [[nodiscard]] double slopeU() const { return m_slopeU; }
-    [[nodiscard]] double slopeV() const { return m_slopeV; }
-    [[nodiscard]] double slopeW() const { return m_slopeW; }
+    [[nodiscard]] double slopeU() const { return slopeU_; }
+    [[nodiscard]] double slopeV() const { return slopeV_; }
+    [[nodiscard]] double slopeW() const { return slopeW_; }
 
 private:
-    double m_originU, m_originV;
-    double m_uPerU = 0, m_uPerV = 0, m_vPerU = 0, m_vPerV = 0;
-    double m_slopeU = 0, m_slopeV = 0, m_slopeW = 0;
-    bool m_usable = false;
+    double originU_, originV_;
+    double uPerU_ = 0, uPerV_ = 0, vPerU_ = 0, vPerV_ = 0;
+    double slopeU_ = 0, slopeV_ = 0, slopeW_ = 0;
+    bool usable_ = false;
 };
 
 } // namespace vellum::cli

@@ -7,12 +7,12 @@ namespace vellum::cli
 {
 
 struct Glyph {
-    std::uint32_t first; // into the font's coverage, which has width * height bytes from there
-    std::int16_t left;   // from the pen to the left edge
-    std::int16_t top;    // from the baseline down to the top edge
-    std::uint16_t width;
-    std::uint16_t height;
-    std::int16_t advance; // of the pen, in 64ths of a pixel
+    uint32_t first; // into the font's coverage, which has width * height bytes from there
+    int16_t left;   // from the pen to the left edge
+    int16_t top;    // from the baseline down to the top edge
+    uint16_t width;
+    uint16_t height;
+    int16_t advance; // of the pen, in 64ths of a pixel
 };
 
 } // namespace vellum::cli

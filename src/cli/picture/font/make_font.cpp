@@ -38,8 +38,8 @@ void writeFont(std::ofstream &out, const std::string &name, const std::string &p
             coverage.push_back(glyph[i]);
         stbtt_FreeBitmap(glyph, nullptr);
     }
-    out << "};\ninline constexpr std::uint8_t k" << name << "Coverage[] = {";
-    for (std::size_t i = 0; i < coverage.size(); ++i)
+    out << "};\ninline constexpr uint8_t k" << name << "Coverage[] = {";
+    for (size_t i = 0; i < coverage.size(); ++i)
         out << (i % 24 == 0 ? "\n" : "") << coverage[i] << ",";
     out << "};\n";
 }

@@ -43,12 +43,11 @@ Arena::Place Arena::take(VkDeviceSize size, VkDeviceSize alignment)
 {
     const std::lock_guard lock(mutex_);
     ++counts_.pieces;
-    for (std::size_t b = 0;; ++b) {
+    for (size_t b = 0;; ++b) {
         if (b == blocks_.size())
             blocks_.push_back(std::make_unique<Block>(
-                gpu_, std::max(kBlockBytes << std::min<std::size_t>(b, 5), size + 4 * alignment + 4096), usage()));
-        if (const auto offset =
-                blocks_[b]->pieces.take(static_cast<std::size_t>(size), static_cast<std::size_t>(alignment)))
+                gpu_, std::max(kBlockBytes << std::min<size_t>(b, 5), size + 4 * alignment + 4096), usage()));
+        if (const auto offset = blocks_[b]->pieces.take(static_cast<size_t>(size), static_cast<size_t>(alignment)))
             return {b, *offset, &blocks_[b]->buffer};
     }
 }
@@ -57,19 +56,19 @@ void Arena::give(const Place &place)
 {
     EXPECT_TRUE(intactBeside(place)) << "beside offset " << place.offset << " in buffer " << place.block;
     const std::lock_guard lock(mutex_);
-    blocks_[place.block]->pieces.give(static_cast<std::size_t>(place.offset));
+    blocks_[place.block]->pieces.give(static_cast<size_t>(place.offset));
 }
 
 bool Arena::intactBeside(const Place &place) const
 {
     const std::lock_guard lock(mutex_);
-    return !blocks_[place.block]->pieces.damageBeside(static_cast<std::size_t>(place.offset));
+    return !blocks_[place.block]->pieces.damageBeside(static_cast<size_t>(place.offset));
 }
 
 void Arena::expectIntact(const std::string &when) const
 {
     const std::lock_guard lock(mutex_);
-    for (std::size_t b = 0; b < blocks_.size(); ++b) {
+    for (size_t b = 0; b < blocks_.size(); ++b) {
         const Pieces &pieces = blocks_[b]->pieces;
         counts_.guardBytes += pieces.guardBytes();
         if (const auto damage = pieces.damage()) {
@@ -82,10 +81,10 @@ Arena::Snapshot::Snapshot(const Arena &arena) : arena_(arena)
 {
     const std::lock_guard lock(arena.mutex_);
     for (const auto &block : arena.blocks_) {
-        const std::span<std::uint8_t> bytes = block->pieces.bytes();
+        const std::span<uint8_t> bytes = block->pieces.bytes();
         // What lies behind is guard bytes, and looked at when the arena's are.
-        const std::size_t size = std::min(bytes.size(), block->pieces.reached() + 4096);
-        bytes_.emplace_back(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
+        const size_t size = std::min(bytes.size(), block->pieces.reached() + 4096);
+        bytes_.emplace_back(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(size));
     }
 }
 
@@ -93,16 +92,16 @@ void Arena::Snapshot::expectOnlyChanged(std::span<const Range> ranges, const std
 {
     const std::lock_guard lock(arena_.mutex_);
     ++arena_.counts_.operations;
-    for (std::size_t b = 0; b < bytes_.size(); ++b) {
-        std::vector<std::uint8_t> &before = bytes_[b];
+    for (size_t b = 0; b < bytes_.size(); ++b) {
+        std::vector<uint8_t> &before = bytes_[b];
         const Pieces &pieces = arena_.blocks_[b]->pieces;
-        const std::uint8_t *const now = pieces.bytes().data();
-        std::size_t checked = before.size();
+        const uint8_t *const now = pieces.bytes().data();
+        size_t checked = before.size();
         for (const Range &range : ranges) {
-            const std::uint64_t offset = range.address - pieces.address();
+            const uint64_t offset = range.address - pieces.address();
             if (range.address < pieces.address() || offset >= before.size())
                 continue;
-            const std::size_t size = std::min<std::size_t>(range.size, before.size() - offset);
+            const size_t size = std::min<size_t>(range.size, before.size() - offset);
             std::memcpy(before.data() + offset, now + offset, size);
             checked -= size;
         }
@@ -110,13 +109,13 @@ void Arena::Snapshot::expectOnlyChanged(std::span<const Range> ranges, const std
         const auto [was, is] = std::mismatch(before.begin(), before.end(), now);
         if (was == before.end())
             continue;
-        const auto offset = static_cast<std::size_t>(was - before.begin());
-        std::size_t changed = 0, last = offset;
-        for (std::size_t i = offset; i < before.size(); ++i) {
+        const auto offset = static_cast<size_t>(was - before.begin());
+        size_t changed = 0, last = offset;
+        for (size_t i = offset; i < before.size(); ++i) {
             changed += before[i] != now[i] ? 1u : 0u;
             last = before[i] != now[i] ? i : last;
         }
-        const auto piece = pieces.upTo(offset).value_or(std::pair<std::size_t, std::size_t>{});
+        const auto piece = pieces.upTo(offset).value_or(std::pair<size_t, size_t>{});
         ADD_FAILURE() << operation << ": " << changed << " bytes changed that it may not write to, from offset "
                       << offset << " to " << last << " of buffer " << b << "; the piece before begins at "
                       << piece.first << " and has " << piece.second << " bytes";
@@ -141,7 +140,7 @@ Guarded::Guarded(Gpu &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUs
     }
     own_ = Buffer(gpu, size + 2 * kGuard + alignment, usage);
     place_.offset = alignUp(own_.address() + kGuard, alignment) - own_.address();
-    std::memset(own_.bytes(), kGuardByte, static_cast<std::size_t>(own_.size()));
+    std::memset(own_.bytes(), kGuardByte, static_cast<size_t>(own_.size()));
 }
 
 Guarded::~Guarded()
@@ -154,8 +153,8 @@ bool Guarded::intact() const
 {
     if (arena_ != nullptr)
         return arena_->intactBeside(place_);
-    const std::uint8_t *const bytes = own_.bytes();
-    const auto guard = [](std::uint8_t b) { return b == kGuardByte; };
+    const uint8_t *const bytes = own_.bytes();
+    const auto guard = [](uint8_t b) { return b == kGuardByte; };
     return std::all_of(bytes, bytes + place_.offset, guard) &&
            std::all_of(bytes + place_.offset + size_, bytes + own_.size(), guard);
 }
@@ -174,7 +173,7 @@ Guarded uploadAligned(Gpu &gpu, const void *content, VkDeviceSize size, VkBuffer
 {
     Guarded buffer(gpu, size, alignment, usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     if (size > 0)
-        std::memcpy(buffer.bytes(), content, static_cast<std::size_t>(size));
+        std::memcpy(buffer.bytes(), content, static_cast<size_t>(size));
     return buffer;
 }
 

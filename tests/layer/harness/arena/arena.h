@@ -2,8 +2,8 @@
 // alignments, and used again as soon as it is free. Every byte that nobody has is a guard byte, which must not change.
 #pragma once
 
-#include "harness/harness.h"
 #include "harness/arena/pieces.h"
+#include "harness/harness.h"
 
 namespace vt
 {
@@ -13,7 +13,7 @@ class Arena
 {
 public:
     struct Place {
-        std::size_t block = 0; // which of the arena's buffers
+        size_t block = 0; // which of the arena's buffers
         VkDeviceSize offset = 0;
         const Buffer *buffer = nullptr;
     };
@@ -42,19 +42,19 @@ public:
 
     private:
         const Arena &arena_;
-        std::vector<std::vector<std::uint8_t>> bytes_;
+        std::vector<std::vector<uint8_t>> bytes_;
     };
 
     struct Counts {
-        std::uint64_t buffers = 0, pieces = 0, operations = 0;
-        std::uint64_t guardBytes = 0, otherBytes = 0; // that were checked
+        uint64_t buffers = 0, pieces = 0, operations = 0;
+        uint64_t guardBytes = 0, otherBytes = 0; // that were checked
     };
     [[nodiscard]] Counts counts() const;
 
 private:
     struct Block {
         Block(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage)
-            : buffer(gpu, size, usage), pieces({buffer.bytes(), static_cast<std::size_t>(size)}, buffer.address())
+            : buffer(gpu, size, usage), pieces({buffer.bytes(), static_cast<size_t>(size)}, buffer.address())
         {
         }
         Buffer buffer;
@@ -89,7 +89,7 @@ public:
     // Of a handle to what is here: all to the end of the buffer, or no more than it needs.
     [[nodiscard]] VkDeviceSize handleSize() const { return toTheEnd_ ? whole().size() - place_.offset : size_; }
     [[nodiscard]] VkDeviceAddress address() const { return whole().address() + place_.offset; }
-    [[nodiscard]] std::uint8_t *bytes() const { return whole().bytes() + place_.offset; }
+    [[nodiscard]] uint8_t *bytes() const { return whole().bytes() + place_.offset; }
     [[nodiscard]] VkDeviceMemory memory() const { return whole().memory(); }
     [[nodiscard]] Arena::Range range() const { return {address(), size_}; }
     [[nodiscard]] bool intact() const;

@@ -11,29 +11,29 @@
 namespace vt
 {
 
-inline constexpr std::uint8_t kGuardByte = 0xa5;
+inline constexpr uint8_t kGuardByte = 0xa5;
 
 class Pieces
 {
 public:
     // At least so many guard bytes lie between two pieces.
-    static constexpr std::size_t kGap = 16;
+    static constexpr size_t kGap = 16;
 
-    Pieces(std::span<std::uint8_t> bytes, std::uint64_t address) : bytes_(bytes), address_(address)
+    Pieces(std::span<uint8_t> bytes, uint64_t address) : bytes_(bytes), address_(address)
     {
         std::memset(bytes.data(), kGuardByte, bytes.size());
     }
 
     // The offset of a new piece: the lowest free place whose address is a multiple of `alignment`, if possible not one
     // of twice that, so that nobody gets a better alignment by chance. Nothing where there is no room.
-    std::optional<std::size_t> take(std::size_t size, std::size_t alignment)
+    std::optional<size_t> take(size_t size, size_t alignment)
     {
-        for (const std::size_t better : {2 * alignment, alignment}) {
-            std::size_t begin = kGap;
+        for (const size_t better : {2 * alignment, alignment}) {
+            size_t begin = kGap;
             auto next = pieces_.begin();
             for (;; ++next) {
-                const std::size_t end = next == pieces_.end() ? bytes_.size() : next->first;
-                std::size_t offset = begin + (alignment - (address_ + begin) % alignment) % alignment;
+                const size_t end = next == pieces_.end() ? bytes_.size() : next->first;
+                size_t offset = begin + (alignment - (address_ + begin) % alignment) % alignment;
                 if ((address_ + offset) % better == 0 && better != alignment)
                     offset += alignment;
                 if (offset + size + kGap <= end) {
@@ -48,7 +48,7 @@ public:
         }
         return {};
     }
-    void give(std::size_t offset)
+    void give(size_t offset)
     {
         const auto piece = pieces_.find(offset);
         std::memset(bytes_.data() + offset, kGuardByte, piece->second);
@@ -57,18 +57,18 @@ public:
 
     // Of the free room on both sides of a piece, of all free room up to the highest place that ever was in use, and
     // behind that: the first byte that changed.
-    [[nodiscard]] std::optional<std::size_t> damageBeside(std::size_t offset) const
+    [[nodiscard]] std::optional<size_t> damageBeside(size_t offset) const
     {
         const auto piece = pieces_.find(offset);
         const auto next = std::next(piece);
-        const std::size_t before = piece == pieces_.begin() ? 0 : std::prev(piece)->first + std::prev(piece)->second;
-        const std::size_t behind = next == pieces_.end() ? reached_ + kGap : next->first;
+        const size_t before = piece == pieces_.begin() ? 0 : std::prev(piece)->first + std::prev(piece)->second;
+        const size_t behind = next == pieces_.end() ? reached_ + kGap : next->first;
         const auto damage = damageIn(before, offset);
         return damage ? damage : damageIn(offset + piece->second, behind);
     }
-    [[nodiscard]] std::optional<std::size_t> damage() const
+    [[nodiscard]] std::optional<size_t> damage() const
     {
-        std::size_t begin = 0;
+        size_t begin = 0;
         for (const auto &[offset, size] : pieces_) {
             if (const auto damage = damageIn(begin, offset))
                 return damage;
@@ -78,18 +78,18 @@ public:
     }
 
     // How many bytes damage() looks at.
-    [[nodiscard]] std::size_t guardBytes() const
+    [[nodiscard]] size_t guardBytes() const
     {
-        std::size_t bytes = bytes_.size();
+        size_t bytes = bytes_.size();
         for (const auto &[offset, size] : pieces_)
             bytes -= size;
         return bytes;
     }
-    [[nodiscard]] std::size_t reached() const { return reached_; }
-    [[nodiscard]] std::span<std::uint8_t> bytes() const { return bytes_; }
-    [[nodiscard]] std::uint64_t address() const { return address_; }
+    [[nodiscard]] size_t reached() const { return reached_; }
+    [[nodiscard]] std::span<uint8_t> bytes() const { return bytes_; }
+    [[nodiscard]] uint64_t address() const { return address_; }
     // The piece that holds a byte, or the last one before it: its offset and size.
-    [[nodiscard]] std::optional<std::pair<std::size_t, std::size_t>> upTo(std::size_t offset) const
+    [[nodiscard]] std::optional<std::pair<size_t, size_t>> upTo(size_t offset) const
     {
         const auto next = pieces_.upper_bound(offset);
         if (next == pieces_.begin())
@@ -98,21 +98,21 @@ public:
     }
 
 private:
-    [[nodiscard]] std::optional<std::size_t> damageIn(std::size_t begin, std::size_t end) const
+    [[nodiscard]] std::optional<size_t> damageIn(size_t begin, size_t end) const
     {
-        const std::uint8_t *const bytes = bytes_.data();
+        const uint8_t *const bytes = bytes_.data();
         // A byte equals the one before it, all along; memcmp is fast.
         if (begin >= end ||
             (bytes[begin] == kGuardByte && std::memcmp(bytes + begin, bytes + begin + 1, end - begin - 1) == 0))
             return {};
-        return static_cast<std::size_t>(
-            std::find_if(bytes + begin, bytes + end, [](std::uint8_t b) { return b != kGuardByte; }) - bytes);
+        return static_cast<size_t>(std::find_if(bytes + begin, bytes + end, [](uint8_t b) { return b != kGuardByte; }) -
+                                   bytes);
     }
 
-    std::span<std::uint8_t> bytes_;
-    std::uint64_t address_;
-    std::map<std::size_t, std::size_t> pieces_; // sizes by offsets
-    std::size_t reached_ = 0;
+    std::span<uint8_t> bytes_;
+    uint64_t address_;
+    std::map<size_t, size_t> pieces_; // sizes by offsets
+    size_t reached_ = 0;
 };
 
 } // namespace vt

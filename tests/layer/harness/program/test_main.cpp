@@ -52,7 +52,7 @@ namespace
     unsetenv(kDone);
     // From now on threads have the stacks of these.
     std::array<std::thread, 32> threads;
-    std::barrier all(static_cast<std::ptrdiff_t>(threads.size()));
+    std::barrier all(static_cast<ptrdiff_t>(threads.size()));
     for (std::thread &thread : threads)
         thread = std::thread([&all] { all.arrive_and_wait(); });
     for (std::thread &thread : threads)
